@@ -1,0 +1,31 @@
+//! Rig, target, board and plan files: what a person types, checked once, and the
+//! ready objects the rest of hydroline works with.
+//!
+//! Every file kind has two types: `raw::*` (as typed; unknown keys refused) and the
+//! checked type exported here. [`Rig::load`] and friends are the only way from one
+//! to the other, and every error names file, key, value and allowed range.
+//!
+//! Frames (see `geometry.md`): tank frame NED-like, Z down, floor at Z = 0; body
+//! frame x forward, y starboard, z down, origin at the CG; laser plane (xi to port,
+//! eta up). Everything here is SI; angles in radians.
+
+pub mod camera;
+pub mod laser;
+pub mod physics;
+pub mod plan;
+pub mod settings;
+pub mod target;
+pub mod thruster;
+pub mod vehicle;
+
+mod rig;
+
+pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat};
+pub use laser::{Laser, Mounts};
+pub use physics::{ParameterValue, PhysicsEntry};
+pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
+pub use rig::Rig;
+pub use settings::{LogSettings, Tank, Tolerance};
+pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
+pub use thruster::{Link, LinkKind, LinkPort, Thruster, ThrusterSet, ThrustCurve};
+pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};

@@ -1,0 +1,35 @@
+use crate::{
+    Camera, Laser, LogSettings, Mounts, PhysicsEntry, Tank, Target, ThrusterSet, Tolerance, Vehicle,
+    target::Board,
+};
+
+/// A checked rig: everything simulator, capture, estimators and diagnosis read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rig {
+    /// Short name, from `[rig] name`.
+    pub name: String,
+    /// Camera, its intrinsics and how to reach it.
+    pub camera: Camera,
+    /// The laser sheet as it leaves its port.
+    pub laser: Laser,
+    /// Where camera and laser sit on the body.
+    pub mounts: Mounts,
+    /// What lies on the tank floor; `None` = bare floor.
+    pub target: Option<Target>,
+    /// Calibration board, when the rig names one.
+    pub board: Option<Board>,
+    /// Thrusters, their curves and the link to their controller.
+    pub thrusters: ThrusterSet,
+    /// Mass, inertia and hydrodynamic coefficients.
+    pub vehicle: Vehicle,
+    /// Tank and water.
+    pub tank: Tank,
+    /// `[[physics]]`: effects that are switched on.
+    pub physics: Vec<PhysicsEntry>,
+    /// What size of misfit matters.
+    pub tolerance: Tolerance,
+    /// Logging limits.
+    pub log: LogSettings,
+    /// The whole effective rig as TOML (includes inlined, defaults written out): what goes into the log.
+    pub effective_toml: String,
+}

@@ -1,0 +1,40 @@
+//! Tank, tolerance and logging settings.
+
+/// The tank and the start of a simulated run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tank {
+    /// Refractive index of the water (1.0 = the paper's ideal air-like camera).
+    pub n_water: f64,
+    /// Start pose of the CG in the tank frame: x, y, z \[m\], phi, theta, psi \[rad\] (z = -0.83: 0.83 m above the floor).
+    pub start_pose: [f64; 6],
+}
+
+/// What size of misfit matters (`[tolerance]`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// Position, rms \[m\] (default 2 mm).
+    pub position_m: f64,
+    /// Attitude, rms \[rad\] (default 0.1 deg).
+    pub attitude_rad: f64,
+}
+
+/// Logging limits (`[log]`), with the defaults of `capture-and-log.md`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LogSettings {
+    /// Bytes the queue between capture and writer may hold (256 MiB).
+    pub queue_bytes: u64,
+    /// Largest chunk \[bytes\] (1 MiB).
+    pub chunk_bytes: u64,
+    /// Oldest open chunk \[s\] (1 s).
+    pub chunk_age_s: f64,
+    /// A command or event may wait this long in an open chunk \[s\] (0.04 s).
+    pub command_flush_s: f64,
+    /// Interval between fdatasync calls \[s\] (2 s).
+    pub sync_s: f64,
+    /// Start a new file beyond this size \[bytes\]; 0 = never.
+    pub rotate_bytes: u64,
+    /// Stop cleanly when the disk has less than this left \[bytes\].
+    pub min_free_bytes: u64,
+    /// zstd level of the chunks; 0 = no compression.
+    pub zstd_level: u32,
+}

@@ -1,0 +1,193 @@
+//! A camera frame with everything that is known about when it was true.
+
+use bytes::Bytes;
+pub use hydroline_rigs::PixelFormat;
+
+/// Clock of a driver's stamp (V4L2_BUF_FLAG_TIMESTAMP_*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StampClock {
+    /// The driver does not say.
+    Unknown,
+    /// CLOCK_MONOTONIC.
+    Monotonic,
+    /// Copied from an output buffer.
+    Copy,
+    /// UNIX time (simulator, log).
+    Realtime,
+}
+
+/// Event a driver's stamp refers to (V4L2_BUF_FLAG_TSTAMP_SRC_*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StampSource {
+    /// End of frame.
+    EndOfFrame,
+    /// Start of exposure.
+    StartOfExposure,
+    /// Middle of the exposure (simulator, log).
+    MidExposure,
+}
+
+/// Why a frame is kept but excluded from analysis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameFault {
+    /// V4L2_BUF_FLAG_ERROR.
+    DriverError,
+    /// Fewer bytes than the format needs.
+    Truncated,
+    /// MJPG without SOI or EOI marker.
+    BrokenJpeg,
+    /// Among the first buffers after STREAMON, or repeated content: may be stale.
+    Stale,
+}
+
+/// Frames that were lost just before this one, by how the loss was noticed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LossBefore {
+    /// Gap in the driver's sequence numbers.
+    pub sequence_gap: u32,
+    /// Missing periods in the stamps where the sequence shows no gap (device-side drops).
+    pub time_gap: u32,
+}
+
+/// What is known about a frame apart from its pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameMeta {
+    /// The driver's sequence number.
+    pub sequence: u32,
+    /// The driver's stamp, raw, on `stamp_clock` \[ns\].
+    pub driver_stamp_ns: u64,
+    /// Clock of that stamp.
+    pub stamp_clock: StampClock,
+    /// Event of that stamp.
+    pub stamp_source: StampSource,
+    /// Raw V4L2 buffer flags; 0 for other sources.
+    pub flags: u32,
+    /// CLOCK_MONOTONIC when the frame reached us \[ns\].
+    pub received_monotonic_ns: u64,
+    /// Mid-exposure, UNIX \[ns\]: when the frame was true.
+    pub mid_exposure_ns: u64,
+    /// Exposure time \[s\]; 0 = not known.
+    pub exposure_s: f64,
+    /// Set when the frame is excluded from analysis.
+    pub fault: Option<FrameFault>,
+    /// Losses noticed just before this frame.
+    pub lost_before: LossBefore,
+}
+
+/// One frame. Cheap to clone: the pixels are shared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Pixel format of `data`.
+    pub format: PixelFormat,
+    /// Width \[px\].
+    pub width_px: u32,
+    /// Height \[px\].
+    pub height_px: u32,
+    /// Bytes per row as negotiated; 0 for MJPG.
+    pub stride_bytes: u32,
+    /// The bytes as delivered, cut to `bytesused`.
+    pub data: Bytes,
+    /// When, from whom, how sound.
+    pub meta: FrameMeta,
+}
+
+/// An 8-bit grey image, row-major without padding: what the stripe extractor reads.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GreyImage {
+    /// Width \[px\].
+    pub width_px: usize,
+    /// Height \[px\].
+    pub height_px: usize,
+    /// `width_px * height_px` grey levels.
+    pub pixels: Vec<u8>,
+}
+
+/// Why a frame has no grey image.
+#[derive(Debug, thiserror::Error)]
+pub enum FrameError {
+    /// Too few bytes for the format.
+    #[error("frame {sequence}: {format:?} {width_px}x{height_px} needs {needed} bytes, got {got}")]
+    Short {
+        /// Driver sequence.
+        sequence: u32,
+        /// Format.
+        format: PixelFormat,
+        /// Width \[px\].
+        width_px: u32,
+        /// Height \[px\].
+        height_px: u32,
+        /// Bytes needed.
+        needed: usize,
+        /// Bytes there.
+        got: usize,
+    },
+    /// The JPEG decoder refused.
+    #[error("frame {sequence}: JPEG does not decode: {reason}")]
+    Jpeg {
+        /// Driver sequence.
+        sequence: u32,
+        /// Decoder's words.
+        reason: String,
+    },
+    /// The JPEG's own size differs from the negotiated one.
+    #[error("frame {sequence}: JPEG is {got:?}, negotiated {wanted:?}")]
+    JpegSize {
+        /// Driver sequence.
+        sequence: u32,
+        /// Width, height in the JPEG.
+        got: (u32, u32),
+        /// Width, height negotiated.
+        wanted: (u32, u32),
+    },
+}
+
+impl Frame {
+    /// The luma of this frame.
+    ///
+    /// # Errors
+    /// When the bytes do not hold an image of the stated size.
+    pub fn to_grey(&self) -> Result<GreyImage, FrameError> {
+        let (w, h) = (self.width_px as usize, self.height_px as usize);
+        let bytes_per_px = match self.format {
+            PixelFormat::Grey => 1,
+            PixelFormat::Yuyv => 2,
+            PixelFormat::Mjpg => return self.decode_jpeg(),
+        };
+        let stride = (self.stride_bytes as usize).max(w * bytes_per_px);
+        let needed = if h == 0 { 0 } else { stride * (h - 1) + w * bytes_per_px };
+        if self.data.len() < needed {
+            return Err(FrameError::Short {
+                sequence: self.meta.sequence,
+                format: self.format,
+                width_px: self.width_px,
+                height_px: self.height_px,
+                needed,
+                got: self.data.len(),
+            });
+        }
+        let mut pixels = Vec::with_capacity(w * h);
+        for row in 0..h {
+            let line = &self.data[row * stride..row * stride + w * bytes_per_px];
+            match self.format {
+                PixelFormat::Yuyv => pixels.extend(line.iter().step_by(2)),
+                _ => pixels.extend_from_slice(line),
+            }
+        }
+        Ok(GreyImage { width_px: w, height_px: h, pixels })
+    }
+
+    fn decode_jpeg(&self) -> Result<GreyImage, FrameError> {
+        let sequence = self.meta.sequence;
+        let decoded = image::load_from_memory_with_format(&self.data, image::ImageFormat::Jpeg)
+            .map_err(|e| FrameError::Jpeg { sequence, reason: e.to_string() })?
+            .into_luma8();
+        if decoded.dimensions() != (self.width_px, self.height_px) {
+            return Err(FrameError::JpegSize {
+                sequence,
+                got: decoded.dimensions(),
+                wanted: (self.width_px, self.height_px),
+            });
+        }
+        Ok(GreyImage { width_px: self.width_px as usize, height_px: self.height_px as usize, pixels: decoded.into_raw() })
+    }
+}
