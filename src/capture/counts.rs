@@ -1,0 +1,76 @@
+//! What was received, what was lost and why, and what time says there should have been.
+
+use serde::{Deserialize, Serialize};
+
+/// Frames that never came, by how that was noticed. All numbers are whole frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Losses {
+    /// Gap in the driver's sequence numbers: the host had no buffer free, or the driver dropped.
+    pub sequence_gap: u64,
+    /// Missing periods in the stamps with no gap in the sequence: dropped inside the device.
+    pub time_gap: u64,
+    /// Periods during which the stream stood still without an error.
+    pub frozen: u64,
+    /// Periods during which the device was gone.
+    pub unplugged: u64,
+    /// Periods during which the stream was being restarted after a fatal error of the driver.
+    pub restarted: u64,
+}
+
+impl Losses {
+    /// All causes together.
+    pub fn total(&self) -> u64 {
+        self.sequence_gap + self.time_gap + self.frozen + self.unplugged + self.restarted
+    }
+}
+
+/// Frames that came and are kept, but say nothing that can be trusted. All of them are part of `received`
+/// except [`Excluded::void`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Excluded {
+    /// V4L2_BUF_FLAG_ERROR.
+    pub driver_error: u64,
+    /// Fewer bytes than the format needs.
+    pub truncated: u64,
+    /// MJPG without its markers.
+    pub broken_jpeg: u64,
+    /// First buffers after STREAMON.
+    pub stale: u64,
+    /// Buffers the driver returned without a frame in them (ERROR, no bytes, no stamp): kept in the log,
+    /// but never a frame, so neither received nor lost. Their place in time is counted as a loss if no
+    /// other frame fills it.
+    pub void: u64,
+}
+
+/// One second of the account.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SecondCounts {
+    /// Start of the second, on the stamps' own clock, from the first stamp \[s\].
+    pub from_s: f64,
+    /// Frames received in it.
+    pub received: u64,
+    /// Frames lost in it.
+    pub lost: u64,
+    /// Frames that time says there should have been.
+    pub expected: u64,
+}
+
+/// The whole account. `received + lost.total() = expected` when `disagreement` is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct CaptureCounts {
+    /// Frames received, marked ones included.
+    pub received: u64,
+    /// Of these, marked ones by cause.
+    pub excluded: Excluded,
+    /// Frames that never came.
+    pub lost: Losses,
+    /// Frames that must have been due between the first and the last stamp, by time alone: the sum over
+    /// stretches of constant rate of (time / measured period), plus one.
+    pub expected: u64,
+    /// `received + lost.total() - expected`: 0 when both ways of counting agree.
+    pub disagreement: i64,
+    /// Period as measured from the stamps, of the current stretch \[s\]; 0 = not known yet.
+    pub period_s: f64,
+    /// Times the stream was restarted or the device re-opened.
+    pub restarts: u64,
+}
