@@ -1,0 +1,60 @@
+//! Arguments that several commands share, and how they are read.
+
+use super::CliError;
+use hydroline_rigs::{Plan, Rig};
+use std::time::Duration;
+
+/// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    if let Ok(seconds) = text.parse::<f64>() {
+        return Duration::try_from_secs_f64(seconds).map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"));
+    }
+    humantime::parse_duration(text).map_err(|e| format!("{e}; write 30s, 2m or 1h30m"))
+}
+
+/// A number that is finite and not negative.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(format!("'{text}' is not a number >= 0")),
+    }
+}
+
+/// A rig by file or built-in name.
+pub fn rig(argument: &str) -> Result<Rig, CliError> {
+    Rig::load_or_builtin(argument).map_err(CliError::config)
+}
+
+/// A plan by file or built-in name, checked against the rig that is to run it.
+pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
+    let plan = Plan::load_or_builtin(argument).map_err(CliError::config)?;
+    plan.check_against(rig).map_err(CliError::config)?;
+    Ok(plan)
+}
+
+/// Refuses to overwrite what is there.
+pub fn new_file(path: &std::path::Path) -> Result<(), CliError> {
+    if path.exists() {
+        return Err(CliError::Config(format!("{} exists; hydroline never overwrites: name another --out or move it away", path.display())));
+    }
+    match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() && !dir.is_dir() => {
+            Err(CliError::Config(format!("--out {}: the folder {} does not exist; create it first", path.display(), dir.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_read_as_people_write_them() {
+        assert_eq!(duration("30s").unwrap(), Duration::from_secs(30));
+        assert_eq!(duration("90").unwrap(), Duration::from_secs(90));
+        assert_eq!(duration("1m30s").unwrap(), Duration::from_secs(90));
+        assert!(duration("-3").is_err());
+        assert!(duration("soon").unwrap_err().contains("30s"));
+    }
+}

@@ -1,0 +1,172 @@
+//! The state of focus, exposure and laser at a glance: what `aim` shows and `record` has in its status line.
+//!
+//! A core without I/O: frames and profiles in, one [`Glance`] per window out.
+
+use crate::log::messages::StripeProfile;
+use serde::Serialize;
+
+/// Bit of `StripeProfile.quality`: the point's columns were saturated.
+const SATURATED: u32 = 1;
+
+/// One window's summary.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Glance {
+    /// Frames per second over the window \[1/s\].
+    pub rate_fps: f64,
+    /// Frames lost since the start (sequence and time gaps).
+    pub lost: u64,
+    /// Frames marked faulty since the start.
+    pub faulty: u64,
+    /// Median peak over background of the newest stripe \[grey levels\].
+    pub peak: Option<f64>,
+    /// Median width (standard deviation) of the newest stripe \[px\].
+    pub sigma_px: Option<f64>,
+    /// Share of saturated points, 0..1.
+    pub saturated: f64,
+    /// Columns in which a point was found, of all columns.
+    pub columns: (usize, u32),
+    /// Noise of the image \[grey levels\].
+    pub noise_sd: f64,
+    /// Minutes of recording the disk still takes; `None` = not asked.
+    pub disk_min: Option<f64>,
+}
+
+/// Gathers frames until asked for a [`Glance`].
+#[derive(Debug, Default)]
+pub struct Gatherer {
+    frames: u64,
+    lost: u64,
+    faulty: u64,
+    newest: Option<StripeProfile>,
+}
+
+impl Gatherer {
+    /// Counts a frame.
+    pub fn frame(&mut self, meta: &crate::frame::FrameMeta) {
+        self.frames += 1;
+        self.lost += u64::from(meta.lost_before.sequence_gap) + u64::from(meta.lost_before.time_gap);
+        self.faulty += u64::from(meta.fault.is_some());
+    }
+
+    /// Keeps the newest profile.
+    pub fn profile(&mut self, profile: StripeProfile) {
+        self.newest = Some(profile);
+    }
+
+    /// Summarises the window of `window_s` seconds that ends now and starts the next one.
+    pub fn glance(&mut self, window_s: f64, disk_min: Option<f64>) -> Glance {
+        let rate_fps = if window_s > 0.0 { self.frames as f64 / window_s } else { 0.0 };
+        self.frames = 0;
+        let profile = self.newest.as_ref();
+        let points = profile.map_or(0, |p| p.row_px.len());
+        let saturated = profile.map_or(0, |p| p.quality.iter().filter(|q| **q & SATURATED != 0).count());
+        Glance {
+            rate_fps,
+            lost: self.lost,
+            faulty: self.faulty,
+            peak: profile.and_then(|p| median(&p.peak)),
+            sigma_px: profile.and_then(|p| median(&p.sigma_px)),
+            saturated: if points == 0 { 0.0 } else { saturated as f64 / points as f64 },
+            columns: (points, profile.map_or(0, |p| p.width_px)),
+            noise_sd: profile.map_or(0.0, |p| p.noise_sd),
+            disk_min,
+        }
+    }
+}
+
+fn median(values: &[f32]) -> Option<f64> {
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get(sorted.len() / 2).map(|v| f64::from(*v))
+}
+
+impl Glance {
+    /// What to change, in the words of someone standing at the tank; empty when all is well.
+    pub fn advice(&self) -> Vec<String> {
+        let mut advice = Vec::new();
+        let (found, all) = self.columns;
+        if found == 0 {
+            advice.push("no stripe: is the laser on, in view, and the lens cap off?".to_owned());
+            return advice;
+        }
+        if (found as f64) < 0.5 * f64::from(all) {
+            advice.push(format!("stripe in only {found} of {all} columns: aim the laser's fan at the image's middle"));
+        }
+        if self.saturated > 0.05 {
+            advice.push(format!("{:.0} % saturated: shorten the exposure or lower the gain", 100.0 * self.saturated));
+        }
+        match (self.peak, self.sigma_px) {
+            (Some(peak), _) if peak < 60.0 => {
+                advice.push(format!("peak {peak:.0} of 255 is weak: lengthen the exposure or darken the hall"));
+            }
+            (_, Some(sigma)) if sigma > 3.5 => {
+                advice.push(format!("stripe {sigma:.1} px wide (sd): focus the lens, then the laser"));
+            }
+            _ => {}
+        }
+        if self.lost > 0 {
+            advice.push(format!("{} frames lost so far: see `hydroline check`", self.lost));
+        }
+        advice
+    }
+}
+
+impl std::fmt::Display for Glance {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let number = |v: Option<f64>, digits: usize| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"));
+        write!(
+            f,
+            "{:5.1} fps | columns {:3}/{} | peak {:>3} | width {:>4} px sd | saturated {:3.0} % | noise {:.1} | lost {} | faulty {}",
+            self.rate_fps,
+            self.columns.0,
+            self.columns.1,
+            number(self.peak, 0),
+            number(self.sigma_px, 2),
+            100.0 * self.saturated,
+            self.noise_sd,
+            self.lost,
+            self.faulty,
+        )?;
+        match self.disk_min {
+            Some(minutes) => write!(f, " | disk {minutes:.0} min"),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn profile(n: usize, peak: f32, saturated: usize) -> StripeProfile {
+        StripeProfile {
+            width_px: 720,
+            row_px: vec![288.0; n],
+            peak: vec![peak; n],
+            sigma_px: vec![2.0; n],
+            quality: (0..n).map(|i| u32::from(i < saturated)).collect(),
+            noise_sd: 2.0,
+            ..StripeProfile::default()
+        }
+    }
+
+    #[test]
+    fn a_good_stripe_needs_no_advice() {
+        let mut gatherer = Gatherer::default();
+        gatherer.profile(profile(700, 180.0, 0));
+        let glance = gatherer.glance(0.5, Some(42.0));
+        assert_eq!(glance.advice(), Vec::<String>::new());
+        assert!(glance.to_string().contains("700/720") && glance.to_string().contains("disk 42 min"));
+    }
+
+    #[test]
+    fn each_trouble_is_named_with_its_cure() {
+        let mut gatherer = Gatherer::default();
+        assert!(gatherer.glance(0.5, None).advice()[0].contains("no stripe"));
+        gatherer.profile(profile(700, 240.0, 350));
+        assert!(gatherer.glance(0.5, None).advice()[0].contains("50 % saturated"));
+        gatherer.profile(profile(100, 30.0, 0));
+        let advice = gatherer.glance(0.5, None).advice();
+        assert!(advice[0].contains("100 of 720") && advice[1].contains("weak"), "{advice:?}");
+    }
+}
