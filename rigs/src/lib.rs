@@ -18,14 +18,20 @@ pub mod target;
 pub mod thruster;
 pub mod vehicle;
 
+mod builtin;
+mod effective;
+mod error;
+mod load;
+mod raw;
 mod rig;
 
 pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat};
+pub use error::{Problem, ProblemKind, RigError};
 pub use laser::{Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
 pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use rig::Rig;
-pub use settings::{LogSettings, Tank, Tolerance};
+pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
-pub use thruster::{Link, LinkKind, LinkPort, Thruster, ThrusterSet, ThrustCurve};
+pub use thruster::{Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
 pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};
