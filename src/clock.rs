@@ -45,7 +45,10 @@ pub trait Clock: Send + Sync {
 pub struct SystemClock;
 
 fn read(id: libc::clockid_t) -> u64 {
-    let mut t = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let mut t = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
     // SAFETY: `t` is a valid timespec; these clock ids exist on every Linux the daemon runs on.
     unsafe { libc::clock_gettime(id, &mut t) };
     t.tv_sec as u64 * 1_000_000_000 + t.tv_nsec as u64
@@ -54,7 +57,10 @@ fn read(id: libc::clockid_t) -> u64 {
 impl Clock for SystemClock {
     fn triple(&self) -> ClockTriple {
         // Best of five: a pre-emption between the reads would otherwise look like a clock step.
-        let mut best = ClockTriple { bracket_ns: u64::MAX, ..ClockTriple::default() };
+        let mut best = ClockTriple {
+            bracket_ns: u64::MAX,
+            ..ClockTriple::default()
+        };
         for _ in 0..5 {
             let before = read(libc::CLOCK_MONOTONIC);
             let realtime_ns = read(libc::CLOCK_REALTIME);
@@ -62,7 +68,12 @@ impl Clock for SystemClock {
             let after = read(libc::CLOCK_MONOTONIC);
             let bracket_ns = after - before;
             if bracket_ns < best.bracket_ns {
-                best = ClockTriple { monotonic_ns: before + bracket_ns / 2, realtime_ns, boottime_ns, bracket_ns };
+                best = ClockTriple {
+                    monotonic_ns: before + bracket_ns / 2,
+                    realtime_ns,
+                    boottime_ns,
+                    bracket_ns,
+                };
             }
         }
         best
@@ -86,7 +97,14 @@ pub struct ManualClock {
 impl ManualClock {
     /// Starts at the given monotonic and realtime readings.
     pub fn new(monotonic_ns: u64, realtime_ns: u64) -> Self {
-        Self { now: Mutex::new(ClockTriple { monotonic_ns, realtime_ns, boottime_ns: monotonic_ns, bracket_ns: 0 }) }
+        Self {
+            now: Mutex::new(ClockTriple {
+                monotonic_ns,
+                realtime_ns,
+                boottime_ns: monotonic_ns,
+                bracket_ns: 0,
+            }),
+        }
     }
 
     /// Moves all clocks forward.
@@ -105,7 +123,9 @@ impl ManualClock {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, ClockTriple> {
-        self.now.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.now
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }
 

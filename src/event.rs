@@ -30,8 +30,19 @@ pub struct Event {
 
 impl Event {
     /// A new event without numbers.
-    pub fn new(timestamp_ns: u64, severity: Severity, kind: &'static str, message: impl Into<String>) -> Self {
-        Self { timestamp_ns, severity, kind, message: message.into(), values: Vec::new() }
+    pub fn new(
+        timestamp_ns: u64,
+        severity: Severity,
+        kind: &'static str,
+        message: impl Into<String>,
+    ) -> Self {
+        Self {
+            timestamp_ns,
+            severity,
+            kind,
+            message: message.into(),
+            values: Vec::new(),
+        }
     }
 
     /// Adds a number.

@@ -154,7 +154,11 @@ impl Frame {
             PixelFormat::Mjpg => return self.decode_jpeg(),
         };
         let stride = (self.stride_bytes as usize).max(w * bytes_per_px);
-        let needed = if h == 0 { 0 } else { stride * (h - 1) + w * bytes_per_px };
+        let needed = if h == 0 {
+            0
+        } else {
+            stride * (h - 1) + w * bytes_per_px
+        };
         if self.data.len() < needed {
             return Err(FrameError::Short {
                 sequence: self.meta.sequence,
@@ -173,13 +177,20 @@ impl Frame {
                 _ => pixels.extend_from_slice(line),
             }
         }
-        Ok(GreyImage { width_px: w, height_px: h, pixels })
+        Ok(GreyImage {
+            width_px: w,
+            height_px: h,
+            pixels,
+        })
     }
 
     fn decode_jpeg(&self) -> Result<GreyImage, FrameError> {
         let sequence = self.meta.sequence;
         let decoded = image::load_from_memory_with_format(&self.data, image::ImageFormat::Jpeg)
-            .map_err(|e| FrameError::Jpeg { sequence, reason: e.to_string() })?
+            .map_err(|e| FrameError::Jpeg {
+                sequence,
+                reason: e.to_string(),
+            })?
             .into_luma8();
         if decoded.dimensions() != (self.width_px, self.height_px) {
             return Err(FrameError::JpegSize {
@@ -188,6 +199,10 @@ impl Frame {
                 wanted: (self.width_px, self.height_px),
             });
         }
-        Ok(GreyImage { width_px: self.width_px as usize, height_px: self.height_px as usize, pixels: decoded.into_raw() })
+        Ok(GreyImage {
+            width_px: self.width_px as usize,
+            height_px: self.height_px as usize,
+            pixels: decoded.into_raw(),
+        })
     }
 }

@@ -1,1 +1,130 @@
-//! stub
+//! Sub-pixel extraction of the laser stripe from a grey frame: one point per column.
+//!
+//! Way of a frame: `noise` of the frame → `coarse` candidates per column → `path` through the
+//! columns (dynamic programming, depth steps allowed) → `fit` of every column with a kernel
+//! matched to the stripe's width, which is estimated from the frame → `haze` pooled over the
+//! columns → second `fit` → [`Profile`].
+//!
+//! The result depends on the image and the configuration only: an [`Extractor`] keeps scratch
+//! memory, never results, so a frame extracted live and the same frame replayed give the same
+//! bits. Rows grow downwards; 0 = the centre of the top left pixel.
+
+#[cfg(test)]
+mod accuracy;
+mod band;
+mod coarse;
+mod config;
+mod extractor;
+mod fit;
+mod haze;
+mod kernel;
+mod noise;
+mod output;
+mod path;
+mod segments;
+pub mod synthetic;
+
+pub use band::Band;
+pub use config::ExtractorConfig;
+pub use extractor::Extractor;
+pub use output::{CSV_HEADER, annotate, write_csv};
+
+/// Bits of [`StripePoint::quality`]; 0 = nothing to remark.
+pub mod quality {
+    /// Pixels were clipped: the row comes from the flanks.
+    pub const SATURATED: u32 = 1;
+    /// One-sided haze was taken out.
+    pub const HAZE_CORRECTED: u32 = 2;
+    /// Another candidate in this column, within 32 rows.
+    pub const RIVAL: u32 = 4;
+    /// Close to a depth step or an end of the stripe, where the profile is cut and the row biased.
+    pub const NEAR_STEP: u32 = 8;
+}
+
+/// The stripe in one column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StripePoint {
+    /// Column \[px\].
+    pub column_px: f64,
+    /// Centre of the stripe \[px\].
+    pub row_px: f64,
+    /// Height above the background \[grey levels\]; beyond 255 where clipped (extrapolated).
+    pub peak: f64,
+    /// Standard deviation of `row_px` \[px\].
+    pub sd_px: f64,
+    /// Standard deviation of the stripe's own vertical profile \[px\], this column alone.
+    pub sigma_px: f64,
+    /// Bits of [`quality`].
+    pub quality: u32,
+}
+
+/// The stripe of one frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Profile {
+    /// One point per column where there is one, by column.
+    pub points: Vec<StripePoint>,
+    /// The other candidates (ghosts, particles, the other side of a step), by column, then row.
+    pub candidates: Vec<StripePoint>,
+    /// Size of the image: columns, rows \[px\].
+    pub size_px: (usize, usize),
+    /// Pixel noise of the frame \[grey levels\].
+    pub noise_sd: f64,
+    /// Pooled one-sided haze, fraction of the peak; 0 = none established.
+    pub haze_level: f64,
+    /// Decay length of the haze \[px\], positive = above the stripe; 0 = none.
+    pub haze_length_px: f64,
+    /// Why there is no point.
+    pub fault: Option<ProfileFault>,
+}
+
+/// Why a frame has no stripe.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ProfileFault {
+    /// The pixel buffer does not fit the stated size.
+    #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]
+    Malformed {
+        /// Width \[px\].
+        width_px: usize,
+        /// Height \[px\].
+        height_px: usize,
+        /// Bytes needed.
+        needed: usize,
+        /// Bytes there.
+        got: usize,
+    },
+    /// Too small to hold a stripe.
+    #[error(
+        "image {width_px}x{height_px} is too small for a stripe: at least {min_columns}x{min_rows}"
+    )]
+    TooSmall {
+        /// Width \[px\].
+        width_px: usize,
+        /// Height \[px\].
+        height_px: usize,
+        /// Fewest columns.
+        min_columns: usize,
+        /// Fewest rows.
+        min_rows: usize,
+    },
+    /// Nothing stands out of the noise.
+    #[error(
+        "no stripe: no place stands out of noise {noise_sd:.1} (mean grey level {mean_level:.0}); \
+         is the laser on, the lens cap off, the exposure right?"
+    )]
+    Dark {
+        /// Pixel noise \[grey levels\].
+        noise_sd: f64,
+        /// Mean of the image \[grey levels\].
+        mean_level: f64,
+    },
+    /// Something stands out, but not a stripe.
+    #[error("no stripe: bright spots in {spotted} columns, a stripe in {found}, needed {needed}")]
+    TooFewColumns {
+        /// Columns with a candidate.
+        spotted: usize,
+        /// Columns with a point.
+        found: usize,
+        /// Columns needed.
+        needed: usize,
+    },
+}

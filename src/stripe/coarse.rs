@@ -1,0 +1,334 @@
+//! Where a stripe may be: blocks of four rows, compared with the blocks beside them.
+//!
+//! The whole frame is read once, in bytes, four rows at a time; the averages are
+//! `pavgb` instructions after auto-vectorisation. A block pair brighter than the blocks two
+//! beyond it on either side (a top-hat minus its surroundings, 8 px against ±12 px) is a
+//! candidate where it is a local maximum down the column.
+
+use crate::frame::GreyImage;
+
+/// Rows per block.
+pub(super) const BLOCK_ROWS: usize = 4;
+/// Most candidates kept in a column: the strongest.
+pub(super) const MAX_PER_COLUMN: usize = 6;
+/// Columns handled together when searching a band.
+pub(super) const TILE_COLUMNS: usize = 32;
+
+/// A place where a stripe may be.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Spot {
+    /// Row, good to about 1 px.
+    pub row_px: f32,
+    /// Contrast: half the block pair's excess over its surroundings \[grey levels\].
+    pub contrast: u8,
+}
+
+/// Candidates of all columns.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Spots {
+    slots: Vec<[Spot; MAX_PER_COLUMN]>,
+    counts: Vec<u8>,
+}
+
+impl Spots {
+    pub fn clear(&mut self, columns: usize) {
+        self.slots
+            .resize(columns, [Spot::default(); MAX_PER_COLUMN]);
+        self.counts.clear();
+        self.counts.resize(columns, 0);
+    }
+
+    /// Candidates of one column, from top to bottom.
+    pub fn column(&self, column: usize) -> &[Spot] {
+        match (self.slots.get(column), self.counts.get(column)) {
+            (Some(slots), Some(&count)) => &slots[..usize::from(count)],
+            _ => &[],
+        }
+    }
+
+    /// Adds a spot below all earlier ones of its column; of spots closer than two blocks
+    /// (one stripe seen twice) and of too many, the weaker goes.
+    fn push(&mut self, column: usize, spot: Spot) {
+        let count = usize::from(self.counts[column]);
+        let slots = &mut self.slots[column];
+        if let Some(last) = slots[..count].last_mut()
+            && spot.row_px - last.row_px < (2 * BLOCK_ROWS) as f32
+        {
+            if spot.contrast > last.contrast {
+                *last = spot;
+            }
+            return;
+        }
+        if count < MAX_PER_COLUMN {
+            slots[count] = spot;
+            self.counts[column] += 1;
+            return;
+        }
+        let weakest = (0..MAX_PER_COLUMN)
+            .min_by_key(|&i| slots[i].contrast)
+            .unwrap_or(0);
+        if spot.contrast > slots[weakest].contrast {
+            slots.copy_within(weakest + 1.., weakest);
+            slots[MAX_PER_COLUMN - 1] = spot;
+        }
+    }
+}
+
+/// Contrast below which noise makes candidates \[halved grey levels, as [`Spot::contrast`]\].
+///
+/// Noise of a block average is n/2, of a pair against its surroundings, halved, n/2 again;
+/// 5.5 sd leaves 0.002 false spots in the 100 000 places of a frame.
+pub(super) fn threshold(noise_sd: f64) -> u8 {
+    (5.5 * noise_sd / 2.0).ceil().clamp(4.0, 250.0) as u8
+}
+
+/// Rounded average of two bytes; compiles to `pavgb`.
+#[inline]
+fn average(a: u8, b: u8) -> u8 {
+    ((u16::from(a) + u16::from(b) + 1) >> 1) as u8
+}
+
+/// Scratch of the search.
+#[derive(Debug, Clone, Default)]
+pub(super) struct CoarseScratch {
+    blocks: Vec<u8>,
+    contrast: [Vec<u8>; 3],
+}
+
+/// Part of an image to search: columns `from..to`, blocks `first..=last`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tile {
+    pub from: usize,
+    pub to: usize,
+    pub first: usize,
+    pub last: usize,
+}
+
+/// Adds the candidates of `tile` to `spots`. What it finds at a place does not depend on the tile.
+pub(super) fn search(
+    image: &GreyImage,
+    tile: Tile,
+    threshold: u8,
+    scratch: &mut CoarseScratch,
+    spots: &mut Spots,
+) {
+    let blocks = image.height_px / BLOCK_ROWS;
+    let width = tile.to.saturating_sub(tile.from);
+    if blocks == 0 || width == 0 || tile.first > tile.last || tile.last >= blocks {
+        return;
+    }
+    // The local maximum needs the contrast of one block more, the contrast two and three more.
+    let low = tile.first.saturating_sub(3);
+    let high = (tile.last + 4).min(blocks - 1);
+    scratch
+        .blocks
+        .resize(((high - low + 1) * width).max(scratch.blocks.len()), 0);
+    for (block, out) in (low..=high).zip(scratch.blocks.chunks_exact_mut(width)) {
+        let start = block * BLOCK_ROWS * image.width_px + tile.from;
+        let row = |i: usize| &image.pixels[start + i * image.width_px..][..width];
+        average_rows(out, [row(0), row(1), row(2), row(3)]);
+    }
+    let line = |block: usize| {
+        let block = block.clamp(low, high) - low;
+        &scratch.blocks[block * width..][..width]
+    };
+    for c in &mut scratch.contrast {
+        c.clear();
+        c.resize(width, 0);
+    }
+    let [before, here, after] = &mut scratch.contrast;
+    let fill = |out: &mut [u8], block: usize| {
+        contrast_line(
+            out,
+            [
+                line(block.saturating_sub(2)),
+                line(block),
+                line(block + 1),
+                line(block + 3),
+            ],
+        );
+    };
+    if tile.first > 0 {
+        fill(before, tile.first - 1);
+    }
+    fill(here, tile.first);
+    for block in tile.first..=tile.last {
+        if block + 1 < blocks {
+            fill(after, block + 1);
+        } else {
+            after.fill(0);
+        }
+        for_each_peak(before, here, after, threshold, |column, contrast| {
+            let b = [
+                line(block.saturating_sub(1))[column],
+                line(block)[column],
+                line(block + 1)[column],
+                line(block + 2)[column],
+            ];
+            spots.push(
+                tile.from + column,
+                Spot {
+                    row_px: centre_of_blocks(block, b),
+                    contrast,
+                },
+            );
+        });
+        std::mem::swap(before, here);
+        std::mem::swap(here, after);
+    }
+}
+
+fn average_rows(out: &mut [u8], [a, b, c, d]: [&[u8]; 4]) {
+    for ((((o, a), b), c), d) in out.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+        *o = average(average(*a, *b), average(*c, *d));
+    }
+}
+
+fn contrast_line(out: &mut [u8], [above, upper, lower, below]: [&[u8]; 4]) {
+    for ((((o, a), u), l), b) in out.iter_mut().zip(above).zip(upper).zip(lower).zip(below) {
+        *o = average(*u, *l).saturating_sub(average(*a, *b));
+    }
+}
+
+/// Calls `found` for every column whose contrast is a maximum of the three and over the threshold.
+fn for_each_peak(
+    before: &[u8],
+    here: &[u8],
+    after: &[u8],
+    threshold: u8,
+    mut found: impl FnMut(usize, u8),
+) {
+    const CHUNK: usize = 16;
+    let peak = |b: u8, h: u8, a: u8| (h >= threshold) & (h >= b) & (h > a);
+    let chunks = here
+        .chunks(CHUNK)
+        .zip(before.chunks(CHUNK))
+        .zip(after.chunks(CHUNK));
+    for (index, ((h, b), a)) in chunks.enumerate() {
+        // Most chunks hold nothing: one branch for sixteen columns.
+        let brightest = h.iter().fold(0, |m: u8, v| m.max(*v));
+        if brightest < threshold {
+            continue;
+        }
+        for (i, ((h, b), a)) in h.iter().zip(b).zip(a).enumerate() {
+            if peak(*b, *h, *a) {
+                found(index * CHUNK + i, *h);
+            }
+        }
+    }
+}
+
+/// Centre of gravity of four blocks above the darker of the outer two \[px\].
+fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
+    let floor = b[0].min(b[3]);
+    let [p, q, r, s] = b.map(|v| f32::from(v.saturating_sub(floor)));
+    let blocks = BLOCK_ROWS as f32;
+    let offset = (-p + r + 2.0 * s) / (p + q + r + s).max(1.0);
+    // Middle of block `second`: its first row + 1.5.
+    (second as f32 + offset) * blocks + 0.5 * (blocks - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stripe::synthetic::{StripeImage, render};
+
+    fn whole(image: &GreyImage) -> Tile {
+        Tile {
+            from: 0,
+            to: image.width_px,
+            first: 0,
+            last: image.height_px / BLOCK_ROWS - 1,
+        }
+    }
+
+    #[test]
+    fn finds_every_column_of_a_stripe_and_nothing_else() {
+        for (sigma, peak, noise) in [
+            (1.0, 60.0, 4.0),
+            (2.0, 60.0, 4.0),
+            (3.0, 200.0, 2.0),
+            (6.0, 100.0, 2.0),
+        ] {
+            let stripe = StripeImage {
+                sigma_px: sigma,
+                peak,
+                noise_sd: noise,
+                slope: 0.3,
+                width_px: 400,
+                ..Default::default()
+            };
+            let image = render(&stripe);
+            let mut spots = Spots::default();
+            spots.clear(image.width_px);
+            search(
+                &image,
+                whole(&image),
+                threshold(noise),
+                &mut CoarseScratch::default(),
+                &mut spots,
+            );
+            for c in 0..image.width_px {
+                let found = spots.column(c);
+                assert_eq!(found.len(), 1, "sigma {sigma}, column {c}: {found:?}");
+                let off = f64::from(found[0].row_px) - stripe.row_px(c as f64);
+                assert!(off.abs() < 2.0, "sigma {sigma}, column {c}: off by {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_tile_finds_what_the_whole_finds() {
+        let image = render(&StripeImage {
+            slope: 0.2,
+            noise_sd: 4.0,
+            ..Default::default()
+        });
+        let (mut all, mut part) = (Spots::default(), Spots::default());
+        all.clear(image.width_px);
+        part.clear(image.width_px);
+        let mut scratch = CoarseScratch::default();
+        search(&image, whole(&image), 8, &mut scratch, &mut all);
+        for from in (0..image.width_px).step_by(TILE_COLUMNS) {
+            let to = (from + TILE_COLUMNS).min(image.width_px);
+            search(
+                &image,
+                Tile {
+                    from,
+                    to,
+                    first: 65,
+                    last: 115,
+                },
+                8,
+                &mut scratch,
+                &mut part,
+            );
+        }
+        for c in 0..image.width_px {
+            let inside: Vec<Spot> = all
+                .column(c)
+                .iter()
+                .copied()
+                .filter(|s| (270.0..450.0).contains(&s.row_px))
+                .collect();
+            assert_eq!(part.column(c), inside, "column {c}");
+        }
+    }
+
+    #[test]
+    fn too_many_spots_keep_the_strongest_in_order() {
+        let mut spots = Spots::default();
+        spots.clear(1);
+        for (i, contrast) in [10, 5, 20, 30, 40, 50, 60, 70].into_iter().enumerate() {
+            spots.push(
+                0,
+                Spot {
+                    row_px: 20.0 * i as f32,
+                    contrast,
+                },
+            );
+        }
+        let kept: Vec<u8> = spots.column(0).iter().map(|s| s.contrast).collect();
+        assert_eq!(kept, [20, 30, 40, 50, 60, 70]);
+    }
+}

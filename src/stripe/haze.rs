@@ -1,0 +1,137 @@
+//! One-sided haze: the sheet lights the water it crosses, and the camera sees that light on one
+//! side of the stripe only (notes 2.4; physics: `backscatter_haze`).
+//!
+//! `light = fraction * peak * exp(-d / length)`, d = distance beyond the stripe on that side.
+//! One column cannot tell it from the stripe's own shift; all columns together can, from the
+//! pixels outside the stripe: their mean, aligned on the stripe, is fitted with a constant, a
+//! slope (uneven light) and the haze, on either side and with several lengths.
+
+use super::fit::{Fit, HazeShape};
+use super::kernel::{Kernel, PHASES, phase_offset};
+use super::synthetic::haze_over_pixel;
+use crate::frame::GreyImage;
+use nalgebra::{Matrix3, Vector3};
+
+/// Farthest pixel looked at \[px\].
+const REACH_PX: i64 = 40;
+/// Columns looked at, at most.
+const MAX_COLUMNS: usize = 144;
+/// Decay lengths tried \[px\].
+const LENGTHS_PX: [f64; 6] = [8.0, 14.0, 25.0, 45.0, 80.0, 300.0];
+/// Least significance and least level at which a correction is worth its own noise.
+const MIN_SIGNIFICANCE: f64 = 5.0;
+const MIN_FRACTION: f64 = 0.002;
+
+/// Haze of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Haze {
+    /// Level at the stripe as a fraction of the peak.
+    pub fraction: f64,
+    /// Its standard deviation.
+    pub fraction_sd: f64,
+    /// Decay length \[px\], positive = above the stripe.
+    pub length_px: f64,
+}
+
+/// Estimates the haze from columns `(column, fit)` that are free of steps and rivals.
+pub(super) fn estimate<'a>(
+    image: &GreyImage,
+    columns: impl ExactSizeIterator<Item = (usize, &'a Fit)>,
+    noise_sd: f64,
+) -> Option<Haze> {
+    const SIZE: usize = 2 * REACH_PX as usize + 1;
+    let mut sums = [0.0f64; SIZE];
+    let mut counts = [0.0f64; SIZE];
+    let mut peaks = [0.0f64; SIZE];
+    let mut widest = 0.0f64;
+    let every = columns.len().div_ceil(MAX_COLUMNS).max(1);
+    for (column, fit) in columns.step_by(every) {
+        widest = widest.max(fit.sigma_px);
+        let middle = fit.row_px.round() as i64;
+        let first = (middle - REACH_PX).max(0);
+        let last = (middle + REACH_PX).min(image.height_px as i64 - 1);
+        let clip = 4.0 * noise_sd + 0.25 * fit.peak.min(255.0);
+        let start = first as usize * image.width_px + column;
+        let line = image.pixels[start..].iter().step_by(image.width_px);
+        for (k, pixel) in (first..=last).zip(line) {
+            let above = f64::from(*pixel) - fit.background;
+            // Particles, ghosts and other segments are brighter than haze can be.
+            if above.abs() <= clip {
+                let i = (k - middle + REACH_PX) as usize;
+                sums[i] += above;
+                counts[i] += 1.0;
+                peaks[i] += fit.peak;
+            }
+        }
+    }
+    // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
+    let guard = (4.5 * widest + 1.0).ceil() as i64;
+    let most = counts.iter().fold(0.0f64, |m, c| m.max(*c));
+    let samples: Vec<(f64, f64, f64)> = (-REACH_PX..=REACH_PX)
+        .filter(|d| d.abs() > guard)
+        .filter_map(|d| {
+            let i = (d + REACH_PX) as usize;
+            (counts[i] > 0.5 * most && peaks[i] > 0.0)
+                .then(|| (d as f64, sums[i] / peaks[i], counts[i]))
+        })
+        .collect();
+    let both = |sign: f64| samples.iter().filter(|s| s.0 * sign > 0.0).count() >= 6;
+    if most < 8.0 || !both(1.0) || !both(-1.0) {
+        return None;
+    }
+    let mean_peak = peaks.iter().sum::<f64>() / counts.iter().sum::<f64>();
+    let best = LENGTHS_PX
+        .iter()
+        .flat_map(|l| [*l, -*l])
+        .filter_map(|length| Some((length, fit_haze(&samples, length)?)))
+        .min_by(|a, b| a.1.2.total_cmp(&b.1.2))?;
+    let (length_px, (fraction, unit_variance, chi2)) = best;
+    // The larger of camera noise and actual scatter: uneven light must not pass for haze.
+    let scatter = chi2 / (samples.len() as f64 - 4.0).max(1.0);
+    let fraction_sd = (unit_variance * scatter.max((noise_sd / mean_peak).powi(2))).sqrt();
+    let significant = fraction > MIN_FRACTION && fraction > MIN_SIGNIFICANCE * fraction_sd;
+    significant.then_some(Haze {
+        fraction: fraction.min(0.5),
+        fraction_sd,
+        length_px,
+    })
+}
+
+/// Weighted fit of constant, slope and haze: level, its variance for unit noise, chi².
+fn fit_haze(samples: &[(f64, f64, f64)], length_px: f64) -> Option<(f64, f64, f64)> {
+    let design = |d: f64| Vector3::new(1.0, d / REACH_PX as f64, haze_over_pixel(d, length_px));
+    let mut n = Matrix3::<f64>::zeros();
+    let mut r = Vector3::<f64>::zeros();
+    for &(d, value, weight) in samples {
+        let x = design(d);
+        n.ger(weight, &x, &x, 1.0);
+        r.axpy(weight * value, &x, 1.0);
+    }
+    let covariance = n.try_inverse()?;
+    let s = covariance * r;
+    let chi2 = samples
+        .iter()
+        .map(|&(d, value, weight)| weight * (value - design(d).dot(&s)).powi(2))
+        .sum();
+    Some((s[2], covariance[(2, 2)], chi2))
+}
+
+impl Haze {
+    /// This haze under the taps of a kernel.
+    pub fn shape(&self, kernel: &Kernel) -> HazeShape {
+        let stride = kernel.stride;
+        let mut shape = vec![0.0f32; PHASES * stride];
+        let mut solved = Vec::with_capacity(PHASES);
+        for (p, phase) in kernel.phases.iter().enumerate() {
+            let line = &mut shape[p * stride..(p + 1) * stride];
+            for (k, h) in line.iter_mut().enumerate().take(kernel.taps()) {
+                *h = haze_over_pixel(
+                    k as f64 - kernel.half as f64 - phase_offset(p),
+                    self.length_px,
+                ) as f32;
+            }
+            solved.push(super::kernel::dots::<4>(line, &phase.solve, stride));
+        }
+        HazeShape { shape, solved }
+    }
+}

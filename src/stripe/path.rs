@@ -1,0 +1,96 @@
+//! Which candidate of each column is the stripe: dynamic programming over columns.
+//!
+//! Every column pays a reward for its candidate's contrast (against the frame's typical best);
+//! a change of row beyond the slack costs in proportion, up to the price of a depth step.
+//! A column may have no point; leaving and coming back costs as much as a step. So a particle
+//! or a glint shorter than the price of two steps never wins, however bright, while the
+//! segments of a stepped target, longer than that, do.
+
+use super::coarse::{MAX_PER_COLUMN, Spot, Spots};
+
+/// Change of row from column to column that costs nothing \[px\]: slope and coarse error.
+const FREE_JUMP_PX: f32 = 2.5;
+/// Cost per px beyond it, in columns' rewards.
+const JUMP_COST_PER_PX: f32 = 0.5;
+/// Brightest reward: a glint is worth no more than a good stripe.
+const REWARD_MAX: f32 = 1.2;
+/// Came from, or stays at, "no point".
+const NONE: u8 = u8::MAX;
+
+/// Scratch of the search for the path.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PathScratch {
+    back: Vec<[u8; MAX_PER_COLUMN + 1]>,
+    best: Vec<u8>,
+    chosen: Vec<u8>,
+}
+
+/// For every column the index of its candidate on the stripe, or `None`.
+pub(super) fn choose<'a>(
+    spots: &Spots,
+    columns: usize,
+    step_cost: f32,
+    scratch: &'a mut PathScratch,
+) -> impl Iterator<Item = Option<usize>> + use<'a> {
+    let typical = typical_contrast(spots, columns, &mut scratch.best);
+    scratch.back.clear();
+    scratch.chosen.clear();
+    scratch.chosen.resize(columns, NONE);
+    let mut values = [f32::NEG_INFINITY; MAX_PER_COLUMN];
+    let mut none_value = 0.0f32;
+    let mut previous: &[Spot] = &[];
+    for column in 0..columns {
+        let here = spots.column(column);
+        let mut back = [NONE; MAX_PER_COLUMN + 1];
+        let mut next = [f32::NEG_INFINITY; MAX_PER_COLUMN];
+        for (k, spot) in here.iter().enumerate() {
+            let mut value = none_value - 0.5 * step_cost;
+            for (m, from) in previous.iter().enumerate() {
+                let jump = (spot.row_px - from.row_px).abs() - FREE_JUMP_PX;
+                let via = values[m] - (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost);
+                if via > value {
+                    value = via;
+                    back[k] = m as u8;
+                }
+            }
+            next[k] = value + (f32::from(spot.contrast) / typical).min(REWARD_MAX);
+        }
+        for (m, value) in values.iter().enumerate().take(previous.len()) {
+            if value - 0.5 * step_cost > none_value {
+                none_value = value - 0.5 * step_cost;
+                back[MAX_PER_COLUMN] = m as u8;
+            }
+        }
+        scratch.back.push(back);
+        values = next;
+        previous = here;
+    }
+    let mut state = NONE;
+    let mut value = none_value;
+    for (m, v) in values.iter().enumerate().take(previous.len()) {
+        // Leaving through the image's edge ends a segment like any other: half a step.
+        if v - 0.5 * step_cost > value {
+            value = v - 0.5 * step_cost;
+            state = m as u8;
+        }
+    }
+    for (chosen, back) in scratch.chosen.iter_mut().zip(&scratch.back).rev() {
+        *chosen = state;
+        state = back[usize::from(state).min(MAX_PER_COLUMN)];
+    }
+    scratch
+        .chosen
+        .iter()
+        .map(|&c| (c != NONE).then_some(usize::from(c)))
+}
+
+/// Median over columns of each column's best contrast; 1 where there is none.
+fn typical_contrast(spots: &Spots, columns: usize, best: &mut Vec<u8>) -> f32 {
+    best.clear();
+    best.extend((0..columns).filter_map(|c| spots.column(c).iter().map(|s| s.contrast).max()));
+    if best.is_empty() {
+        return 1.0;
+    }
+    let middle = best.len() / 2;
+    f32::from(*best.select_nth_unstable(middle).1).max(1.0)
+}
