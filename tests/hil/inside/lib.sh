@@ -51,3 +51,27 @@ serial_on() {
   mark '{"controller":"start"}' || return 1
   wait_for 10 test -e /dev/ttyUSB0
 }
+
+# record NAME RIG SECONDS [OPTION...]: the daemon into /tmp/NAME.mcap, in the background; its exit code later in /out/NAME.rc.
+# tmpfs, not 9p: the guest's share writes slower than a disk, and a stalled disk is another test.
+record() {
+  name=$1 rig=$2 seconds=$3; shift 3
+  rm -f "/tmp/$name".*
+  ( hydroline record --rig "$rig" --for "${seconds}s" --out "/tmp/$name.mcap" "$@" \
+      >"/out/$name.stdout" 2>"/out/$name.stderr"; echo $? >"/tmp/$name.rc" ) &
+  RECORD_PID=$!
+  # Recording has begun when the first frames are in the file.
+  wait_for 20 sh -c "[ -e /tmp/$name.rc ] || [ \$(stat -c %s /tmp/$name.mcap 2>/dev/null || echo 0) -gt 50000 ]"
+}
+
+# recorded NAME SECONDS: waits for the end, at most SECONDS; brings the files out
+recorded() {
+  wait_for "$2" test -e "/tmp/$1.rc" || { killall -TERM hydroline; wait_for 5 test -e "/tmp/$1.rc" || echo 124 >"/tmp/$1.rc"; }
+  cp /tmp/"$1"*.mcap /out/
+  cp "/tmp/$1.rc" "/out/$1.rc"
+  say "$1: exit $(cat "/tmp/$1.rc"), $(ls /tmp/$1*.mcap | wc -l) file(s), $(du -h "/tmp/$1.mcap" | cut -f1)"
+  rm -f /tmp/"$1"*.mcap
+}
+
+# at WORD: when something was done to the daemon, on its own clock (CLOCK_BOOTTIME = CLOCK_MONOTONIC here: never suspended)
+at() { echo "$(up) $*" >>/out/times.txt; }
