@@ -46,11 +46,15 @@ def sound(report: Report, bench, name: str, allowed_codes: tuple[int, ...]) -> L
     a = Account(log.meta("summary"))
     report.check(f"{name}: received + lost = expected", f"{a.received} + {a.lost} = {a.expected} {a.lost_by_cause}", "exact",
                  a.received > 0 and a.received + a.lost == a.expected)
-    report.equal(f"{name}: frames and images in the file", (len(log.frames), len(log.images)), (a.received, a.received))
+    held = a.received + a.outside_time - a.dropped
+    report.equal(f"{name}: frames and images in the file", (len(log.frames), len(log.images)), (held, held))
     gaps = sum(f.sequence_gap_before + f.time_gap_before for f in log.frames)
     report.check(f"{name}: gaps marked on frames vs lost", gaps, f"<= {a.lost} (the rest = after the last frame)", gaps <= a.lost)
     info = tool(bench.binary, "info", bench.out / f"{name}.mcap", "--json")
-    agree = info.returncode == 0 and topic_counts(json.loads(info.stdout)) == {t: len(m) for t, m in log.topics.items()}
+    try:
+        agree = info.returncode == 0 and topic_counts(json.loads(info.stdout)) == {t: len(m) for t, m in log.topics.items()}
+    except ValueError:
+        agree = False
     report.check(f"{name}: `info` counts what Python's mcap counts", f"exit {info.returncode}, {'equal' if agree else info.stdout[:300]}", "equal", agree)
     doctor = tool(bench.binary, "doctor", bench.out / f"{name}.mcap", "--json")
     report.check(f"{name}: `doctor` finds it sound", f"exit {doctor.returncode} {doctor.stderr.strip()[:200]}", "exit 0", doctor.returncode == 0)

@@ -81,9 +81,12 @@ class Account:
     """The summary's bookkeeping: received + lost = expected, per cause."""
 
     def __init__(self, summary: dict[str, str]):
-        number = {k: int(float(v)) for k, v in summary.items() if v.replace(".", "", 1).lstrip("-").isdigit()}
+        number = {k: int(v) for k, v in summary.items() if v.isdigit()}
         self.summary = summary
-        self.received = number.get("frames_received", -1)
-        self.expected = number.get("frames_expected", -1)
-        self.lost_by_cause = {k.removeprefix("lost_"): v for k, v in number.items() if k.startswith("lost_")}
+        self.received = number.get("frames.received", -1)
+        self.expected = number.get("frames.expected", -1)
+        self.lost_by_cause = {k.removeprefix("frames.lost."): v for k, v in number.items() if k.startswith("frames.lost.") and v}
         self.lost = sum(self.lost_by_cause.values())
+        # Kept and marked, but with no place in time: neither received nor lost.
+        self.outside_time = sum(v for k, v in number.items() if k in ("frames.excluded.void", "frames.excluded.leftover"))
+        self.dropped = sum(v for k, v in number.items() if k.startswith("frames.dropped."))
