@@ -1,0 +1,75 @@
+"""Rig files for the guest: the repository's bench rig with another camera or port put in."""
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+
+def _value(v: object) -> str:
+    if isinstance(v, bool):
+        return "true" if v else "false"
+    if isinstance(v, str):
+        return '"' + v.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(v, list):
+        return "[" + ", ".join(_value(x) for x in v) + "]"
+    if isinstance(v, dict):
+        return "{ " + ", ".join(f"{k} = {_value(x)}" for k, x in v.items()) + " }"
+    return repr(v)
+
+
+def dumps(table: dict, path: str = "") -> str:
+    """TOML of a parsed document: plain keys first, then tables, then arrays of tables."""
+    is_tables = lambda v: isinstance(v, list) and v != [] and all(isinstance(x, dict) for x in v)
+    out = "".join(f"{k} = {_value(v)}\n" for k, v in table.items() if not isinstance(v, dict) and not is_tables(v))
+    for k, v in table.items():
+        if isinstance(v, dict):
+            out += f"\n[{path}{k}]\n" + dumps(v, f"{path}{k}.")
+        elif is_tables(v):
+            for x in v:
+                out += f"\n[[{path}{k}]]\n" + dumps(x, f"{path}{k}.")
+    return out
+
+
+VIVID_TV = {"device": "/dev/v4l/by-path/platform-vivid.0-video-index0", "width_px": 720, "height_px": 576, "rate_fps": 25.0,
+            "exposure_s": 0.008, "control": [{"name": "timestamp_source", "value": 1}]}
+UVC = {"device": "/dev/v4l/by-id/usb-Hydroline_HIL_camera_HIL0001-video-index0", "pixel_format": "MJPG",
+       "width_px": 640, "height_px": 480, "rate_fps": 30.0, "exposure_s": 0.008, "control": []}
+LOOPBACK = {"device": "/dev/video10", "allow_unstable_node": True, "pixel_format": "GREY",
+            "width_px": 720, "height_px": 576, "rate_fps": 25.0, "exposure_s": 0.008, "control": []}
+# qemu's usb-serial in the first slot behind the xhci of host/vm.py
+SERIAL = "/dev/serial/by-id/usb-QEMU_QEMU_USB_SERIAL_1-0000:00:03.0-1-if00-port0"
+# The guest's tmpfs holds a few hundred MB.
+MIN_FREE_BYTES = 16 << 20
+
+
+def write(repository: Path, folder: Path, cameras: dict[str, dict]) -> None:
+    """Copies rigs/ (the data, not the code) into `folder` and adds one NAME.toml per camera, from bench-v4l.toml."""
+    for p in (repository / "rigs").rglob("*.toml"):
+        if p.name != "Cargo.toml":
+            target = folder / p.relative_to(repository / "rigs")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(p, target)
+    bench = tomllib.loads((repository / "rigs/bench-v4l.toml").read_text())
+    for name, camera in cameras.items():
+        rig = {**bench, "camera": {**bench["camera"], **camera}}
+        rig["thrusters"] = {**bench["thrusters"], "link": {**bench["thrusters"]["link"], "kind": "stamped", "port": SERIAL}}
+        rig["log"] = {**bench.get("log", {}), "min_free_bytes": MIN_FREE_BYTES}
+        if "fx_px" in rig["camera"]:
+            # Another image size than the bench camera's: keep the principal point in the middle.
+            rig["camera"]["cx_px"] = (camera["width_px"] - 1) / 2
+            rig["camera"]["cy_px"] = (camera["height_px"] - 1) / 2
+        (folder / f"{name}.toml").write_text(dumps(rig))
+
+
+def command_rate_hz(repository: Path) -> float:
+    """How often the bench rig sends a command."""
+    bench = tomllib.loads((repository / "rigs/bench-v4l.toml").read_text())
+    return float(bench["thrusters"]["link"]["rate_hz"])
+
+
+def write_plan(path: Path, seconds: float) -> None:
+    """Small surge forces that change sign: the pulses move, the vehicle stays."""
+    n = max(2, round(seconds))
+    steps = "".join(f"\n[[step]]\nfor_s = {seconds / n:.3f}\nwrench = {{ surge_n = {(0.5, -0.5, 0.8, -0.8)[i % 4]} }}\n" for i in range(n))
+    path.write_text('name = "hil"\n' + steps)

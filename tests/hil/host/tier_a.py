@@ -1,0 +1,76 @@
+"""vivid (GREY, YUYV) and a UVC camera (MJPG), a controller with its own clock behind ftdi_sio."""
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import rigs
+from common import controller, exit_code, rate_fps, sound, stamps
+from logfile import Account, Log
+from report import Report
+
+SECONDS = 7.0
+CAMERAS = {
+    "a-grey": {**rigs.VIVID_TV, "pixel_format": "GREY"},
+    "a-yuyv": {**rigs.VIVID_TV, "pixel_format": "YUYV"},
+    "a-mjpg": rigs.UVC,
+}
+
+
+def run(bench, report: Report) -> None:
+    guest = bench.guest(timeout_s=150)
+    folder = guest.overlay / "work/rigs"
+    rigs.write(bench.repository, folder, CAMERAS)
+    rigs.write_plan(folder / "hil-plan.toml", seconds=5.0)
+    report.equal("a: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-a.sh"), 0)
+    devices(report, bench)
+    for name, camera in CAMERAS.items():
+        log = sound(report, bench, name, (0,))
+        if log is None:
+            continue
+        rate = camera["rate_fps"]
+        a = Account(log.meta("summary"))
+        report.equal(f"{name}: frames lost", a.lost, 0)
+        report.within(f"{name}: frame rate by the driver's stamps", rate_fps(log), rate * 0.98, rate * 1.02, "fps")
+        report.at_least(f"{name}: frames received", a.received, (SECONDS - 1) * rate)
+        steps = [y.sequence - x.sequence for x, y in zip(log.frames, log.frames[1:])]
+        report.equal(f"{name}: sequence steps", sorted(set(steps)), [1])
+        stamps(report, log, name, camera["exposure_s"])
+        pixels(report, log, name, camera, bench.cache)
+        controller(report, log, name, SECONDS, rigs.command_rate_hz(bench.repository))
+
+
+def devices(report: Report, bench) -> None:
+    for what, words in {"vivid": ["vivid"], "uvc": ["HIL camera", "HIL0001"], "serial": ["ttyUSB0"]}.items():
+        text = (bench.out / f"devices-{what}.json").read_text()
+        try:
+            json.loads(text)
+        except ValueError:
+            text = ""
+        lacking = [w for w in words if w.replace(" ", "_") not in text.replace(" ", "_")]
+        report.equal(f"a: `devices --json` lists {what}: words lacking", lacking, [])
+
+
+def pixels(report: Report, log: Log, name: str, camera: dict, cache: Path) -> None:
+    w, h = camera["width_px"], camera["height_px"]
+    if camera["pixel_format"] == "MJPG":
+        sources = [p.read_bytes() for p in sorted((cache / "jpeg").glob("*.jpg"))]
+        wrong = [n for n, data in map(unwrap_jpeg, log.images) if n is None or data != sources[n % len(sources)]]
+        report.equal(f"{name}: JPEGs that differ from those the camera sent", wrong[:5], [])
+        numbers = [unwrap_jpeg(i)[0] for i in log.images]
+        report.equal(f"{name}: camera's own numbers without gap or repeat", {y - x for x, y in zip(numbers, numbers[1:])}, {1})
+    else:
+        encoding, bytes_per_px = ("mono8", 1) if camera["pixel_format"] == "GREY" else ("yuyv", 2)
+        shapes = sorted({(i.encoding, i.width, i.height, i.step, len(i.data)) for i in log.images})
+        report.equal(f"{name}: image encoding, size, step, bytes", shapes, [(encoding, w, h, w * bytes_per_px, w * h * bytes_per_px)])
+        # vivid writes a running counter into every picture.
+        repeats = sum(1 for x, y in zip(log.images, log.images[1:]) if x.data == y.data)
+        report.equal(f"{name}: pictures equal to the one before", repeats, 0)
+
+
+def unwrap_jpeg(image) -> tuple[int | None, bytes]:
+    """The camera's frame number and the JPEG without the comment that carries it (see inject/uvc_camera.c)."""
+    d = image.data
+    if d[2:6] != b"\xff\xfe\x00\x0d" or d[6:9] != b"HIL":
+        return None, d
+    return int(d[9:17]), d[:2] + d[17:]

@@ -1,0 +1,69 @@
+"""tiers.py [a|b|c|all]...: boots each tier's guest and judges what it brought back."""
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import tier_a  # noqa: E402
+import tier_b  # noqa: E402
+import tier_c  # noqa: E402
+import vm  # noqa: E402
+from report import Report  # noqa: E402
+
+TIERS = {"a": tier_a, "b": tier_b, "c": tier_c}
+
+
+class Bench:
+    """What a tier works with."""
+
+    def __init__(self, name: str):
+        self.repository = HERE.parent.parent.parent
+        self.cache = Path(os.environ["HYDROLINE_HIL_CACHE"]).resolve()
+        self.binary = Path(os.environ["HYDROLINE_BIN"]).resolve()
+        (self.cache / "runs").mkdir(exist_ok=True)
+        self.out = Path(tempfile.mkdtemp(prefix=f"{name}.", dir=self.cache / "runs"))
+
+    def guest(self, timeout_s: float) -> vm.Guest:
+        g = vm.Guest(self.cache, self.out, timeout_s)
+        g.add_program(self.binary)
+        g.controller_command = [str(self.binary), "sim-controller", "--socket", "{socket}", "--kind", "stamped"]
+        return g
+
+
+def main(words: list[str]) -> int:
+    names = list(TIERS) if not words or "all" in words else words
+    unknown = [n for n in names if n not in TIERS]
+    if unknown:
+        print(f"run: no tier {unknown}; there are a, b, c and all", file=sys.stderr)
+        return 2
+    report = Report()
+    for name in names:
+        bench = Bench(name)
+        failed_before, started = report.failed, time.monotonic()
+        print(f"tier {name}: {TIERS[name].__doc__.strip().splitlines()[0]}", flush=True)
+        try:
+            TIERS[name].run(bench, report)
+        except Exception as e:  # a broken recording must end as a failed check with its evidence, not as a traceback
+            report.check(f"{name}: tier runs to its end", f"{type(e).__name__}: {e}", "no error", False)
+        print(f"tier {name}: {time.monotonic() - started:.1f} s", flush=True)
+        if report.failed > failed_before:
+            console = bench.out / "console.txt"
+            if console.exists():
+                print(f"--- last lines of {console}")
+                print("\n".join(console.read_text(errors="replace").splitlines()[-30:]))
+            for err in sorted(bench.out.glob("*.stderr")):
+                print(f"--- last lines of {err}")
+                print("\n".join(err.read_text(errors="replace").splitlines()[-12:]))
+            print(f"--- everything is kept in {bench.out}", flush=True)
+        elif not os.environ.get("HYDROLINE_HIL_KEEP"):
+            shutil.rmtree(bench.out)
+    return report.close()
+
+
+sys.exit(main(sys.argv[1:]))
