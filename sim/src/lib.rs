@@ -1,1 +1,28 @@
-//! stub
+//! The forward model: what the rig would do and what its camera would see.
+//!
+//! - [`vehicle`]: the paper's Eq. 1, Euler kinematics, RK4 split at every edge;
+//! - [`thrust`]: pulse to thrust, thrusters to wrench and back;
+//! - [`effect`]: the physics that a model may leave out, one file per effect;
+//! - [`model`]: vehicle and effects together, [`world`]: the same fed by commands as they come;
+//! - [`scene`]: the renderer of laser images and the analytic stripe.
+//!
+//! Nothing here reads a clock, a file or a device; the same input gives the same bytes.
+
+pub mod effect;
+pub mod fixture;
+pub mod model;
+pub mod real;
+pub mod scene;
+pub mod thrust;
+pub mod trajectory;
+pub mod vehicle;
+pub mod world;
+
+pub use effect::{EffectError, EffectStack};
+pub use model::Model;
+pub use real::Real;
+pub use scene::{Pose6, Renderer, SceneError};
+pub use thrust::{Allocation, ThrustError};
+pub use trajectory::{Trajectory, TrajectoryError};
+pub use vehicle::VehicleState;
+pub use world::{SimError, World};

@@ -1,0 +1,168 @@
+//! From a `[[physics]]` entry as typed to checked values.
+
+use super::error::nearest;
+use super::registry::{ALL, find};
+use super::{EffectError, EffectInfo};
+use hydroline_rigs::{ParameterValue, PhysicsEntry};
+
+/// A checked entry: ready to become a law in any scalar.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckedEffect {
+    /// The effect.
+    pub info: &'static EffectInfo,
+    /// One number per `info.parameters`.
+    pub numbers: Vec<f64>,
+    /// One index into `allowed` per `info.words`.
+    pub words: Vec<usize>,
+    /// What is unusual, e.g. a number outside of its plausible range.
+    pub notes: Vec<String>,
+}
+
+/// Checks all entries of a rig.
+///
+/// # Errors
+/// The first [`EffectError`] in file order.
+pub fn check(entries: &[PhysicsEntry]) -> Result<Vec<CheckedEffect>, EffectError> {
+    let mut checked: Vec<CheckedEffect> = Vec::with_capacity(entries.len());
+    for entry in entries {
+        let one = check_one(entry)?;
+        if checked
+            .iter()
+            .any(|c| c.info.id == one.info.id && c.words == one.words)
+        {
+            let words = one.info.words.iter().zip(&one.words);
+            return Err(EffectError::Duplicate {
+                effect: one.info.id,
+                words: words
+                    .map(|(w, &i)| format!("{} = {}", w.name, w.allowed[i]))
+                    .collect(),
+            });
+        }
+        checked.push(one);
+    }
+    Ok(checked)
+}
+
+fn check_one(entry: &PhysicsEntry) -> Result<CheckedEffect, EffectError> {
+    let info = find(&entry.effect).ok_or_else(|| EffectError::UnknownEffect {
+        effect: entry.effect.clone(),
+        nearest: nearest(&entry.effect, ALL.iter().map(|i| i.id)),
+        known: ALL.iter().map(|i| i.id).collect(),
+    })?;
+    let mut numbers: Vec<Option<f64>> = vec![None; info.parameters.len()];
+    let mut words: Vec<Option<usize>> = vec![None; info.words.len()];
+    for (name, value) in &entry.parameters {
+        if let Some(i) = info.parameter_index(name) {
+            let number = number_of(info, i, value)?;
+            if numbers[i].replace(number).is_some() {
+                return Err(EffectError::Repeated {
+                    effect: info.id,
+                    parameter: info.parameters[i].name,
+                });
+            }
+        } else if let Some(i) = info.words.iter().position(|w| w.name == name) {
+            let word = word_of(info, i, value)?;
+            if words[i].replace(word).is_some() {
+                return Err(EffectError::Repeated {
+                    effect: info.id,
+                    parameter: info.words[i].name,
+                });
+            }
+        } else {
+            let known: Vec<&'static str> = info
+                .parameters
+                .iter()
+                .map(|p| p.name)
+                .chain(info.words.iter().map(|w| w.name))
+                .collect();
+            return Err(EffectError::UnknownParameter {
+                effect: info.id,
+                parameter: name.clone(),
+                nearest: nearest(name, known.iter().copied()),
+                known,
+            });
+        }
+    }
+    let mut notes = Vec::new();
+    let mut final_numbers = Vec::with_capacity(numbers.len());
+    for (p, given) in info.parameters.iter().zip(numbers) {
+        let value = given.or(p.absent).ok_or(EffectError::Missing {
+            effect: info.id,
+            parameter: p.name,
+            unit: p.unit,
+            low: p.plausible.0,
+            high: p.plausible.1,
+        })?;
+        if given.is_some() && !(p.plausible.0..=p.plausible.1).contains(&value) {
+            notes.push(format!(
+                "{}: {} = {value} {} lies outside of the plausible {} .. {}",
+                info.id, p.name, p.unit, p.plausible.0, p.plausible.1
+            ));
+        }
+        final_numbers.push(value);
+    }
+    let mut final_words = Vec::with_capacity(words.len());
+    for (w, given) in info.words.iter().zip(words) {
+        let absent = w
+            .absent
+            .and_then(|a| w.allowed.iter().position(|word| *word == a));
+        final_words.push(given.or(absent).ok_or(EffectError::MissingWord {
+            effect: info.id,
+            parameter: w.name,
+            allowed: w.allowed,
+        })?);
+    }
+    Ok(CheckedEffect {
+        info,
+        numbers: final_numbers,
+        words: final_words,
+        notes,
+    })
+}
+
+fn number_of(
+    info: &'static EffectInfo,
+    i: usize,
+    value: &ParameterValue,
+) -> Result<f64, EffectError> {
+    let p = &info.parameters[i];
+    match value {
+        // NaN fails the range test as well.
+        ParameterValue::Number(v) if (p.limits.0..=p.limits.1).contains(v) => Ok(*v),
+        ParameterValue::Number(v) => Err(EffectError::OutOfLimits {
+            effect: info.id,
+            parameter: p.name,
+            value: *v,
+            unit: p.unit,
+            low: p.limits.0,
+            high: p.limits.1,
+        }),
+        ParameterValue::Word(word) => Err(EffectError::WrongKind {
+            effect: info.id,
+            parameter: p.name,
+            expected: format!("a number [{}]", p.unit),
+            found: format!("\"{word}\""),
+        }),
+    }
+}
+
+fn word_of(
+    info: &'static EffectInfo,
+    i: usize,
+    value: &ParameterValue,
+) -> Result<usize, EffectError> {
+    let w = &info.words[i];
+    let found = match value {
+        ParameterValue::Word(word) => match w.allowed.iter().position(|a| a == word) {
+            Some(index) => return Ok(index),
+            None => format!("\"{word}\""),
+        },
+        ParameterValue::Number(v) => v.to_string(),
+    };
+    Err(EffectError::WrongKind {
+        effect: info.id,
+        parameter: w.name,
+        expected: format!("one of {}", w.allowed.join(", ")),
+        found,
+    })
+}

@@ -1,0 +1,93 @@
+//! What is known about an effect apart from its code.
+
+/// Where in the chain from command to measurement an effect acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Stage {
+    /// Clocks and delays.
+    Timing,
+    /// Between the commanded and the real wrench.
+    Thruster,
+    /// Between the wrench and the acceleration.
+    Hydrodynamics,
+    /// Between the motion and what was measured of it.
+    Measurement,
+}
+
+impl Stage {
+    /// Name in verdicts.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Timing => "timing",
+            Stage::Thruster => "thruster",
+            Stage::Hydrodynamics => "hydrodynamics",
+            Stage::Measurement => "measurement",
+        }
+    }
+}
+
+/// A numeric parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParameterInfo {
+    /// Name in rig files, with its unit.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+    /// What a tank run may show: a prior. Outside of it is allowed, with a note.
+    pub plausible: (f64, f64),
+    /// Beyond these the law makes no sense: refused.
+    pub limits: (f64, f64),
+    /// Value a search may start from.
+    pub typical: f64,
+    /// Value when it is not given; `None`: it must be given.
+    pub absent: Option<f64>,
+}
+
+/// A parameter that is a word.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WordInfo {
+    /// Name in rig files.
+    pub name: &'static str,
+    /// Words it accepts.
+    pub allowed: &'static [&'static str],
+    /// Word when it is not given; `None`: it must be given.
+    pub absent: Option<&'static str>,
+}
+
+/// One effect of the vocabulary.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EffectInfo {
+    /// Id, as in `[[physics]] effect = "..."` and in verdicts.
+    pub id: &'static str,
+    /// Its law in one line.
+    pub law: &'static str,
+    /// Where it acts.
+    pub stage: Stage,
+    /// Order within the stage, ascending.
+    pub order: u16,
+    /// Numbers.
+    pub parameters: &'static [ParameterInfo],
+    /// Words.
+    pub words: &'static [WordInfo],
+    /// Ids it can be mistaken for.
+    pub kin: &'static [&'static str],
+    /// Where the law is from.
+    pub source: &'static str,
+}
+
+impl EffectInfo {
+    /// Index of a numeric parameter.
+    pub fn parameter_index(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|p| p.name == name)
+    }
+}
+
+/// The six DOFs' names, for `dof` words.
+pub(super) const DOF_WORDS: &[&str] = &["surge", "sway", "heave", "roll", "pitch", "yaw"];
+/// The usual `dof` word: surge when not given.
+pub(super) const DOF: WordInfo = WordInfo {
+    name: "dof",
+    allowed: DOF_WORDS,
+    absent: Some("surge"),
+};

@@ -1,0 +1,198 @@
+//! The effects that are switched on, in the order they act.
+
+use super::{
+    CheckedEffect, EffectError, EffectInfo, Law, Moment, Optics, Stage, Values, check, registry,
+};
+use crate::model::OWN_STATES_MAX;
+use crate::real::Real;
+use hydroline_rigs::PhysicsEntry;
+
+#[derive(Debug)]
+struct Member<T: Real> {
+    info: &'static EffectInfo,
+    law: Box<dyn Law<T>>,
+    /// Its slice of the own states.
+    first: usize,
+    last: usize,
+}
+
+/// Effects sorted by stage and by order within it; same order, file order.
+#[derive(Debug)]
+pub struct EffectStack<T: Real = f64> {
+    members: Vec<Member<T>>,
+    notes: Vec<String>,
+}
+
+impl EffectStack<f64> {
+    /// Checks the rig's `[[physics]]` entries and builds their laws.
+    ///
+    /// # Errors
+    /// [`EffectError`], the first in file order.
+    pub fn build(entries: &[PhysicsEntry]) -> Result<Self, EffectError> {
+        Self::assemble(&check(entries)?, |_, _, value| value)
+    }
+}
+
+impl<T: Real> EffectStack<T> {
+    /// No effect.
+    pub fn empty() -> Self {
+        EffectStack {
+            members: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Builds the laws in the scalar `T`; `lift(effect, parameter, value)` makes each number a `T`
+    /// (indices into `effects` and its `info.parameters`), e.g. a dual with its own derivative.
+    ///
+    /// # Errors
+    /// [`EffectError::TooManyStates`].
+    pub fn assemble(
+        effects: &[CheckedEffect],
+        mut lift: impl FnMut(usize, usize, f64) -> T,
+    ) -> Result<Self, EffectError> {
+        let mut members = Vec::with_capacity(effects.len());
+        for (e, effect) in effects.iter().enumerate() {
+            let numbers: Vec<T> = effect
+                .numbers
+                .iter()
+                .enumerate()
+                .map(|(p, &value)| lift(e, p, value))
+                .collect();
+            let values = Values {
+                info: effect.info,
+                numbers: &numbers,
+                words: &effect.words,
+            };
+            let law = registry::law(&values).ok_or_else(|| EffectError::UnknownEffect {
+                effect: effect.info.id.to_owned(),
+                nearest: None,
+                known: registry::ALL.iter().map(|i| i.id).collect(),
+            })?;
+            members.push(Member {
+                info: effect.info,
+                law,
+                first: 0,
+                last: 0,
+            });
+        }
+        members.sort_by_key(|m| (m.info.stage, m.info.order));
+        let mut used = 0;
+        for m in &mut members {
+            m.first = used;
+            used += m.law.states();
+            m.last = used;
+        }
+        if used > OWN_STATES_MAX {
+            return Err(EffectError::TooManyStates {
+                needed: used,
+                limit: OWN_STATES_MAX,
+            });
+        }
+        let notes = effects
+            .iter()
+            .flat_map(|e| e.notes.iter().cloned())
+            .collect();
+        Ok(EffectStack { members, notes })
+    }
+
+    /// What is unusual about the parameters, one line each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Infos in the order the effects act.
+    pub fn infos(&self) -> impl Iterator<Item = &'static EffectInfo> + '_ {
+        self.members.iter().map(|m| m.info)
+    }
+
+    fn stage(&self, stage: Stage) -> impl Iterator<Item = &Member<T>> {
+        self.members.iter().filter(move |m| m.info.stage == stage)
+    }
+
+    /// Sum of the command delays \[s\].
+    pub fn command_delay_s(&self) -> T {
+        self.stage(Stage::Timing)
+            .fold(T::zero(), |sum, m| sum + m.law.command_delay_s())
+    }
+
+    /// Time the scene was as row `row_px` of a frame stamped `stamp_s` shows it \[s\].
+    pub fn scene_time_s(&self, stamp_s: T, row_px: f64) -> T {
+        self.stage(Stage::Timing)
+            .fold(stamp_s, |t, m| m.law.scene_time_s(t, row_px))
+    }
+
+    /// All times at which some law jumps \[s\].
+    pub fn time_edges_s(&self) -> Vec<T> {
+        self.members
+            .iter()
+            .flat_map(|m| m.law.time_edges_s())
+            .collect()
+    }
+
+    pub(crate) fn thrust(&self, m: &Moment<'_, T>, wrench: &mut [T; 6], own: &[T], rate: &mut [T]) {
+        for e in self.stage(Stage::Thruster) {
+            e.law
+                .thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+        }
+    }
+
+    pub(crate) fn relative_velocity(&self, m: &mut Moment<'_, T>) {
+        let mut nu_r = m.nu_r;
+        for e in self.stage(Stage::Hydrodynamics) {
+            e.law.relative_velocity(m, &mut nu_r);
+        }
+        m.nu_r = nu_r;
+    }
+
+    pub(crate) fn added_mass(&self, m: &mut Moment<'_, T>) {
+        let mut mass = m.mass;
+        for e in self.stage(Stage::Hydrodynamics) {
+            e.law.added_mass(m, &mut mass);
+        }
+        m.mass = mass;
+    }
+
+    pub(crate) fn drag(&self, m: &Moment<'_, T>, drag: &mut [T; 6]) {
+        for e in self.stage(Stage::Hydrodynamics) {
+            e.law.drag(m, drag);
+        }
+    }
+
+    pub(crate) fn force(&self, m: &Moment<'_, T>, own: &[T], force: &mut [T; 6]) {
+        for e in self.stage(Stage::Hydrodynamics) {
+            e.law.force(m, &own[e.first..e.last], force);
+        }
+    }
+
+    pub(crate) fn own_rate(&self, m: &Moment<'_, T>, nu_dot: &[T; 6], own: &[T], rate: &mut [T]) {
+        for e in &self.members {
+            e.law
+                .own_rate(m, nu_dot, &own[e.first..e.last], &mut rate[e.first..e.last]);
+        }
+    }
+
+    /// The pose at which the camera looks at the scene at `t_s`.
+    pub fn scene_pose(&self, t_s: T, mut pose: [T; 6]) -> [T; 6] {
+        for e in self.stage(Stage::Measurement) {
+            e.law.scene_pose(t_s, &mut pose);
+        }
+        pose
+    }
+
+    /// What an instrument reports of the scene pose.
+    pub fn reported_pose(&self, t_s: T, mut pose: [T; 6]) -> [T; 6] {
+        for e in self.stage(Stage::Measurement) {
+            e.law.reported_pose(t_s, &mut pose);
+        }
+        pose
+    }
+
+    /// Applies the measurement effects to the rig's optics.
+    pub fn optics(&self, mut optics: Optics<T>) -> Optics<T> {
+        for e in self.stage(Stage::Measurement) {
+            e.law.optics(&mut optics);
+        }
+        optics
+    }
+}

@@ -1,0 +1,163 @@
+//! Vehicle and effects together: the right-hand side of the equations of motion.
+//!
+//! Order per evaluation: thruster stage on the commanded wrench, velocity through the
+//! water, added mass, damping, restoring, Coriolis (coupled model only), added forces,
+//! acceleration, then the effects' own states (which may use the acceleration).
+
+use crate::effect::{CheckedEffect, EffectError, EffectStack, Moment};
+use crate::real::{Real, add_scaled};
+use crate::vehicle::{Hydrodynamics, VehicleState, equations, kinematics};
+use hydroline_rigs::{Rig, VehicleModel};
+
+/// How many own states all effects of a stack may have together.
+pub const OWN_STATES_MAX: usize = 12;
+
+/// Vehicle state plus the effects' own states (thruster lag, energy drawn, ...).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModelState<T = f64> {
+    /// Pose and rates.
+    pub vehicle: VehicleState<T>,
+    /// Own states of the effects, in stack order; unused ones stay 0.
+    pub own: [T; OWN_STATES_MAX],
+}
+
+impl<T: Real> ModelState<T> {
+    /// At rest, every own state 0 ("integrals start at 0 with the log").
+    pub fn at_rest(eta: [T; 6]) -> Self {
+        ModelState {
+            vehicle: VehicleState::at_rest(eta),
+            own: [T::zero(); OWN_STATES_MAX],
+        }
+    }
+
+    /// `self + rate * step_s`.
+    pub(crate) fn stepped(&self, rate: &ModelState<T>, step_s: T) -> Self {
+        ModelState {
+            vehicle: VehicleState {
+                eta: add_scaled(&self.vehicle.eta, &rate.vehicle.eta, step_s),
+                nu: add_scaled(&self.vehicle.nu, &rate.vehicle.nu, step_s),
+            },
+            own: add_scaled(&self.own, &rate.own, step_s),
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let all = self
+            .vehicle
+            .eta
+            .iter()
+            .chain(&self.vehicle.nu)
+            .chain(&self.own);
+        all.map(|v| v.value()).all(f64::is_finite)
+    }
+}
+
+/// Vehicle and effects.
+#[derive(Debug)]
+pub struct Model<T: Real = f64> {
+    /// The vehicle's numbers.
+    pub hydrodynamics: Hydrodynamics<T>,
+    /// The effects that are switched on.
+    pub effects: EffectStack<T>,
+}
+
+impl Model<f64> {
+    /// The model a rig describes.
+    ///
+    /// # Errors
+    /// [`EffectError`] when a `[[physics]]` entry is unknown, incomplete or out of its limits.
+    pub fn from_rig(rig: &Rig) -> Result<Self, EffectError> {
+        Ok(Model {
+            hydrodynamics: Hydrodynamics::new(&rig.vehicle),
+            effects: EffectStack::build(&rig.physics)?,
+        })
+    }
+}
+
+impl<T: Real> Model<T> {
+    /// A model with effect parameters lifted to `T` (see [`EffectStack::assemble`]).
+    ///
+    /// # Errors
+    /// [`EffectError::TooManyStates`].
+    pub fn assemble(
+        hydrodynamics: Hydrodynamics<T>,
+        effects: &[CheckedEffect],
+        lift: impl FnMut(usize, usize, f64) -> T,
+    ) -> Result<Self, EffectError> {
+        Ok(Model {
+            hydrodynamics,
+            effects: EffectStack::assemble(effects, lift)?,
+        })
+    }
+
+    /// Time derivative of the whole state at `t_s` under a commanded wrench \[N, N m\].
+    ///
+    /// `step_start_s` is the start of the current (never split) step: a law that jumps in
+    /// time decides by it on which side of its jump the step lies.
+    pub fn rate(
+        &self,
+        t_s: T,
+        step_start_s: T,
+        state: &ModelState<T>,
+        command: &[T; 6],
+    ) -> ModelState<T> {
+        let h = &self.hydrodynamics;
+        let VehicleState { eta, nu } = state.vehicle;
+        let coupled = h.model == VehicleModel::Eq1;
+        let mut moment = Moment {
+            t_s,
+            step_start_s,
+            eta,
+            nu,
+            nu_r: nu,
+            mass: h.mass(),
+            hydrodynamics: h,
+        };
+        let mut own_rate = [T::zero(); OWN_STATES_MAX];
+
+        let mut wrench = *command;
+        self.effects
+            .thrust(&moment, &mut wrench, &state.own, &mut own_rate);
+        self.effects.relative_velocity(&mut moment);
+        self.effects.added_mass(&mut moment);
+
+        let mut drag = equations::damping(h, &moment.nu_r);
+        self.effects.drag(&moment, &mut drag);
+        let mut force = equations::restoring(h, &eta, coupled);
+        if coupled {
+            let cross = equations::coriolis(h, &nu);
+            force = std::array::from_fn(|i| force[i] + cross[i]);
+        }
+        self.effects.force(&moment, &state.own, &mut force);
+
+        let nu_dot: [T; 6] =
+            std::array::from_fn(|i| (wrench[i] + drag[i] + force[i]) / moment.mass[i]);
+        self.effects
+            .own_rate(&moment, &nu_dot, &state.own, &mut own_rate);
+        ModelState {
+            vehicle: VehicleState {
+                eta: kinematics::eta_rate(&eta, &nu),
+                nu: nu_dot,
+            },
+            own: own_rate,
+        }
+    }
+
+    /// One classic Runge-Kutta step of fourth order (the paper's integrator) from `t_s` over `step_s`.
+    ///
+    /// The command holds over the step; the caller never steps across an edge.
+    pub fn rk4(&self, t_s: T, step_s: T, state: &ModelState<T>, command: &[T; 6]) -> ModelState<T> {
+        let half = step_s * 0.5;
+        let k1 = self.rate(t_s, t_s, state, command);
+        let k2 = self.rate(t_s + half, t_s, &state.stepped(&k1, half), command);
+        let k3 = self.rate(t_s + half, t_s, &state.stepped(&k2, half), command);
+        let k4 = self.rate(t_s + step_s, t_s, &state.stepped(&k3, step_s), command);
+        let sixth = step_s * (1.0 / 6.0);
+        state
+            .stepped(&k1, sixth)
+            .stepped(&k2, sixth * 2.0)
+            .stepped(&k3, sixth * 2.0)
+            .stepped(&k4, sixth)
+    }
+}

@@ -1,0 +1,97 @@
+//! The scalar the laws of motion are written in.
+//!
+//! Laws take `T: Real` so that the same code runs on `f64` (simulation) and on a dual
+//! number (exact sensitivities of a trajectory to coefficients, effect parameters and
+//! delays). A law may compare and clamp values; it must never branch on derivatives.
+
+use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A real number, or a real number with derivatives.
+pub trait Real:
+    Copy
+    + Debug
+    + PartialOrd
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Mul<f64, Output = Self>
+{
+    /// A constant (all derivatives zero).
+    fn from_f64(value: f64) -> Self;
+    /// The value, without derivatives.
+    fn value(self) -> f64;
+    /// sin, argument in radians.
+    fn sin(self) -> Self;
+    /// cos, argument in radians.
+    fn cos(self) -> Self;
+    /// e^x.
+    fn exp(self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+
+    /// 0.
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+    /// 1.
+    fn one() -> Self {
+        Self::from_f64(1.0)
+    }
+    /// Absolute value; its derivative at 0 is that of +x.
+    fn abs(self) -> Self {
+        if self.value() < 0.0 { -self } else { self }
+    }
+    /// The larger of two; on a tie `self`.
+    fn max(self, other: Self) -> Self {
+        if other.value() > self.value() {
+            other
+        } else {
+            self
+        }
+    }
+    /// The smaller of two; on a tie `self`.
+    fn min(self, other: Self) -> Self {
+        if other.value() < self.value() {
+            other
+        } else {
+            self
+        }
+    }
+}
+
+impl Real for f64 {
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    fn value(self) -> f64 {
+        self
+    }
+    fn sin(self) -> Self {
+        f64::sin(self)
+    }
+    fn cos(self) -> Self {
+        f64::cos(self)
+    }
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    fn tanh(self) -> Self {
+        f64::tanh(self)
+    }
+}
+
+/// `a + b * k` per element; the integrator's only vector operation.
+pub(crate) fn add_scaled<T: Real, const N: usize>(a: &[T; N], b: &[T; N], k: T) -> [T; N] {
+    std::array::from_fn(|i| a[i] + b[i] * k)
+}

@@ -1,0 +1,103 @@
+//! The renderer of laser images and the analytic stripe.
+//!
+//! A frame is the exact ray of each pixel against floor and target, times the sheet's
+//! Gaussian at the hit point, integrated over the pixel, blurred by the point spread,
+//! plus ambient light, shot and read noise, rounded to 8 bits.
+//!
+//! All geometry is done in the affine coordinates (x, y, height above the floor) of the
+//! target frame: lines stay lines, slabs are upright prisms, and a sloping floor is h = 0.
+
+mod noise;
+mod psf;
+mod rays;
+mod renderer;
+mod sheet;
+mod solid;
+mod truth;
+
+pub use noise::Noise;
+pub use renderer::{GreyPixels, Renderer};
+pub use solid::Surface;
+pub use truth::{ColumnTruth, NEAR_STEP_PX};
+
+use crate::effect::EffectError;
+
+/// Pose of the CG in the tank frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pose6 {
+    /// X \[m\].
+    pub x_m: f64,
+    /// Y \[m\].
+    pub y_m: f64,
+    /// Z, down from the floor: negative above it \[m\].
+    pub z_m: f64,
+    /// Roll \[rad\].
+    pub phi_rad: f64,
+    /// Pitch \[rad\].
+    pub theta_rad: f64,
+    /// Yaw \[rad\].
+    pub psi_rad: f64,
+}
+
+impl Pose6 {
+    /// x, y, z, phi, theta, psi.
+    pub fn to_array(self) -> [f64; 6] {
+        [
+            self.x_m,
+            self.y_m,
+            self.z_m,
+            self.phi_rad,
+            self.theta_rad,
+            self.psi_rad,
+        ]
+    }
+}
+
+impl From<[f64; 6]> for Pose6 {
+    fn from([x_m, y_m, z_m, phi_rad, theta_rad, psi_rad]: [f64; 6]) -> Self {
+        Pose6 {
+            x_m,
+            y_m,
+            z_m,
+            phi_rad,
+            theta_rad,
+            psi_rad,
+        }
+    }
+}
+
+/// A rig that cannot be rendered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// A `[[physics]]` entry.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// A number out of its range.
+    #[error("{what} = {value}; it must lie in {low} .. {high}")]
+    Range {
+        /// Which number, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// Lowest allowed.
+        low: f64,
+        /// Highest allowed.
+        high: f64,
+    },
+    /// An outline that encloses nothing.
+    #[error("target slab \"{slab}\": its outline {reason}")]
+    Outline {
+        /// Slab.
+        slab: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// Too many slabs.
+    #[error("the target has {slabs} slabs, at most {limit} can be rendered; merge some")]
+    TooManySlabs {
+        /// Slabs of the target.
+        slabs: usize,
+        /// Limit.
+        limit: usize,
+    },
+}

@@ -1,0 +1,378 @@
+//! Floor and target slabs as upright prisms, and the first of them that a ray meets.
+
+use super::SceneError;
+use hydroline_rigs::{Slab, SlabOutline, Target};
+
+/// Slabs a target may have: their ids share a byte with the flags of the rasteriser.
+pub(super) const SLABS_MAX: usize = 100;
+
+/// What a stripe point lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Surface {
+    /// The tank floor.
+    Floor,
+    /// The top of the target's slab with this index.
+    Slab(usize),
+}
+
+/// First thing a ray meets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Hit {
+    /// Along the ray.
+    pub t: f64,
+    /// Which surface.
+    pub surface: Surface,
+    /// A vertical face of it instead of its top.
+    pub face: bool,
+}
+
+/// A line of sight or of light in (x, y, height): `origin + t * direction`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    pub origin: [f64; 3],
+    pub direction: [f64; 3],
+}
+
+impl Line {
+    fn xy(&self, t: f64) -> [f64; 2] {
+        [
+            self.origin[0] + t * self.direction[0],
+            self.origin[1] + t * self.direction[1],
+        ]
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Inside {
+    Rectangle,
+    Hexagons { x0: f64, side: f64, length: f64 },
+    Polygon(Vec<[f64; 2]>),
+}
+
+/// One prism.
+#[derive(Debug, Clone)]
+pub(super) struct Prism {
+    pub top_m: f64,
+    pub albedo: f64,
+    index: usize,
+    inside: Inside,
+    /// x min, x max, y min, y max.
+    bounds: [f64; 4],
+    /// Outline edges, from and to.
+    edges: Vec<[[f64; 2]; 2]>,
+}
+
+/// Floor and prisms, highest first.
+#[derive(Debug, Clone)]
+pub(super) struct Solid {
+    pub prisms: Vec<Prism>,
+}
+
+impl Solid {
+    /// Takes a target over; lengths along its centre line times `scale`.
+    pub fn new(target: Option<&Target>, scale: f64) -> Result<Self, SceneError> {
+        let slabs = target.map_or(&[][..], |t| &t.slabs);
+        if slabs.len() > SLABS_MAX {
+            return Err(SceneError::TooManySlabs {
+                slabs: slabs.len(),
+                limit: SLABS_MAX,
+            });
+        }
+        let mut prisms = Vec::with_capacity(slabs.len());
+        for (index, slab) in slabs.iter().enumerate() {
+            prisms.push(Prism::new(index, slab, scale)?);
+        }
+        // Where slabs overlap the highest counts; among equals the first in the file.
+        prisms.sort_by(|a: &Prism, b: &Prism| b.top_m.total_cmp(&a.top_m));
+        Ok(Solid { prisms })
+    }
+
+    /// All heights a stripe can lie at, with their surface and albedo; floor last.
+    pub fn levels(&self) -> impl Iterator<Item = (f64, Surface)> + '_ {
+        let floor = (0.0, Surface::Floor);
+        self.prisms
+            .iter()
+            .map(|p| (p.top_m, Surface::Slab(p.index)))
+            .chain([floor])
+    }
+
+    /// Whether a point could lie on this surface (its bounding box, grown by `margin_m`).
+    pub fn near(&self, surface: Surface, xy: [f64; 2], margin_m: f64) -> bool {
+        match surface {
+            Surface::Floor => true,
+            Surface::Slab(i) => self.prisms.iter().filter(|p| p.index == i).any(|p| {
+                let [x0, x1, y0, y1] = p.bounds;
+                xy[0] >= x0 - margin_m
+                    && xy[0] <= x1 + margin_m
+                    && xy[1] >= y0 - margin_m
+                    && xy[1] <= y1 + margin_m
+            }),
+        }
+    }
+
+    /// Reflectance of a surface.
+    pub fn albedo(&self, surface: Surface) -> f64 {
+        match surface {
+            Surface::Floor => 1.0,
+            Surface::Slab(i) => self
+                .prisms
+                .iter()
+                .find(|p| p.index == i)
+                .map_or(1.0, |p| p.albedo),
+        }
+    }
+
+    /// First hit of a descending line, `None` when it never comes down.
+    pub fn first_hit(&self, line: &Line) -> Option<Hit> {
+        let [.., h0] = line.origin;
+        let [.., dh] = line.direction;
+        // Negated comparison: a NaN direction is no hit either.
+        if !(dh < -1e-9) || !(h0 > 0.0) {
+            return None;
+        }
+        let floor_t = -h0 / dh;
+        let floor_xy = line.xy(floor_t);
+        let mut best = Hit {
+            t: floor_t,
+            surface: Surface::Floor,
+            face: false,
+        };
+        for prism in &self.prisms {
+            let top_t = ((prism.top_m - h0) / dh).max(0.0);
+            if top_t >= best.t {
+                continue;
+            }
+            let top_xy = line.xy(top_t);
+            let [x0, x1, y0, y1] = prism.bounds;
+            let clear = (top_xy[0] < x0 && floor_xy[0] < x0)
+                || (top_xy[0] > x1 && floor_xy[0] > x1)
+                || (top_xy[1] < y0 && floor_xy[1] < y0)
+                || (top_xy[1] > y1 && floor_xy[1] > y1);
+            if clear {
+                continue;
+            }
+            let surface = Surface::Slab(prism.index);
+            if prism.contains(top_xy) {
+                best = Hit {
+                    t: top_t,
+                    surface,
+                    face: false,
+                };
+            } else if let Some(s) = prism.first_crossing(top_xy, floor_xy) {
+                let t = top_t + s * (floor_t - top_t);
+                if t < best.t {
+                    best = Hit {
+                        t,
+                        surface,
+                        face: true,
+                    };
+                }
+            }
+        }
+        Some(best)
+    }
+}
+
+impl Prism {
+    fn new(index: usize, slab: &Slab, scale: f64) -> Result<Self, SceneError> {
+        let bad = |reason| SceneError::Outline {
+            slab: slab.name.clone(),
+            reason,
+        };
+        if !(slab.top_m > 0.0 && slab.top_m.is_finite()) {
+            return Err(bad("has its top at or below the floor"));
+        }
+        let (inside, points) = match &slab.outline {
+            SlabOutline::Rectangle {
+                x0_m,
+                x1_m,
+                width_m,
+            } => {
+                let (x0, x1, half) = (x0_m * scale, x1_m * scale, width_m / 2.0);
+                (
+                    Inside::Rectangle,
+                    vec![[x0, -half], [x1, -half], [x1, half], [x0, half]],
+                )
+            }
+            SlabOutline::HexagonChain {
+                x0_m,
+                side_m,
+                count,
+            } => {
+                let (x0, side) = (x0_m * scale, side_m * scale);
+                let length = 3f64.sqrt() * side;
+                // Up along starboard, back along port: joints half a side wide, middles a whole one.
+                let flank: Vec<[f64; 2]> = (0..=2 * count)
+                    .map(|k| {
+                        [
+                            x0 + f64::from(k) * length / 2.0,
+                            if k % 2 == 0 { side / 2.0 } else { side },
+                        ]
+                    })
+                    .collect();
+                let back = flank.iter().rev().map(|[x, y]| [*x, -y]);
+                (
+                    Inside::Hexagons { x0, side, length },
+                    flank.iter().copied().chain(back).collect(),
+                )
+            }
+            SlabOutline::Polygon { points_m } => {
+                let points: Vec<[f64; 2]> = points_m.iter().map(|p| [p[0] * scale, p[1]]).collect();
+                (Inside::Polygon(points.clone()), points)
+            }
+        };
+        if points.len() < 3 || points.iter().flatten().any(|v| !v.is_finite()) {
+            return Err(bad("has fewer than three finite corners"));
+        }
+        let range = |axis: usize| {
+            let low = points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+            let high = points
+                .iter()
+                .map(|p| p[axis])
+                .fold(f64::NEG_INFINITY, f64::max);
+            (low, high)
+        };
+        let ((x0, x1), (y0, y1)) = (range(0), range(1));
+        if x1 <= x0 || y1 <= y0 {
+            return Err(bad("encloses no area"));
+        }
+        let edges = (0..points.len())
+            .map(|i| [points[i], points[(i + 1) % points.len()]])
+            .collect();
+        Ok(Prism {
+            top_m: slab.top_m,
+            albedo: slab.albedo,
+            index,
+            inside,
+            bounds: [x0, x1, y0, y1],
+            edges,
+        })
+    }
+
+    fn contains(&self, [x, y]: [f64; 2]) -> bool {
+        let [x0, x1, y0, y1] = self.bounds;
+        if !(x >= x0 && x <= x1 && y >= y0 && y <= y1) {
+            return false;
+        }
+        match &self.inside {
+            Inside::Rectangle => true,
+            Inside::Hexagons { x0, side, length } => {
+                let along = (x - x0) / length;
+                let from_middle = (along - along.floor() - 0.5).abs() * length;
+                y.abs() <= side - from_middle / 3f64.sqrt()
+            }
+            Inside::Polygon(points) => {
+                // Even-odd rule.
+                let mut inside = false;
+                let mut j = points.len() - 1;
+                for i in 0..points.len() {
+                    let ([xi, yi], [xj, yj]) = (points[i], points[j]);
+                    if (yi > y) != (yj > y) && x < (xj - xi) * (y - yi) / (yj - yi) + xi {
+                        inside = !inside;
+                    }
+                    j = i;
+                }
+                inside
+            }
+        }
+    }
+
+    /// Smallest fraction of the way p -> q at which the outline is crossed.
+    fn first_crossing(&self, p: [f64; 2], q: [f64; 2]) -> Option<f64> {
+        let d = [q[0] - p[0], q[1] - p[1]];
+        let (low_x, high_x) = (p[0].min(q[0]), p[0].max(q[0]));
+        let (low_y, high_y) = (p[1].min(q[1]), p[1].max(q[1]));
+        let mut first: Option<f64> = None;
+        for [a, b] in &self.edges {
+            if a[0].max(b[0]) < low_x
+                || a[0].min(b[0]) > high_x
+                || a[1].max(b[1]) < low_y
+                || a[1].min(b[1]) > high_y
+            {
+                continue;
+            }
+            let e = [b[0] - a[0], b[1] - a[1]];
+            let det = d[0] * e[1] - d[1] * e[0];
+            if det == 0.0 {
+                continue;
+            }
+            let w = [a[0] - p[0], a[1] - p[1]];
+            let s = (w[0] * e[1] - w[1] * e[0]) / det;
+            let r = (w[0] * d[1] - w[1] * d[0]) / det;
+            if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&r) && first.is_none_or(|f| s < f) {
+                first = Some(s);
+            }
+        }
+        first
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::hexagon_target;
+    use proptest::prelude::*;
+
+    /// Walks down the line in small steps: the definition, without any of the geometry above.
+    fn marched(solid: &Solid, line: &Line) -> (f64, Surface) {
+        let n = 20_000;
+        let floor_t = -line.origin[2] / line.direction[2];
+        for i in 0..=n {
+            let t = floor_t * f64::from(i) / f64::from(n);
+            let h = line.origin[2] + t * line.direction[2];
+            if let Some(p) = solid
+                .prisms
+                .iter()
+                .find(|p| p.contains(line.xy(t)) && h <= p.top_m)
+            {
+                return (t, Surface::Slab(p.index));
+            }
+        }
+        (floor_t, Surface::Floor)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+        #[test]
+        fn first_hit_is_what_marching_finds(
+            x in -0.3..1.3f64, y in -0.4..0.4f64, h in 0.05..1.0f64, dx in -3.0..3.0f64, dy in -3.0..3.0f64,
+        ) {
+            let solid = Solid::new(Some(&hexagon_target()), 1.0).unwrap();
+            let line = Line { origin: [x, y, h], direction: [dx, dy, -1.0] };
+            let hit = solid.first_hit(&line).unwrap();
+            let (t, surface) = marched(&solid, &line);
+            // A step of the march is h/20000; grazing corners may differ by one step's clip.
+            if hit.surface == surface {
+                prop_assert!((hit.t - t).abs() <= h / 10_000.0);
+            } else {
+                let clip = Line { origin: line.xy(hit.t).iter().copied().chain([h - hit.t]).collect::<Vec<_>>().try_into().unwrap(), direction: line.direction };
+                let gone = solid.first_hit(&Line { origin: [clip.origin[0] + 2e-4 * dx, clip.origin[1] + 2e-4 * dy, clip.origin[2]], direction: line.direction });
+                prop_assert!(gone.is_some_and(|g| g.surface == surface), "{hit:?} against {surface:?} at {t}");
+            }
+        }
+
+        #[test]
+        fn the_hexagon_chain_is_its_own_polygon(x in -0.1..1.4f64, y in -0.2..0.2f64) {
+            let chain = Solid::new(Some(&hexagon_target()), 1.0).unwrap().prisms[0].clone();
+            let corners: Vec<[f64; 2]> = chain.edges.iter().map(|e| e[0]).collect();
+            let polygon = Prism { inside: Inside::Polygon(corners), ..chain.clone() };
+            prop_assert_eq!(chain.contains([x, y]), polygon.contains([x, y]));
+        }
+    }
+
+    #[test]
+    fn bad_outlines_are_named() {
+        let mut target = hexagon_target();
+        target.slabs[0].outline = SlabOutline::Polygon {
+            points_m: vec![[0.0, 0.0], [1.0, 0.0]],
+        };
+        let error = Solid::new(Some(&target), 1.0).unwrap_err();
+        assert!(error.to_string().contains("board"), "{error}");
+        target = hexagon_target();
+        target.slabs[1].top_m = f64::NAN;
+        assert!(matches!(
+            Solid::new(Some(&target), 1.0),
+            Err(SceneError::Outline { .. })
+        ));
+    }
+}

@@ -1,0 +1,134 @@
+//! The analytic stripe: where the sheet's middle plane meets the surfaces, projected.
+//!
+//! Independent of the rasteriser: closed form per column and height, then three tests
+//! (the surface there has that height, the camera sees it, the fan reaches it).
+
+use super::rays::{Form, View};
+use super::sheet::Light;
+use super::solid::{Hit, Surface};
+use super::{Pose6, Renderer};
+
+/// Columns from a step within which blur and the sheet's thickness mix both sides.
+pub const NEAR_STEP_PX: f64 = 8.0;
+
+/// One point of the stripe's centre line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ColumnTruth {
+    /// Column \[px\].
+    pub column_px: u32,
+    /// Row of the centre line \[px\], 0 = centre of the top row.
+    pub row_px: f64,
+    /// Where it lies.
+    pub surface: Surface,
+    /// Laser plane, to port \[m\].
+    pub xi_m: f64,
+    /// Laser plane, up \[m\].
+    pub eta_m: f64,
+    /// Columns to the nearest step, occlusion or end of the fan on this surface \[px\].
+    pub step_distance_px: f64,
+    /// Closer than [`NEAR_STEP_PX`] to one, or with another surface within 3 sigma of the sheet's thickness.
+    pub near_step: bool,
+}
+
+impl Renderer {
+    /// The stripe's centre line for every column, columns ascending, rows ascending within one.
+    ///
+    /// A column may hold no point (outside the fan, hidden) or several (both sides of a step are seen).
+    pub fn profile_truth(&self, pose: &Pose6) -> Vec<ColumnTruth> {
+        let view = self.view(pose);
+        let light = self.light(&view);
+        let mut points = Vec::with_capacity(self.width_px + 16);
+        let levels: Vec<(f64, Surface)> = self.solid.levels().collect();
+        for column in 0..self.width_px {
+            let first = points.len();
+            for &(height_m, surface) in &levels {
+                if let Some(point) = self.point(&view, &light, column, height_m, surface) {
+                    points.push(point);
+                }
+            }
+            points[first..].sort_by(|a, b| a.row_px.total_cmp(&b.row_px));
+        }
+        self.mark_steps(&mut points);
+        points
+    }
+
+    fn point(
+        &self,
+        view: &View,
+        light: &Light<'_>,
+        column: usize,
+        height_m: f64,
+        surface: Surface,
+    ) -> Option<ColumnTruth> {
+        let u = column as f64;
+        let (row_px, t) = view.row_of(u, height_m, 0.0)?;
+        if !(-0.5..=self.height_px as f64 - 0.5).contains(&row_px) {
+            return None;
+        }
+        let seen = |row: f64| self.solid.first_hit(&view.line(u, row));
+        let same = |hit: Option<Hit>| hit.is_some_and(|h| h.surface == surface && !h.face);
+        let hit = seen(row_px)?;
+        if !same(Some(hit)) || (hit.t - t).abs() > 1e-9 * t {
+            return None;
+        }
+        let at = |f: &Form| f.at_eye + t * f.rate(u, row_px);
+        let (fan_y, fan_z) = (at(&view.fan_y), at(&view.fan_z));
+        if !light.reaches(fan_y, fan_z, [at(&view.x), at(&view.y), at(&view.height)]) {
+            return None;
+        }
+        // Across the sheet's thickness the same surface must be seen, or the stripe's centre is not its middle.
+        let sigma_m = self.optics.sheet_sigma_m;
+        let whole = [-3.0, -1.5, 1.5, 3.0].iter().all(|k| {
+            view.row_of(u, height_m, k * sigma_m)
+                .is_some_and(|(row, _)| same(seen(row)))
+        });
+        Some(ColumnTruth {
+            column_px: column as u32,
+            row_px,
+            surface,
+            xi_m: -fan_y,
+            eta_m: self.h_centre_m - fan_z,
+            step_distance_px: f64::INFINITY,
+            near_step: !whole,
+        })
+    }
+
+    /// Distance along each surface's unbroken run of columns to its ends; the image's border is no step.
+    fn mark_steps(&self, points: &mut [ColumnTruth]) {
+        let has = |points: &[ColumnTruth], column: i64, surface: Surface| {
+            let from = points.partition_point(|p| i64::from(p.column_px) < column);
+            points[from..]
+                .iter()
+                .take_while(|p| i64::from(p.column_px) == column)
+                .any(|p| p.surface == surface)
+        };
+        let last = self.width_px as i64 - 1;
+        // Sweep in both directions, carrying the distance from the last break per surface.
+        for forward in [true, false] {
+            for n in 0..points.len() {
+                let i = if forward { n } else { points.len() - 1 - n };
+                let p = points[i];
+                let before = i64::from(p.column_px) + if forward { -1 } else { 1 };
+                let distance = if before < 0 || before > last {
+                    f64::INFINITY
+                } else if !has(points, before, p.surface) {
+                    0.5
+                } else {
+                    let from = points.partition_point(|q| i64::from(q.column_px) < before);
+                    let beside = points[from..].iter().find(|q| q.surface == p.surface);
+                    beside.map_or(f64::INFINITY, |q| q.step_distance_px + 1.0)
+                };
+                // A forward sweep must not read what only a backward one may set, hence min on the way back.
+                let best = if forward {
+                    distance
+                } else {
+                    distance.min(p.step_distance_px)
+                };
+                points[i].step_distance_px = best;
+            }
+        }
+        for p in points {
+            p.near_step |= p.step_distance_px < NEAR_STEP_PX;
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! A rig's vehicle in its tank, fed with commands as they come.
+//!
+//! Serves both real time (a simulated controller and camera call it from their threads,
+//! behind one `Mutex`) and offline simulation. Times are seconds since the log's first
+//! stamp on the commands' clock.
+
+use crate::effect::EffectError;
+use crate::model::{Model, ModelState};
+use crate::scene::Pose6;
+use crate::thrust::{Allocation, ThrustError, array};
+use crate::trajectory::{GRID_STEP_S, Trajectory, TrajectoryError};
+use crate::vehicle::VehicleState;
+use hydroline_rigs::{Rig, Wrench};
+
+/// What can go wrong in a simulated world.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// A `[[physics]]` entry.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// Thrusters.
+    #[error(transparent)]
+    Thrust(#[from] ThrustError),
+    /// Integration.
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+}
+
+/// The simulated vehicle.
+#[derive(Debug)]
+pub struct World {
+    trajectory: Trajectory,
+    allocation: Allocation,
+}
+
+impl World {
+    /// A vehicle at rest at `start_pose` (tank frame) at t = 0, with the rig's effects.
+    ///
+    /// # Errors
+    /// [`SimError`] for a bad `[[physics]]` entry, thruster layout or start pose.
+    pub fn new(rig: &Rig, start_pose: [f64; 6]) -> Result<Self, SimError> {
+        let model = Model::from_rig(rig)?;
+        let trajectory = Trajectory::new(model, ModelState::at_rest(start_pose), GRID_STEP_S)?;
+        Ok(World {
+            trajectory,
+            allocation: Allocation::new(&rig.thrusters)?,
+        })
+    }
+
+    /// Effects' notes: what is unusual about their parameters.
+    pub fn notes(&self) -> &[String] {
+        self.trajectory.model().effects.notes()
+    }
+
+    /// The thrusters' geometry and curves.
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
+    }
+
+    /// A body wrench stamped `t_s`, taken as it is (no allocation, no saturation); holds until the next command.
+    ///
+    /// # Errors
+    /// [`TrajectoryError`] when it is not finite or older than the kept history.
+    pub fn command(&mut self, t_s: f64, wrench: &Wrench) -> Result<(), SimError> {
+        Ok(self.trajectory.command(t_s, array(wrench))?)
+    }
+
+    /// Thrusts \[N\] per thruster in the rig's order, stamped `t_s`.
+    ///
+    /// # Errors
+    /// [`ThrustError`] or [`TrajectoryError`].
+    pub fn command_thrusts(&mut self, t_s: f64, thrust_n: &[f64]) -> Result<(), SimError> {
+        let wrench = self.allocation.wrench(thrust_n)?;
+        self.command(t_s, &wrench)
+    }
+
+    /// Pulses \[us\] per thruster in the rig's order, stamped `t_s`, through the rig's curves.
+    ///
+    /// # Errors
+    /// [`ThrustError`] or [`TrajectoryError`].
+    pub fn command_pulses(&mut self, t_s: f64, pulses_us: &[f64]) -> Result<(), SimError> {
+        let thrust_n = self.allocation.thrusts_of_pulses(pulses_us)?;
+        self.command_thrusts(t_s, &thrust_n)
+    }
+
+    /// The true state at `t_s`; before 0 the start. How often it is asked changes no bit of any answer.
+    ///
+    /// # Errors
+    /// [`TrajectoryError`] when the motion diverged or `t_s` is older than the kept history (about 10 s).
+    pub fn state_at(&mut self, t_s: f64) -> Result<VehicleState, SimError> {
+        Ok(self.trajectory.state_at(t_s)?.vehicle)
+    }
+
+    /// The pose that row `row_px` of a frame stamped `stamp_s` shows (timing and scene-pose effects).
+    ///
+    /// # Errors
+    /// As [`World::state_at`].
+    pub fn pose_seen(&mut self, stamp_s: f64, row_px: f64) -> Result<Pose6, SimError> {
+        let t_s = self
+            .trajectory
+            .model()
+            .effects
+            .scene_time_s(stamp_s, row_px);
+        let eta = self.state_at(t_s)?.eta;
+        Ok(Pose6::from(
+            self.trajectory.model().effects.scene_pose(t_s, eta),
+        ))
+    }
+
+    /// The pose that a measurement stamped `stamp_s` reports (all timing and measurement effects on poses).
+    ///
+    /// # Errors
+    /// As [`World::state_at`].
+    pub fn pose_reported(&mut self, stamp_s: f64) -> Result<Pose6, SimError> {
+        let seen = self.pose_seen(stamp_s, 0.0)?;
+        let effects = &self.trajectory.model().effects;
+        let t_s = effects.scene_time_s(stamp_s, 0.0);
+        Ok(Pose6::from(effects.reported_pose(t_s, seen.to_array())))
+    }
+}
+
+#[cfg(test)]
+mod tests;
