@@ -2,7 +2,7 @@
 //!
 //! A core without I/O: frames and profiles in, one [`Glance`] per window out.
 
-use crate::log::messages::StripeProfile;
+use crate::log::messages::pb::StripeProfile;
 use serde::Serialize;
 
 /// Bit of `StripeProfile.quality`: the point's columns were saturated.

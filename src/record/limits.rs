@@ -14,6 +14,8 @@ pub const CONFIRM: u32 = 3;
 pub struct Estimate {
     /// Along the tank, tank frame \[m\].
     pub x_m: Option<f64>,
+    /// Across the tank, tank frame \[m\].
+    pub y_m: Option<f64>,
     /// Depth coordinate of the CG, tank frame, z down from the floor (negative above it) \[m\].
     pub z_m: Option<f64>,
     /// Roll \[rad\].
@@ -26,26 +28,29 @@ pub struct Estimate {
 #[derive(Debug, Clone)]
 pub struct LimitMonitor {
     limits: Limits,
-    beyond: [u32; 4],
+    beyond: [u32; 5],
 }
 
 impl LimitMonitor {
     /// A monitor that has seen nothing yet.
     pub fn new(limits: Limits) -> Self {
-        Self { limits, beyond: [0; 4] }
+        Self { limits, beyond: [0; 5] }
     }
 
     /// Takes one estimate; `Some(words)` when a limit was passed [`CONFIRM`] times in a row.
     pub fn update(&mut self, estimate: &Estimate) -> Option<String> {
+        let attitude = [-self.limits.attitude_rad, self.limits.attitude_rad];
         let channels = [
             ("x", estimate.x_m, self.limits.x_m, "m"),
+            ("y", estimate.y_m, self.limits.y_m, "m"),
             ("z", estimate.z_m, self.limits.z_m, "m"),
-            ("roll", estimate.phi_rad, self.limits.phi_rad, "rad"),
-            ("pitch", estimate.theta_rad, self.limits.theta_rad, "rad"),
+            ("roll", estimate.phi_rad, attitude, "rad"),
+            ("pitch", estimate.theta_rad, attitude, "rad"),
         ];
         for (count, (name, value, range, unit)) in self.beyond.iter_mut().zip(channels) {
             // Not measured: keep the count; a lost stripe must not clear a building alarm.
-            let (Some(value), Some([low, high])) = (value, range) else { continue };
+            let Some(value) = value else { continue };
+            let [low, high] = range;
             if (low..=high).contains(&value) {
                 *count = 0;
             } else {
@@ -64,7 +69,7 @@ mod tests {
     use super::*;
 
     fn monitor() -> LimitMonitor {
-        LimitMonitor::new(Limits { x_m: Some([-0.1, 1.5]), z_m: Some([-1.0, -0.5]), phi_rad: Some([-0.3, 0.3]), theta_rad: None })
+        LimitMonitor::new(Limits { x_m: [-0.1, 1.5], y_m: [-1.0, 1.0], z_m: [-1.0, -0.5], attitude_rad: 0.3 })
     }
 
     fn at_z(z_m: f64) -> Estimate {
@@ -91,11 +96,12 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_limit_is_not_watched_and_nan_counts_as_beyond() {
+    fn roll_counts_on_both_sides_and_nan_counts_as_beyond() {
         let mut monitor = monitor();
-        for _ in 0..10 {
-            assert_eq!(monitor.update(&Estimate { theta_rad: Some(3.0), ..Estimate::default() }), None);
+        for phi in [-0.31, 0.31] {
+            monitor.update(&Estimate { phi_rad: Some(phi), ..Estimate::default() });
         }
+        assert!(monitor.update(&Estimate { phi_rad: Some(-0.4), ..Estimate::default() }).is_some());
         let nan = Estimate { x_m: Some(f64::NAN), ..Estimate::default() };
         monitor.update(&nan);
         monitor.update(&nan);

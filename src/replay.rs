@@ -1,0 +1,257 @@
+//! `replay`: every frame of a log extracted again, offline and deterministic.
+//!
+//! Everything but the images is carried over; profiles are computed anew with the code that ran
+//! live, so that a frame that was extracted live gives the same bytes again, which is counted.
+
+use crate::analysis::Analyst;
+use crate::frame::Frame;
+use crate::log::LogError;
+use crate::log::account::{LogOutcome, SummaryInput};
+use crate::log::entry::Entry;
+use crate::log::messages::{self, pb::StripeProfile, unix_ns};
+use crate::log::part::MetadataMap;
+use crate::log::reader::{LogMessage, LogReader, Record};
+use crate::log::writer::{FileRecorder, Head, WriteSettings};
+use crate::stripe::ExtractorConfig;
+use hydroline_calib::plane::PlaneMap;
+use prost::Message;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::HashMap;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
+const BATCH: usize = 64;
+
+/// How to replay.
+#[derive(Clone, Default)]
+pub struct Options {
+    /// Copies the images too, so that the new log can be viewed and replayed on its own.
+    pub keep_images: bool,
+    /// The extractor's settings.
+    pub extractor: ExtractorConfig,
+    /// The calibration from image to laser plane.
+    pub map: Option<Arc<dyn PlaneMap>>,
+    /// The rig to state in the new log, when it is another than the recording's own.
+    pub rig_toml: Option<String>,
+    /// The calibration in force, for the new log's head.
+    pub calibration_toml: Option<String>,
+}
+
+/// What a replay found.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Report {
+    /// Frames in the log.
+    pub frames: u64,
+    /// Frames with a stripe.
+    pub with_stripe: u64,
+    /// Frames excluded or without a stripe, by reason.
+    pub without_stripe: std::collections::BTreeMap<String, u64>,
+    /// Stripe points found.
+    pub points: u64,
+    /// Frames that had been extracted live.
+    pub live: u64,
+    /// Of these, profiles that came out bit for bit the same.
+    pub live_identical: u64,
+    /// Commands carried over.
+    pub commands: u64,
+    /// First and last stamp of a frame, UNIX \[ns\].
+    pub span_ns: Option<(u64, u64)>,
+}
+
+/// Why a replay failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// Reading or writing a log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Nothing to extract from.
+    #[error("{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it")]
+    NoImages {
+        /// The log.
+        path: PathBuf,
+    },
+}
+
+/// Replays one log into a new one; `progress` is told how many frames are done.
+///
+/// # Errors
+/// [`ReplayError`]. A damaged log stops with the place of the damage; `recover` it first.
+pub fn replay(log: &Path, out: &Path, options: &Options, progress: &mut dyn FnMut(u64)) -> Result<(Report, LogOutcome), ReplayError> {
+    let mut reader = LogReader::open(log)?;
+    let head = head(&reader, log, options);
+    let mut first = Vec::new();
+    // The camera's format decides the new file's channels; it is known at the first frame.
+    let mut camera = None;
+    for message in reader.by_ref() {
+        let message = message?;
+        if let Record::Frame(frame) = &message.record {
+            camera = Some(frame.format);
+            first.push(message);
+            break;
+        }
+        first.push(message);
+    }
+    if camera.is_none() {
+        return Err(ReplayError::NoImages { path: log.to_owned() });
+    }
+    let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
+    let mut state = Replay {
+        writer: FileRecorder::create(out, false, head, settings)?,
+        options,
+        live: HashMap::new(),
+        ours: HashMap::new(),
+        pending: Vec::with_capacity(BATCH),
+        frames_pending: 0,
+        report: Report::default(),
+        index: 0,
+    };
+    for message in first.into_iter().map(Ok).chain(reader) {
+        state.take(message?)?;
+        progress(state.report.frames);
+    }
+    state.flush()?;
+    progress(state.report.frames);
+    let mut summary = SummaryInput::clean("replayed to the end");
+    summary.more.insert("replay.live".to_owned(), state.report.live.to_string());
+    summary.more.insert("replay.live_identical".to_owned(), state.report.live_identical.to_string());
+    let outcome = state.writer.finish(&summary)?;
+    Ok((state.report, outcome))
+}
+
+fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
+    let metadata = reader.metadata();
+    let toml = |name: &str| metadata.get(name).and_then(|m| m.get("toml")).cloned();
+    let mut session: MetadataMap = metadata.get("session").cloned().unwrap_or_default();
+    session.insert("replay.of".to_owned(), log.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default());
+    session.insert("replay.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    Head {
+        rig_toml: options.rig_toml.clone().or_else(|| toml("rig")).unwrap_or_default(),
+        calibration_toml: options.calibration_toml.clone().or_else(|| toml("calibration")),
+        session,
+    }
+}
+
+/// 64-bit fingerprint of a profile's bytes; two different profiles share one by a chance of 1 in 10^19.
+fn fingerprint(profile: &StripeProfile) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    profile.encode_to_vec().hash(&mut hasher);
+    hasher.finish()
+}
+
+struct Replay<'a> {
+    writer: FileRecorder,
+    options: &'a Options,
+    /// Fingerprints of the recording's profiles by stamp and sequence (the bytes of an hour would fill the memory).
+    live: HashMap<(u64, u32), u64>,
+    /// Profiles computed here that have not met their live twin yet.
+    ours: HashMap<(u64, u32), u64>,
+    pending: Vec<LogMessage>,
+    frames_pending: usize,
+    report: Report,
+    index: u64,
+}
+
+impl Replay<'_> {
+    fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
+        self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
+        self.pending.push(message);
+        if self.frames_pending >= BATCH { self.flush() } else { Ok(()) }
+    }
+
+    /// Extracts the pending frames in parallel and writes everything pending in its order.
+    fn flush(&mut self) -> Result<(), ReplayError> {
+        let pending = std::mem::take(&mut self.pending);
+        self.frames_pending = 0;
+        let options = self.options;
+        let profiles: Vec<Option<StripeProfile>> = pending
+            .par_iter()
+            .map_init(
+                || Analyst::new(options.extractor.clone(), options.map.clone()),
+                |analyst, message| match &message.record {
+                    Record::Frame(frame) => Some(analyst.analyse(frame)),
+                    _ => None,
+                },
+            )
+            .collect();
+        for (message, profile) in pending.into_iter().zip(profiles) {
+            self.write(message, profile)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, message: LogMessage, profile: Option<StripeProfile>) -> Result<(), ReplayError> {
+        let log_ns = message.log_ns;
+        let entry = match message.record {
+            Record::Frame(frame) => {
+                if self.options.keep_images {
+                    self.writer.write(log_ns, &Entry::frame(&frame, self.index))?;
+                }
+                self.index += 1;
+                if let Some(profile) = profile {
+                    self.count(&frame, &profile);
+                    self.writer.write(log_ns, &Entry::profile(&profile))?;
+                    if self.options.keep_images {
+                        self.writer.write(log_ns, &Entry::annotations(&messages::stripe_annotations(&profile)))?;
+                    }
+                }
+                return Ok(());
+            }
+            Record::Profile(live) => {
+                let key = (live.timestamp.as_ref().map_or(0, unix_ns), live.sequence);
+                self.report.live += 1;
+                let bytes = fingerprint(&live);
+                match self.ours.remove(&key) {
+                    Some(ours) => self.report.live_identical += u64::from(ours == bytes),
+                    None => {
+                        self.live.insert(key, bytes);
+                    }
+                }
+                return Ok(());
+            }
+            // Drawn again from the new profile; the frame's own account stands with the image it is about.
+            Record::Annotations(_) | Record::Log(_) | Record::Other { .. } => return Ok(()),
+            Record::FrameInfo(info) => Entry::frame_info(&info),
+            Record::Command(command) => {
+                self.report.commands += 1;
+                Entry::command(&command)
+            }
+            Record::Echo(echo) => Entry::echo(&echo),
+            Record::Motion(motion) => Entry::motion(&motion),
+            Record::Truth(truth) => Entry::truth(&truth),
+            Record::Clock(clock) => Entry::clock(&clock),
+            Record::Event(event) => Entry::event_message(&event),
+            Record::PlaneCalibration(calibration) => Entry::plane_calibration(&calibration),
+            Record::CameraCalibration(calibration) => Entry::camera_calibration(&calibration),
+            Record::Pose(pose) => Entry::pose(&pose),
+        };
+        Ok(self.writer.write(log_ns, &entry)?)
+    }
+
+    fn count(&mut self, frame: &Frame, profile: &StripeProfile) {
+        let stamp_ns = frame.meta.mid_exposure_ns;
+        let report = &mut self.report;
+        report.frames += 1;
+        report.points += profile.row_px.len() as u64;
+        report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| (a.min(stamp_ns), b.max(stamp_ns))));
+        if profile.fault.is_empty() {
+            report.with_stripe += 1;
+        } else {
+            // Numbers differ from frame to frame; the words before the first colon-and-number group them.
+            let reason = profile.fault.split(['(', ';']).next().unwrap_or_default().trim();
+            let reason: String = reason.chars().filter(|c| !c.is_ascii_digit()).collect();
+            *report.without_stripe.entry(reason).or_default() += 1;
+        }
+        let key = (stamp_ns, profile.sequence);
+        let bytes = fingerprint(profile);
+        match self.live.remove(&key) {
+            Some(live) => report.live_identical += u64::from(live == bytes),
+            None => {
+                self.ours.insert(key, bytes);
+            }
+        }
+    }
+}
