@@ -1,5 +1,6 @@
 //! Plan files: what the thrusters are told, step by step.
 
+mod check;
 mod evaluate;
 
 /// A wrench in the body frame at the CG \[N, N m\], SNAME order.
