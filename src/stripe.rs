@@ -12,6 +12,7 @@
 #[cfg(test)]
 mod accuracy;
 mod band;
+mod clipped;
 mod coarse;
 mod config;
 mod extractor;

@@ -1,8 +1,9 @@
 //! The whole way from a grey frame to its profile.
 
 use super::band::{Band, MIN_SHARE_FOUND, RIVAL_REACH_PX};
+use super::clipped::GaussTable;
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
-use super::fit::{self, Fit, HazeShape, Window};
+use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
 use super::haze::{self, Haze};
 use super::kernel::{KernelTable, SIGMA_MAX_PX, SIGMA_MIN_PX};
 use super::path::{self, PathScratch};
@@ -16,6 +17,12 @@ const MIN_ROWS: usize = 16;
 const WIDTH_SAMPLES: usize = 49;
 /// Rows loaded for it.
 const WIDTH_ROWS: usize = 64;
+/// How well a column's width is known from its neighbours', relative.
+const POOLED_WIDTH_SD: f64 = 0.03;
+/// How well it is known from the first look, relative, and the height that stands for a clipped
+/// stripe's before it is known \[grey levels\].
+const FIRST_WIDTH_SD: f64 = 0.15;
+const CLIPPED_PEAK: f64 = 400.0;
 
 /// Extracts stripes, one frame at a time, on the caller's thread. Keeps scratch memory between
 /// frames and nothing that changes a result.
@@ -23,6 +30,7 @@ const WIDTH_ROWS: usize = 64;
 pub struct Extractor {
     config: ExtractorConfig,
     kernels: KernelTable,
+    gauss: GaussTable,
     coarse: CoarseScratch,
     spots: Spots,
     path: PathScratch,
@@ -49,6 +57,7 @@ impl Extractor {
         Self {
             config,
             kernels: KernelTable::new(),
+            gauss: GaussTable::new(),
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
@@ -201,6 +210,11 @@ impl Extractor {
         let index = self.kernels.index(width);
         let kernel = self.kernels.get(index);
         let rows = fit::rows_needed(kernel);
+        let prior = width_prior(width, noise_sd, CLIPPED_PEAK, FIRST_WIDTH_SD);
+        let known = Known {
+            width: Some(prior),
+            ..Known::clipping_at(saturation)
+        };
         for (column, spot) in chosen {
             let row_px = f64::from(self.spots.column(column)[spot].row_px);
             window.load(image, column, row_px, rows);
@@ -209,9 +223,9 @@ impl Extractor {
             let start = if brightest >= saturation {
                 fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
             } else {
-                row_px
+                fit::brightest(&window, row_px)
             };
-            if let Some(fit) = fit::fit(&window, kernel, start, saturation, None)
+            if let Some(fit) = fit::fit(&window, kernel, &self.gauss, start, known)
                 && fit.peak >= 0.5 * self.config.min_peak
             {
                 self.tracks.push(Track {
@@ -225,7 +239,7 @@ impl Extractor {
         self.cut_into_stretches(image.width_px);
         self.pool_widths(width);
         let haze = self.find_haze(image, noise_sd);
-        self.refit(image, haze, &mut window, saturation);
+        self.refit(image, haze, &mut window, noise_sd);
         haze
     }
 
@@ -321,13 +335,8 @@ impl Extractor {
     }
 
     /// Second fit with each region's own width and the haze taken out.
-    fn refit(
-        &mut self,
-        image: &GreyImage,
-        haze: Option<Haze>,
-        window: &mut Window,
-        saturation: f32,
-    ) {
+    fn refit(&mut self, image: &GreyImage, haze: Option<Haze>, window: &mut Window, noise_sd: f64) {
+        let saturation = f32::from(self.config.saturation_level);
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
         let mut kept = 0;
         for i in 0..self.tracks.len() {
@@ -350,7 +359,18 @@ impl Extractor {
                 track.fit.row_px,
                 fit::rows_needed(kernel),
             );
-            if let Some(fit) = fit::fit(window, kernel, track.fit.row_px, saturation, shape)
+            let width = width_prior(
+                self.pooled_sigma[i],
+                noise_sd,
+                track.fit.peak,
+                POOLED_WIDTH_SD,
+            );
+            let known = Known {
+                saturation,
+                haze: shape,
+                width: Some(width),
+            };
+            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known)
                 && self.is_stripe(&fit, self.pooled_sigma[i])
             {
                 let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
@@ -423,9 +443,13 @@ impl Extractor {
                     f64::from(spot.row_px),
                     fit::rows_needed(kernel),
                 );
-                let Some(other) =
-                    fit::fit(&window, kernel, f64::from(spot.row_px), saturation, None)
-                else {
+                let Some(other) = fit::fit(
+                    &window,
+                    kernel,
+                    &self.gauss,
+                    fit::brightest(&window, f64::from(spot.row_px)),
+                    Known::clipping_at(saturation),
+                ) else {
                     continue;
                 };
                 let apart = track.map_or(f64::INFINITY, |t| (t.fit.row_px - other.row_px).abs());
@@ -467,6 +491,13 @@ impl Extractor {
                 next += 1;
             }
         }
+    }
+}
+
+fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {
+    WidthPrior {
+        sigma_px,
+        weight: (noise_sd / (peak * relative_sd * sigma_px)).powi(2),
     }
 }
 

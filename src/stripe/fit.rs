@@ -1,8 +1,9 @@
 //! Fit of one column: row, height, width and background of the stripe near a given row.
 
-use super::kernel::{Kernel, Phase, dots, split};
+use super::clipped::{self, GaussTable};
+use super::kernel::{Kernel, LANES, dots, split};
+use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
-use nalgebra::{Matrix4, Vector4};
 
 /// Rows held per column: the widest kernel plus room to move.
 pub(super) const WINDOW_ROWS: usize = 96;
@@ -35,10 +36,50 @@ pub(super) struct Fit {
 /// haze at each phase, and its shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct HazeShape {
+    /// Decay length \[px\], positive = above the stripe.
+    pub length_px: f64,
     /// `shape[phase * stride + tap]`.
     pub shape: Vec<f32>,
     /// `kernel.solve * shape` per phase.
     pub solved: Vec<[f32; 4]>,
+}
+
+/// What is known of the width beforehand, for columns whose clipped pixels leave it open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct WidthPrior {
+    /// Expected width \[px\].
+    pub sigma_px: f64,
+    /// Noise variance over (height times the width's sd)², the weight of that knowledge.
+    pub weight: f64,
+}
+
+/// What a fit starts from, beside the pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known<'a> {
+    /// Level from which pixels are clipped \[grey levels\].
+    pub saturation: f32,
+    /// Shape of the haze and its level as a fraction of the peak.
+    pub haze: Option<(&'a HazeShape, f32)>,
+    /// Width of the neighbourhood; used for clipped columns only.
+    pub width: Option<WidthPrior>,
+}
+
+impl Known<'_> {
+    /// Nothing but the clipping level.
+    pub fn clipping_at(saturation: f32) -> Self {
+        Self {
+            saturation,
+            haze: None,
+            width: None,
+        }
+    }
+}
+
+impl HazeShape {
+    /// Haze per unit of level at a pixel `distance_px` below the stripe.
+    pub fn at(&self, distance_px: f64) -> f64 {
+        haze_over_pixel(distance_px, self.length_px)
+    }
 }
 
 /// Rows `start..` of one column, as numbers.
@@ -88,7 +129,7 @@ impl Window {
 
     /// The pixels under a kernel centred on `row`, with the kernel's padding; `None` where the
     /// kernel would leave the window, which at the image's border means: too close to it.
-    fn under(&self, kernel: &Kernel, row: i64) -> Option<&[f32]> {
+    pub fn under(&self, kernel: &Kernel, row: i64) -> Option<&[f32]> {
         let first = usize::try_from(row - kernel.half as i64 - self.start).ok()?;
         if first + kernel.taps() > self.rows {
             return None;
@@ -103,177 +144,112 @@ pub(super) fn rows_needed(kernel: &Kernel) -> usize {
     kernel.taps() + 2 * MAX_WANDER_PX as usize + 2
 }
 
-/// Fits one column from `start_px`. `haze` is its shape and its level as a fraction of the peak.
+/// Fits one column from `start_px`.
 pub(super) fn fit(
     window: &Window,
     kernel: &Kernel,
+    gauss: &GaussTable,
     start_px: f64,
-    saturation: f32,
-    haze: Option<(&HazeShape, f32)>,
+    known: Known,
 ) -> Option<Fit> {
     let mut row_px = start_px;
-    for _ in 0..MAX_ITERATIONS {
+    for iteration in 0..MAX_ITERATIONS {
         let (whole, phase, at) = split(row_px);
         let y = window.under(kernel, whole)?;
         let weights = &kernel.phases[phase];
-        let clipped = y[..kernel.taps()].iter().fold(0.0f32, |m, v| m.max(*v)) >= saturation;
-        let solution = if clipped {
-            solve_clipped(y, kernel, phase, saturation, haze)
-        } else {
-            let lines = &weights.solve[kernel.stride..3 * kernel.stride];
-            let [mut a, mut adc] = dots::<2>(y, lines, kernel.stride);
-            if let Some((shape, level)) = haze {
-                let of_peak = level * a;
-                a -= of_peak * shape.solved[phase][1];
-                adc -= of_peak * shape.solved[phase][2];
-            }
-            Solution {
-                a: f64::from(a),
-                adc: f64::from(adc),
-                row_variance: weights.row_variance,
-                ..Solution::default()
-            }
-        };
-        if solution.a <= 0.0 {
+        if y[..kernel.taps()].iter().fold(0.0f32, |m, v| m.max(*v)) >= known.saturation {
+            return clipped::fit(window, kernel, gauss, row_px, MAX_WANDER_PX, known);
+        }
+        let lines = &weights.solve[kernel.stride..3 * kernel.stride];
+        let [mut a, mut adc] = dots::<2>(y, lines, kernel.stride);
+        if let Some((shape, level)) = known.haze {
+            let of_peak = level * a;
+            a -= of_peak * shape.solved[phase][1];
+            adc -= of_peak * shape.solved[phase][2];
+        }
+        if a <= 0.0 {
             return None;
         }
-        let step = (solution.adc / solution.a).clamp(-kernel.sigma_px, kernel.sigma_px);
+        let step = (f64::from(adc) / f64::from(a)).clamp(-kernel.sigma_px, kernel.sigma_px);
         row_px = at + step;
         if (row_px - start_px).abs() > MAX_WANDER_PX {
             return None;
         }
-        if step.abs() <= SMALL_STEP_PX {
-            let mut solution = solution;
-            if !clipped {
-                solution = solve_all(y, kernel, weights, phase, haze, solution);
-            }
-            let fitted = finish(y, kernel, phase, saturation, haze, &solution);
+        // Between two phases a noisy column may step to and fro: after three steps allow more,
+        // at 0.28 px still linear to 0.005 px for the narrowest stripe.
+        let small = SMALL_STEP_PX * iteration.saturating_sub(1).max(1) as f64;
+        if step.abs() <= small {
             return Some(Fit {
                 row_px,
-                saturated: clipped,
-                ..fitted
+                ..finish(y, kernel, phase, known.haze, a, adc)
             });
         }
     }
     None
 }
 
-/// Parameters of the linearised model.
-#[derive(Debug, Clone, Copy, Default)]
-struct Solution {
-    b: f64,
-    a: f64,
-    adc: f64,
-    ads: f64,
-    row_variance: f64,
-}
-
-fn solve_all(
-    y: &[f32],
-    kernel: &Kernel,
-    weights: &Phase,
-    phase: usize,
-    haze: Option<(&HazeShape, f32)>,
-    known: Solution,
-) -> Solution {
-    let [mut b, _, _, mut ads] = dots::<4>(y, &weights.solve, kernel.stride);
-    if let Some((shape, level)) = haze {
-        let of_peak = level * known.a as f32;
-        b -= of_peak * shape.solved[phase][0];
-        ads -= of_peak * shape.solved[phase][3];
-    }
-    Solution {
-        b: f64::from(b),
-        ads: f64::from(ads),
-        ..known
-    }
-}
-
-/// Least squares over the pixels that are not clipped: a clipped pixel only says "at least so
-/// bright", which the flanks already imply, so it carries (almost) no information on the row.
-fn solve_clipped(
-    y: &[f32],
-    kernel: &Kernel,
-    phase: usize,
-    saturation: f32,
-    haze: Option<(&HazeShape, f32)>,
-) -> Solution {
-    let stride = kernel.stride;
-    let design = &kernel.phases[phase].design;
-    let (p, rest) = design.split_at(stride);
-    let (pc, ps) = rest.split_at(stride);
-    let level = haze.map(|(shape, level)| (&shape.shape[phase * stride..], f64::from(level)));
-    let mut n = Matrix4::<f64>::zeros();
-    let mut r = Vector4::<f64>::zeros();
-    for k in 0..kernel.taps() {
-        if y[k] >= saturation {
-            continue;
-        }
-        // Haze is a fraction of the height: it adds to the height's own column of the design.
-        let hazed = level.map_or(0.0, |(shape, level)| level * f64::from(shape[k]));
-        let x = Vector4::new(
-            1.0,
-            f64::from(p[k]) + hazed,
-            f64::from(pc[k]),
-            f64::from(ps[k]),
-        );
-        n.ger(1.0, &x, &x, 1.0);
-        r.axpy(f64::from(y[k]), &x, 1.0);
-    }
-    let Some(factor) = n.cholesky() else {
-        return Solution::default();
-    };
-    let s = factor.solve(&r);
-    let covariance = factor.solve(&Vector4::new(0.0, 0.0, 1.0, 0.0));
-    Solution {
-        b: s[0],
-        a: s[1],
-        adc: s[2],
-        ads: s[3],
-        row_variance: covariance[2],
-    }
-}
-
-/// Residual and width at the solution.
+/// Height, width, background and residual once the row is found.
 fn finish(
     y: &[f32],
     kernel: &Kernel,
     phase: usize,
-    saturation: f32,
     haze: Option<(&HazeShape, f32)>,
-    s: &Solution,
+    a: f32,
+    adc: f32,
 ) -> Fit {
     let stride = kernel.stride;
     let taps = kernel.taps();
-    let design = &kernel.phases[phase].design;
-    let (p, rest) = design.split_at(stride);
-    let (pc, ps) = rest.split_at(stride);
-    let (b, a, adc, ads) = (s.b as f32, s.a as f32, s.adc as f32, s.ads as f32);
+    let weights = &kernel.phases[phase];
+    let [mut b] = dots::<1>(y, &weights.solve[..stride], stride);
+    let [mut ads] = dots::<1>(y, &weights.solve[3 * stride..], stride);
     let mut model = [0.0f32; WINDOW_ROWS];
     let model = &mut model[..taps];
-    for (((m, p), pc), ps) in model.iter_mut().zip(p).zip(pc).zip(ps) {
-        *m = b + a * p + adc * pc + ads * ps;
-    }
     if let Some((shape, level)) = haze {
+        let of_peak = level * a;
+        b -= of_peak * shape.solved[phase][0];
+        ads -= of_peak * shape.solved[phase][3];
         for (m, h) in model.iter_mut().zip(&shape.shape[phase * stride..]) {
-            *m += level * a * h;
+            *m = of_peak * h;
         }
     }
-    let (mut square, mut used) = (0.0f32, 0.0f32);
-    for (m, y) in model.iter().zip(y) {
-        let kept = f32::from(u8::from(*y < saturation));
-        square += kept * (y - m) * (y - m);
-        used += kept;
+    let (p, rest) = weights.design.split_at(stride);
+    let (pc, ps) = rest.split_at(stride);
+    for (((m, p), pc), ps) in model.iter_mut().zip(p).zip(pc).zip(ps) {
+        *m += b + a * p + adc * pc + ads * ps;
+    }
+    let mut square = [0.0f32; LANES];
+    for (m, y) in model.chunks(LANES).zip(y.chunks(LANES)) {
+        for ((s, m), y) in square.iter_mut().zip(m).zip(y) {
+            *s += (y - m) * (y - m);
+        }
     }
     Fit {
         row_px: 0.0,
-        peak: s.a,
-        background: s.b,
-        sigma_px: kernel.sigma_px + s.ads / s.a,
-        variance: f64::from(square) / f64::from(used - 4.0).max(1.0),
-        row_variance: s.row_variance,
+        peak: f64::from(a),
+        background: f64::from(b),
+        sigma_px: kernel.sigma_px + f64::from(ads) / f64::from(a),
+        variance: f64::from(square.iter().sum::<f32>()) / (taps as f64 - 4.0),
+        row_variance: weights.row_variance,
         saturated: false,
     }
+}
+
+/// Row of the brightest place within 4 px of `row_px`, smoothed over three \[px\].
+pub(super) fn brightest(window: &Window, row_px: f64) -> f64 {
+    let y = window.values();
+    let near = (row_px - window.start as f64 + 0.5).max(0.0) as usize;
+    let (from, to) = (
+        near.saturating_sub(4).max(1),
+        (near + 5).min(y.len().saturating_sub(1)),
+    );
+    let mut best = (f32::NEG_INFINITY, near);
+    for k in from..to {
+        let smooth = y[k - 1] + 2.0 * y[k] + y[k + 1];
+        if smooth > best.0 {
+            best = (smooth, k);
+        }
+    }
+    (window.start + best.1 as i64) as f64
 }
 
 /// Centre and width of the stripe near `row_px` from its edges at set levels \[px\]: crude, but

@@ -13,13 +13,16 @@ use crate::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
 
 /// Farthest pixel looked at \[px\].
-const REACH_PX: i64 = 40;
+const REACH_PX: i64 = 56;
 /// Columns looked at, at most.
-const MAX_COLUMNS: usize = 144;
+const MAX_COLUMNS: usize = 240;
 /// Decay lengths tried \[px\].
-const LENGTHS_PX: [f64; 6] = [8.0, 14.0, 25.0, 45.0, 80.0, 300.0];
+const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
+/// A shorter length must explain the data better by this much chi², else the longest that does:
+/// the level at the stripe is extrapolated, the more the shorter the length.
+const CHI2_FOR_SHORTER: f64 = 4.0;
 /// Least significance and least level at which a correction is worth its own noise.
-const MIN_SIGNIFICANCE: f64 = 5.0;
+const MIN_SIGNIFICANCE: f64 = 3.5;
 const MIN_FRACTION: f64 = 0.002;
 
 /// Haze of a frame.
@@ -43,10 +46,10 @@ pub(super) fn estimate<'a>(
     let mut sums = [0.0f64; SIZE];
     let mut counts = [0.0f64; SIZE];
     let mut peaks = [0.0f64; SIZE];
-    let mut widest = 0.0f64;
+    let mut widths = Vec::with_capacity(MAX_COLUMNS);
     let every = columns.len().div_ceil(MAX_COLUMNS).max(1);
     for (column, fit) in columns.step_by(every) {
-        widest = widest.max(fit.sigma_px);
+        widths.push(fit.sigma_px);
         let middle = fit.row_px.round() as i64;
         let first = (middle - REACH_PX).max(0);
         let last = (middle + REACH_PX).min(image.height_px as i64 - 1);
@@ -65,7 +68,12 @@ pub(super) fn estimate<'a>(
         }
     }
     // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
-    let guard = (4.5 * widest + 1.0).ceil() as i64;
+    let middle = widths.len() / 2;
+    if widths.is_empty() {
+        return None;
+    }
+    let width = *widths.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let guard = (4.5 * width + 1.0).ceil() as i64;
     let most = counts.iter().fold(0.0f64, |m, c| m.max(*c));
     let samples: Vec<(f64, f64, f64)> = (-REACH_PX..=REACH_PX)
         .filter(|d| d.abs() > guard)
@@ -80,15 +88,26 @@ pub(super) fn estimate<'a>(
         return None;
     }
     let mean_peak = peaks.iter().sum::<f64>() / counts.iter().sum::<f64>();
-    let best = LENGTHS_PX
+    // In units of the noise of one pixel over the peak: the larger of what the camera gives and
+    // what the best fit leaves, so that uneven light does not pass for haze.
+    let fits: Vec<(f64, LevelFit)> = LENGTHS_PX
         .iter()
         .flat_map(|l| [*l, -*l])
-        .filter_map(|length| Some((length, fit_haze(&samples, length)?)))
-        .min_by(|a, b| a.1.2.total_cmp(&b.1.2))?;
-    let (length_px, (fraction, unit_variance, chi2)) = best;
-    // The larger of camera noise and actual scatter: uneven light must not pass for haze.
-    let scatter = chi2 / (samples.len() as f64 - 4.0).max(1.0);
-    let fraction_sd = (unit_variance * scatter.max((noise_sd / mean_peak).powi(2))).sqrt();
+        .filter_map(|length| Some((length, fit_level(&samples, length)?)))
+        .collect();
+    let least = fits.iter().map(|f| f.1.chi2).min_by(f64::total_cmp)?;
+    let scatter = least / (samples.len() as f64 - 4.0).max(1.0);
+    let unit = scatter.max((noise_sd / mean_peak).powi(2));
+    let (length_px, level) = fits
+        .into_iter()
+        .filter(|f| f.1.chi2 <= least + CHI2_FOR_SHORTER * unit)
+        .max_by(|a, b| {
+            a.0.abs()
+                .total_cmp(&b.0.abs())
+                .then(b.1.chi2.total_cmp(&a.1.chi2))
+        })?;
+    let fraction = level.fraction;
+    let fraction_sd = (level.unit_variance * unit).sqrt();
     let significant = fraction > MIN_FRACTION && fraction > MIN_SIGNIFICANCE * fraction_sd;
     significant.then_some(Haze {
         fraction: fraction.min(0.5),
@@ -97,8 +116,15 @@ pub(super) fn estimate<'a>(
     })
 }
 
-/// Weighted fit of constant, slope and haze: level, its variance for unit noise, chi².
-fn fit_haze(samples: &[(f64, f64, f64)], length_px: f64) -> Option<(f64, f64, f64)> {
+/// A haze level for one length and side.
+struct LevelFit {
+    fraction: f64,
+    unit_variance: f64,
+    chi2: f64,
+}
+
+/// Weighted fit of constant, slope and haze.
+fn fit_level(samples: &[(f64, f64, f64)], length_px: f64) -> Option<LevelFit> {
     let design = |d: f64| Vector3::new(1.0, d / REACH_PX as f64, haze_over_pixel(d, length_px));
     let mut n = Matrix3::<f64>::zeros();
     let mut r = Vector3::<f64>::zeros();
@@ -113,7 +139,11 @@ fn fit_haze(samples: &[(f64, f64, f64)], length_px: f64) -> Option<(f64, f64, f6
         .iter()
         .map(|&(d, value, weight)| weight * (value - design(d).dot(&s)).powi(2))
         .sum();
-    Some((s[2], covariance[(2, 2)], chi2))
+    Some(LevelFit {
+        fraction: s[2],
+        unit_variance: covariance[(2, 2)],
+        chi2,
+    })
 }
 
 impl Haze {
@@ -132,6 +162,10 @@ impl Haze {
             }
             solved.push(super::kernel::dots::<4>(line, &phase.solve, stride));
         }
-        HazeShape { shape, solved }
+        HazeShape {
+            length_px: self.length_px,
+            shape,
+            solved,
+        }
     }
 }

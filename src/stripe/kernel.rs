@@ -19,8 +19,8 @@ pub(super) const SIGMA_MIN_PX: f64 = 0.6;
 pub(super) const SIGMA_MAX_PX: f64 = 8.0;
 /// Ratio of neighbouring widths: at most 3.5 % mismatch, which costs 0.1 % of the bound.
 const SIGMA_RATIO: f64 = 1.07;
-/// Half length of a kernel in sigmas: 99.98 % of the position information.
-const HALF_SIGMAS: f64 = 3.5;
+/// Half length of a kernel at least: 3.2 sigmas (99.9 % of the position information) and a pixel.
+const HALF_SIGMAS: f64 = 3.2;
 /// Kernels are padded to a multiple of this many taps (vector lanes).
 pub(super) const LANES: usize = 8;
 
@@ -87,9 +87,10 @@ pub(super) fn profile(d: f64, s: f64) -> [f64; 3] {
 
 impl Kernel {
     fn new(sigma_px: f64) -> Self {
-        let half = (HALF_SIGMAS * sigma_px + 0.5).ceil() as usize;
-        let taps = 2 * half + 1;
-        let stride = taps.div_ceil(LANES) * LANES;
+        let least = 2 * (HALF_SIGMAS * sigma_px + 1.0).ceil() as usize + 1;
+        // The rest of the vector is used for background: an odd number of taps, one of padding.
+        let stride = least.div_ceil(LANES) * LANES;
+        let half = stride / 2 - 1;
         let phases = (0..PHASES)
             .map(|p| Phase::new(sigma_px, half, stride, phase_offset(p)))
             .collect();
