@@ -5,7 +5,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let descriptors = protox::compile(["src/log/hydroline.proto"], ["src/log"])?;
     let out = std::path::PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("hydroline.fds"), prost_build_encode(&descriptors))?;
-    prost_build::Config::new().compile_fds(descriptors)?;
+    // Ordered maps: the same message must always give the same bytes.
+    prost_build::Config::new()
+        .btree_map(["."])
+        .compile_fds(descriptors)?;
     Ok(())
 }
 

@@ -1,1 +1,179 @@
-//! stub
+//! The log: MCAP files as interfaces.md names them, written so that a crash, a slow disk or a
+//! full one costs as little as possible, and read so that no damaged byte goes unnoticed.
+//!
+//! ```text
+//! Recorder (any thread) -> queue (bytes) -> writer thread -> LogWriter -> PartFile -> LogSink
+//! FileRecorder (simulate, replay) ------------------------> LogWriter
+//! LogReader <- records (checked, record by record) <- file
+//! ```
+//!
+//! Stripe points carry `quality` bits: 1 saturated, 2 haze corrected, 4 second candidate, 8 near step.
+
+use std::path::{Path, PathBuf};
+
+mod account;
+mod entry;
+pub mod messages;
+mod part;
+pub mod policy;
+pub mod queue;
+mod reader;
+mod recorder;
+mod records;
+mod scan;
+mod sink;
+#[cfg(test)]
+pub(crate) mod testing;
+mod topic;
+mod writer;
+
+pub use account::{Counts, FrameLedger, LogOutcome, SummaryInput};
+pub use entry::Entry;
+pub use part::{Encoding, MetadataMap};
+pub use policy::Limits;
+pub use reader::{LogMessage, LogReader, Record};
+pub use recorder::{LogTime, Recorder};
+pub use sink::{FileSink, LogSink, free_bytes};
+pub use topic::{SchemaText, Topic};
+pub use writer::{
+    FileParts, FileRecorder, Head, LogWriter, PartOpener, WriteSettings, check_space,
+};
+
+/// What can go wrong with a log.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file is there already.
+    #[error(
+        "part {part} of the log exists already ({reason}): choose another --out or move the old file"
+    )]
+    Exists {
+        /// Part number, 0 = the first.
+        part: u32,
+        /// The system's words.
+        reason: String,
+    },
+    /// The file cannot be created.
+    #[error(
+        "part {part} of the log cannot be created: {source}; check that the directory exists and is writable"
+    )]
+    Create {
+        /// Part number.
+        part: u32,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// The head cannot be written.
+    #[error("{}: the log's head cannot be written: {reason}", path.display())]
+    Write {
+        /// File.
+        path: PathBuf,
+        /// What failed.
+        reason: String,
+    },
+    /// Refused before the start.
+    #[error(
+        "{}: the planned {planned_s:.0} s x {megabytes_per_s:.1} MB/s = {needed_megabytes:.0} MB, plus {min_free_megabytes:.0} MB \
+         to stay free, do not fit into the {free_megabytes:.0} MB that are free; {fits_s:.0} s would fit: \
+         free some space, record less, or log to another disk",
+        path.display()
+    )]
+    WontFit {
+        /// Where the log was to go.
+        path: PathBuf,
+        /// Planned length \[s\].
+        planned_s: f64,
+        /// Uncompressed rate \[MB/s\].
+        megabytes_per_s: f64,
+        /// Their product \[MB\].
+        needed_megabytes: f64,
+        /// Guard \[MB\].
+        min_free_megabytes: f64,
+        /// Free now \[MB\].
+        free_megabytes: f64,
+        /// What would fit \[s\].
+        fits_s: f64,
+    },
+    /// The disk refused while writing; the file was closed.
+    #[error("the log stopped: {reason}; what was written is readable")]
+    Stopped {
+        /// Why.
+        reason: String,
+    },
+    /// No thread.
+    #[error("the log's writer thread cannot be started: {source}")]
+    Thread {
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// Finished twice.
+    #[error("the recording is finished already")]
+    Finished,
+    /// A bug.
+    #[error("the log's writer thread panicked; `hydroline recover` mends the file")]
+    WriterPanicked,
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// Not an MCAP file.
+    #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
+    NotMcap {
+        /// File.
+        path: PathBuf,
+        /// First bytes.
+        found: Vec<u8>,
+    },
+    /// The file is damaged or cut.
+    #[error("{}: at byte {offset}: {damage}; `hydroline recover` writes what is sound into a new file", path.display())]
+    Damaged {
+        /// File.
+        path: PathBuf,
+        /// Offset of the record.
+        offset: u64,
+        /// What is wrong.
+        damage: records::Damage,
+    },
+    /// A message does not decode as its schema says.
+    #[error("{}: at byte {offset}: a message of {topic} ({schema}) does not decode: {reason}", path.display())]
+    Message {
+        /// File.
+        path: PathBuf,
+        /// Offset of the record (of its chunk, when it is in one).
+        offset: u64,
+        /// Topic.
+        topic: String,
+        /// Schema name.
+        schema: String,
+        /// Decoder's words.
+        reason: String,
+    },
+}
+
+impl LogError {
+    /// Puts the file's name where a part number stands alone.
+    fn at(self, path: &Path) -> Self {
+        match self {
+            LogError::Exists { part, .. } => LogError::Exists {
+                part,
+                reason: path.display().to_string(),
+            },
+            LogError::Create { part, source } => {
+                let named = format!("{}: {source}", path.display());
+                LogError::Create {
+                    part,
+                    source: std::io::Error::new(source.kind(), named),
+                }
+            }
+            other => other,
+        }
+    }
+}
+
+pub use records::Damage;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,190 @@
+//! What goes into the log: one entry per thing that happened, ready to be queued or written.
+
+use bytes::Bytes;
+use prost::Message;
+
+use super::messages::{self, ImageMessage, Stamped, pb};
+use super::topic::Topic;
+use crate::event::Event;
+use crate::frame::Frame;
+
+/// One thing to log.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Entry {
+    /// A frame: becomes a `/camera/frame` and a `/camera/image` message. May be dropped by the queue.
+    Frame {
+        /// The frame; its pixels are shared, not copied.
+        frame: Frame,
+        /// Counts frames received by the daemon, from 0.
+        index: u64,
+    },
+    /// Any other message, already encoded. Never dropped by the queue.
+    Message {
+        /// Where it goes.
+        topic: Topic,
+        /// When it was true, UNIX \[ns\]; `None` = its log time.
+        publish_ns: Option<u64>,
+        /// MCAP sequence; `None` = the writer counts per topic.
+        sequence: Option<u32>,
+        /// Protobuf bytes.
+        data: Bytes,
+    },
+}
+
+/// One MCAP message of an entry.
+pub(super) struct Part {
+    pub topic: Topic,
+    pub publish_ns: Option<u64>,
+    pub sequence: Option<u32>,
+    pub data: Bytes,
+}
+
+/// Book-keeping that a queued entry costs beside its bytes: record header, indexes, FrameInfo.
+const OVERHEAD_BYTES: u64 = 256;
+
+impl Entry {
+    /// A frame; `index` counts frames received by the daemon from 0.
+    pub fn frame(frame: &Frame, index: u64) -> Self {
+        Entry::Frame {
+            frame: frame.clone(),
+            index,
+        }
+    }
+
+    /// `/thruster/command`
+    pub fn command(message: &pb::ThrusterCommand) -> Self {
+        Self::encode(Topic::Command, message, Some(message.sequence))
+    }
+
+    /// `/thruster/echo`
+    pub fn echo(message: &pb::ThrusterEcho) -> Self {
+        Self::encode(Topic::Echo, message, Some(message.sequence))
+    }
+
+    /// `/clock`
+    pub fn clock(message: &pb::ClockPair) -> Self {
+        Self::encode(Topic::Clock, message, None)
+    }
+
+    /// `/daemon/event`
+    pub fn event(event: &Event) -> Self {
+        Self::encode(Topic::Event, &messages::event_message(event), None)
+    }
+
+    /// `/laser/profile`
+    pub fn profile(message: &pb::StripeProfile) -> Self {
+        Self::encode(Topic::Profile, message, Some(message.sequence))
+    }
+
+    /// `/camera/annotations`
+    pub fn annotations(message: &messages::ImageAnnotations) -> Self {
+        Self::encode(Topic::Annotations, message, None)
+    }
+
+    /// `/camera/calibration`
+    pub fn camera_calibration(message: &messages::CameraCalibration) -> Self {
+        Self::encode(Topic::CameraCalibration, message, None)
+    }
+
+    /// `/laser/calibration`
+    pub fn plane_calibration(message: &pb::PlaneCalibration) -> Self {
+        Self::encode(Topic::PlaneCalibration, message, None)
+    }
+
+    /// `/vehicle/motion`
+    pub fn motion(message: &pb::VehicleMotion) -> Self {
+        Self::encode(Topic::Motion, message, None)
+    }
+
+    /// `/sim/truth`
+    pub fn truth(message: &pb::VehicleMotion) -> Self {
+        Self::encode(Topic::Truth, message, None)
+    }
+
+    /// `/vehicle/pose`
+    pub fn pose(message: &messages::PoseInFrame) -> Self {
+        Self::encode(Topic::Pose, message, None)
+    }
+
+    /// `/daemon/log`
+    pub fn log_line(message: &messages::Log) -> Self {
+        Self::encode(Topic::Log, message, None)
+    }
+
+    fn encode<M: Message + Stamped>(topic: Topic, message: &M, sequence: Option<u32>) -> Self {
+        Entry::Message {
+            topic,
+            publish_ns: message.stamp_ns(),
+            sequence,
+            data: message.encode_to_vec().into(),
+        }
+    }
+
+    /// Whether the queue may drop it.
+    pub fn is_droppable(&self) -> bool {
+        matches!(self, Entry::Frame { .. })
+    }
+
+    /// Whether it must reach the disk within the command flush time.
+    pub fn is_urgent(&self) -> bool {
+        matches!(self, Entry::Message { topic, .. } if topic.is_urgent())
+    }
+
+    /// Upper bound of the bytes it takes in a chunk, and what it counts for in the queue.
+    pub fn size_bytes(&self) -> u64 {
+        match self {
+            Entry::Frame { frame, .. } => frame.data.len() as u64 + 2 * OVERHEAD_BYTES,
+            Entry::Message { data, .. } => data.len() as u64 + OVERHEAD_BYTES,
+        }
+    }
+
+    /// The MCAP messages it becomes. A frame's info comes before its image, so that a reader has
+    /// it when the image arrives, and both share the log time.
+    pub(super) fn parts(&self) -> impl Iterator<Item = Part> {
+        let parts = self.encode_parts();
+        parts.into_iter().flatten()
+    }
+
+    fn encode_parts(&self) -> [Option<Part>; 2] {
+        match self {
+            Entry::Frame { frame, index } => {
+                let sequence = Some(frame.meta.sequence);
+                let publish_ns = Some(frame.meta.mid_exposure_ns);
+                let info = messages::frame_info(frame, *index).encode_to_vec().into();
+                let (topic, image) = match messages::image_message(frame) {
+                    ImageMessage::Raw(raw) => (Topic::RawImage, raw.encode_to_vec()),
+                    ImageMessage::Compressed(jpeg) => {
+                        (Topic::CompressedImage, jpeg.encode_to_vec())
+                    }
+                };
+                let info = Part {
+                    topic: Topic::FrameInfo,
+                    publish_ns,
+                    sequence,
+                    data: info,
+                };
+                let image = Part {
+                    topic,
+                    publish_ns,
+                    sequence,
+                    data: image.into(),
+                };
+                [Some(info), Some(image)]
+            }
+            Entry::Message {
+                topic,
+                publish_ns,
+                sequence,
+                data,
+            } => {
+                let part = Part {
+                    topic: *topic,
+                    publish_ns: *publish_ns,
+                    sequence: *sequence,
+                    data: data.clone(),
+                };
+                [Some(part), None]
+            }
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! One MCAP file on one sink: head, chunks, tail, and what to do when the disk refuses.
+//!
+//! The mcap writer works into memory and whole closed chunks go to the sink, because a failed
+//! write poisons that writer. Room for the open chunk and for the closing summary is claimed
+//! before a message is accepted, so a full disk is noticed while the file can still be finished.
+//! Should a write fail all the same, the file is cut back to the last closed chunk and closed
+//! without an index.
+
+use std::collections::BTreeMap;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use mcap::records::MessageHeader;
+
+use super::entry::Entry;
+use super::policy::{Due, Limits, Policy};
+use super::sink::LogSink;
+use super::topic::Topic;
+
+/// Named string maps: MCAP metadata.
+pub type MetadataMap = BTreeMap<String, String>;
+
+/// Why a part cannot go on.
+#[derive(Debug)]
+pub(super) enum Fault {
+    /// No room for the next message; the file can still be finished.
+    Full(io::Error),
+    /// A write, sync or truncate failed.
+    Io(&'static str, io::Error),
+    /// The encoder refused.
+    Mcap(mcap::McapError),
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Fault::Full(e) => write!(f, "no room on the disk: {e}"),
+            Fault::Io(what, e) => write!(f, "{what} failed: {e}"),
+            Fault::Mcap(e) => write!(f, "MCAP encoder: {e}"),
+        }
+    }
+}
+
+impl From<mcap::McapError> for Fault {
+    fn from(e: mcap::McapError) -> Self {
+        Fault::Mcap(e)
+    }
+}
+
+/// Memory the mcap writer writes into; the writer keeps one handle, we the other.
+#[derive(Clone, Default)]
+struct Staging(Arc<Mutex<Staged>>);
+
+#[derive(Default)]
+struct Staged {
+    bytes: Vec<u8>,
+    taken_before: u64,
+}
+
+impl Staging {
+    fn with<R>(&self, f: impl FnOnce(&mut Staged) -> R) -> R {
+        f(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Staging {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        self.with(|s| s.bytes.extend_from_slice(buf));
+        Ok(buf.len())
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Staging {
+    fn seek(&mut self, pos: SeekFrom) -> io::Result<u64> {
+        match pos {
+            // The writer, told not to seek, still asks where it is.
+            SeekFrom::Current(0) => Ok(self.with(|s| s.taken_before + s.bytes.len() as u64)),
+            _ => Err(io::ErrorKind::Unsupported.into()),
+        }
+    }
+}
+
+/// How to encode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Encoding {
+    /// zstd level of the chunks; 0 = none (for MJPG, which does not shrink any further).
+    pub zstd_level: u32,
+    /// Channels written at the head; others are added when their first message comes.
+    pub topics: Vec<Topic>,
+}
+
+/// Room for what the closing summary holds beside schemas, channels and chunk indexes.
+const TAIL_FIXED_BYTES: u64 = 32 << 10;
+
+/// A part being written.
+pub(super) struct PartFile {
+    sink: Box<dyn LogSink>,
+    staging: Staging,
+    mcap: mcap::Writer<Staging>,
+    channels: BTreeMap<Topic, u16>,
+    schema_bytes: u64,
+    chunks: u64,
+    good_bytes: u64,
+    policy: Policy,
+    open: BTreeMap<Topic, u64>,
+    closed: BTreeMap<Topic, u64>,
+}
+
+impl PartFile {
+    /// Writes and syncs the head before any message: header, metadata, then the known channels
+    /// in a chunk of their own, so that a damaged data chunk costs no later message its schema.
+    pub fn create(
+        sink: Box<dyn LogSink>,
+        encoding: &Encoding,
+        limits: Limits,
+        head: &[(&str, MetadataMap)],
+        now_ns: u64,
+    ) -> Result<Self, Fault> {
+        let staging = Staging::default();
+        let compression = (encoding.zstd_level > 0).then_some(mcap::Compression::Zstd);
+        let mcap = mcap::WriteOptions::new()
+            .profile("")
+            .library(concat!("hydroline ", env!("CARGO_PKG_VERSION")))
+            .compression(compression)
+            .compression_level(encoding.zstd_level)
+            // Worker threads made single writes of 131 ms on two cores; level 1 in line is faster.
+            .compression_threads(0)
+            .chunk_size(None)
+            .disable_seeking(true)
+            .create(staging.clone())?;
+        let mut part = Self {
+            sink,
+            staging,
+            mcap,
+            channels: BTreeMap::new(),
+            schema_bytes: 0,
+            chunks: 0,
+            good_bytes: 0,
+            policy: Policy::new(limits),
+            open: BTreeMap::new(),
+            closed: BTreeMap::new(),
+        };
+        for (name, map) in head {
+            let metadata = mcap::write::Metadata {
+                name: (*name).to_owned(),
+                metadata: map.clone(),
+            };
+            part.mcap.write_metadata(&metadata)?;
+        }
+        part.claim(part.staged_bytes()).map_err(Fault::Full)?;
+        part.drain()?;
+        for topic in encoding.topics.clone() {
+            part.channel(topic)?;
+        }
+        part.claim(part.schema_bytes).map_err(Fault::Full)?;
+        part.mcap.flush()?;
+        part.chunks += 1;
+        part.drain()?;
+        part.policy.closed(now_ns);
+        part.sync()?;
+        Ok(part)
+    }
+
+    /// Bytes in the file up to the last closed chunk.
+    pub fn bytes(&self) -> u64 {
+        self.good_bytes
+    }
+
+    /// Messages that are in closed chunks, by topic.
+    pub fn closed_messages(&self) -> &BTreeMap<Topic, u64> {
+        &self.closed
+    }
+
+    /// Messages that are in the open chunk, by topic: lost if it cannot be written.
+    pub fn open_messages(&self) -> &BTreeMap<Topic, u64> {
+        &self.open
+    }
+
+    /// The policy, for its deadlines.
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    /// Room left on the device.
+    pub fn free_bytes(&self) -> Option<u64> {
+        self.sink.free_bytes()
+    }
+
+    /// Adds an entry; true when a chunk was closed before it. `sequence_of` numbers messages that bring no number of their own.
+    pub fn write(
+        &mut self,
+        now_ns: u64,
+        log_ns: u64,
+        entry: &Entry,
+        mut sequence_of: impl FnMut(Topic) -> u32,
+    ) -> Result<bool, Fault> {
+        let size = entry.size_bytes();
+        let closes = self.policy.must_close_before(size);
+        if closes {
+            self.close_chunk(now_ns)?;
+        }
+        self.claim(size).map_err(Fault::Full)?;
+        for part in entry.parts() {
+            let header = MessageHeader {
+                channel_id: self.channel(part.topic)?,
+                sequence: part.sequence.unwrap_or_else(|| sequence_of(part.topic)),
+                log_time: log_ns,
+                publish_time: part.publish_ns.unwrap_or(log_ns),
+            };
+            self.mcap.write_to_known_channel(&header, &part.data)?;
+            *self.open.entry(part.topic).or_default() += 1;
+        }
+        self.policy.added(now_ns, size, entry.is_urgent());
+        Ok(closes)
+    }
+
+    /// Does what is due.
+    pub fn tick(&mut self, now_ns: u64) -> Result<Due, Fault> {
+        let due = self.policy.due(now_ns);
+        if due.close {
+            self.close_chunk(now_ns)?;
+        }
+        if due.sync {
+            self.sync()?;
+        }
+        Ok(due)
+    }
+
+    fn close_chunk(&mut self, now_ns: u64) -> Result<(), Fault> {
+        self.mcap.flush()?;
+        self.chunks += 1;
+        self.drain()?;
+        self.policy.closed(now_ns);
+        for (topic, n) in std::mem::take(&mut self.open) {
+            *self.closed.entry(topic).or_default() += n;
+        }
+        Ok(())
+    }
+
+    fn sync(&mut self) -> Result<(), Fault> {
+        self.sink.sync().map_err(|e| Fault::Io("sync", e))?;
+        self.policy.synced();
+        Ok(())
+    }
+
+    /// Last chunk, `summary` metadata, indexes, footer; durable on return.
+    ///
+    /// On failure the caller goes on with [`PartFile::abandon`].
+    pub fn finish(&mut self, now_ns: u64, summary: &MetadataMap) -> Result<u64, Fault> {
+        if self.policy.open_bytes() > 0 {
+            self.close_chunk(now_ns)?;
+        }
+        let metadata = mcap::write::Metadata {
+            name: "summary".to_owned(),
+            metadata: summary.clone(),
+        };
+        self.mcap.write_metadata(&metadata)?;
+        self.mcap.finish()?;
+        self.drain()?;
+        self.sink
+            .truncate(self.good_bytes)
+            .map_err(|e| Fault::Io("truncate", e))?;
+        self.sync()?;
+        Ok(self.good_bytes)
+    }
+
+    /// After a failed write: cuts back to the last closed chunk and closes the file without an
+    /// index. What is left is a valid MCAP file.
+    pub fn abandon(&mut self, summary: &MetadataMap) -> io::Result<u64> {
+        self.sink.truncate(self.good_bytes)?;
+        let tail = plain_tail(summary);
+        self.sink.write_all(&tail)?;
+        self.sink.flush()?;
+        self.sink.sync()?;
+        self.good_bytes += tail.len() as u64;
+        Ok(self.good_bytes)
+    }
+
+    fn channel(&mut self, topic: Topic) -> Result<u16, Fault> {
+        if let Some(id) = self.channels.get(&topic) {
+            return Ok(*id);
+        }
+        let schema = topic.schema();
+        let schema_id = self
+            .mcap
+            .add_schema(&schema.name, "protobuf", &schema.data)?;
+        let id = self
+            .mcap
+            .add_channel(schema_id, topic.name(), "protobuf", &MetadataMap::new())?;
+        self.schema_bytes +=
+            (schema.data.len() + schema.name.len() + topic.name().len()) as u64 + 128;
+        self.channels.insert(topic, id);
+        Ok(id)
+    }
+
+    fn staged_bytes(&self) -> u64 {
+        self.staging.with(|s| s.bytes.len() as u64)
+    }
+
+    /// Claims room for the open chunk with `more` bytes in it and for the tail.
+    fn claim(&mut self, more: u64) -> io::Result<()> {
+        let raw = self.policy.open_bytes() + more;
+        // zstd's compressBound is n + n/256 + 64; message records and their index entries are in
+        // Entry::size_bytes; a channel's index header and the chunk's own take the rest.
+        let channels = self.channels.len() as u64;
+        let chunk = raw + raw / 128 + 4096 + 128 * channels + self.schema_bytes;
+        let index = (self.chunks + 2) * (96 + 10 * channels);
+        let tail = TAIL_FIXED_BYTES + self.schema_bytes + 32 * channels + index;
+        self.sink.reserve(self.good_bytes + chunk + tail)
+    }
+
+    fn drain(&mut self) -> Result<(), Fault> {
+        let bytes = self.staging.with(|s| {
+            s.taken_before += s.bytes.len() as u64;
+            std::mem::take(&mut s.bytes)
+        });
+        self.sink
+            .write_all(&bytes)
+            .map_err(|e| Fault::Io("write", e))?;
+        self.sink.flush().map_err(|e| Fault::Io("write", e))?;
+        self.good_bytes += bytes.len() as u64;
+        // Hand the allocation back for the next chunk.
+        self.staging.with(|s| {
+            s.bytes = bytes;
+            s.bytes.clear();
+        });
+        Ok(())
+    }
+}
+
+/// `summary` metadata, DataEnd, an empty summary section and the footer, byte by byte
+/// (MCAP specification, "Records").
+pub(super) fn plain_tail(summary: &MetadataMap) -> Vec<u8> {
+    let mut map = Vec::new();
+    for (key, value) in summary {
+        string(&mut map, key);
+        string(&mut map, value);
+    }
+    let mut body = Vec::new();
+    string(&mut body, "summary");
+    body.extend((map.len() as u32).to_le_bytes());
+    body.extend(map);
+    let mut out = Vec::new();
+    record(&mut out, mcap::records::op::METADATA, &body);
+    record(&mut out, mcap::records::op::DATA_END, &0u32.to_le_bytes());
+    record(&mut out, mcap::records::op::FOOTER, &[0; 20]);
+    out.extend(mcap::MAGIC);
+    out
+}
+
+fn string(out: &mut Vec<u8>, s: &str) {
+    out.extend((s.len() as u32).to_le_bytes());
+    out.extend(s.as_bytes());
+}
+
+fn record(out: &mut Vec<u8>, opcode: u8, body: &[u8]) {
+    out.push(opcode);
+    out.extend((body.len() as u64).to_le_bytes());
+    out.extend(body);
+}

@@ -1,0 +1,262 @@
+//! The one queue between everything that happens and the log writer.
+//!
+//! Bounded in bytes. Only frames may be dropped, newest first: an arriving frame that does not
+//! fit is counted and forgotten, so what is queued already stays contiguous. Everything else is
+//! admitted beyond the bound. Order is first in, first out. The core has no locks and no clock.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::entry::Entry;
+
+/// An entry with the log time it was given on arrival.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Queued {
+    /// UNIX \[ns\], never decreasing along the queue.
+    pub log_ns: u64,
+    /// What to write.
+    pub entry: Entry,
+}
+
+/// What became of a push.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Admission {
+    /// Queued.
+    Queued,
+    /// Queued; before it, `dropped` frames in a row had been dropped.
+    QueuedAfterDrops {
+        /// Frames dropped since the last one that fitted.
+        dropped: u64,
+    },
+    /// A frame that did not fit. `first` = the one before it had fitted.
+    Dropped {
+        /// Start of an episode.
+        first: bool,
+    },
+    /// The queue is closed: the recording has ended.
+    Closed,
+}
+
+/// The queue without locks.
+#[derive(Debug)]
+pub struct QueueCore {
+    entries: VecDeque<Queued>,
+    used_bytes: u64,
+    bound_bytes: u64,
+    peak_bytes: u64,
+    dropped_in_a_row: u64,
+    dropped_frames: u64,
+    closed: bool,
+}
+
+impl QueueCore {
+    /// An empty queue that takes frames up to `bound_bytes` in all.
+    pub fn new(bound_bytes: u64) -> Self {
+        Self {
+            entries: VecDeque::new(),
+            used_bytes: 0,
+            bound_bytes,
+            peak_bytes: 0,
+            dropped_in_a_row: 0,
+            dropped_frames: 0,
+            closed: false,
+        }
+    }
+
+    /// Takes or drops an entry.
+    pub fn push(&mut self, item: Queued) -> Admission {
+        if self.closed {
+            return Admission::Closed;
+        }
+        let size = item.entry.size_bytes();
+        let is_frame = item.entry.is_droppable();
+        if is_frame && self.used_bytes.saturating_add(size) > self.bound_bytes {
+            self.dropped_frames += 1;
+            self.dropped_in_a_row += 1;
+            return Admission::Dropped {
+                first: self.dropped_in_a_row == 1,
+            };
+        }
+        self.used_bytes += size;
+        self.peak_bytes = self.peak_bytes.max(self.used_bytes);
+        self.entries.push_back(item);
+        if is_frame && self.dropped_in_a_row > 0 {
+            let dropped = std::mem::take(&mut self.dropped_in_a_row);
+            return Admission::QueuedAfterDrops { dropped };
+        }
+        Admission::Queued
+    }
+
+    /// The oldest entry.
+    pub fn pop(&mut self) -> Option<Queued> {
+        let item = self.entries.pop_front()?;
+        self.used_bytes -= item.entry.size_bytes();
+        Some(item)
+    }
+
+    /// No more pushes; what is queued can still be popped.
+    pub fn close(&mut self) {
+        self.closed = true;
+    }
+
+    /// Bytes queued now.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes
+    }
+
+    /// Most bytes ever queued.
+    pub fn peak_bytes(&self) -> u64 {
+        self.peak_bytes
+    }
+
+    /// Frames dropped so far.
+    pub fn dropped_frames(&self) -> u64 {
+        self.dropped_frames
+    }
+
+    /// Entries queued now.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Nothing queued.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+}
+
+/// What a blocking pop returned.
+#[derive(Debug, PartialEq)]
+pub enum Popped {
+    /// The oldest entry.
+    Entry(Box<Queued>),
+    /// Nothing came in time.
+    Timeout,
+    /// Closed and empty: there will never be another.
+    End,
+}
+
+/// [`QueueCore`] behind a lock, with a state of the producers' own (`T`) under the same lock.
+#[derive(Debug)]
+pub struct Queue<T> {
+    inner: Mutex<(QueueCore, T)>,
+    arrived: Condvar,
+}
+
+impl<T> Queue<T> {
+    /// An empty queue.
+    pub fn new(bound_bytes: u64, state: T) -> Self {
+        Self {
+            inner: Mutex::new((QueueCore::new(bound_bytes), state)),
+            arrived: Condvar::new(),
+        }
+    }
+
+    /// Runs `f` under the lock and wakes the consumer. The lock is held by the consumer only while
+    /// it takes one entry, never while it writes: a producer does not wait for the disk.
+    pub fn with<R>(&self, f: impl FnOnce(&mut QueueCore, &mut T) -> R) -> R {
+        let result = {
+            let mut guard = self.lock();
+            let (core, state) = &mut *guard;
+            f(core, state)
+        };
+        self.arrived.notify_one();
+        result
+    }
+
+    /// Waits up to `timeout` for the oldest entry.
+    pub fn pop(&self, timeout: Duration) -> Popped {
+        let guard = self.lock();
+        let waiting = |inner: &mut (QueueCore, T)| inner.0.is_empty() && !inner.0.closed;
+        let (mut guard, _) = self
+            .arrived
+            .wait_timeout_while(guard, timeout, waiting)
+            .unwrap_or_else(PoisonError::into_inner);
+        match guard.0.pop() {
+            Some(item) => Popped::Entry(Box::new(item)),
+            None if guard.0.closed => Popped::End,
+            None => Popped::Timeout,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (QueueCore, T)> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{command, grey_frame};
+    use super::*;
+    use proptest::prelude::*;
+
+    fn item(log_ns: u64, entry: Entry) -> Queued {
+        Queued { log_ns, entry }
+    }
+
+    proptest! {
+        /// Whatever arrives and leaves in whatever order: commands all come out, in order; frames
+        /// come out or are counted; frames never push the queue beyond its bound.
+        #[test]
+        fn nothing_is_lost_uncounted(steps in proptest::collection::vec(0u8..4, 1..300), bound in 0u64..20_000) {
+            let mut q = QueueCore::new(bound);
+            let (mut frames_in, mut out, mut commands_in) = (0u64, Vec::new(), 0u32);
+            let (mut drops, mut episodes_closed) = (0u64, 0u64);
+            for (n, step) in steps.iter().enumerate() {
+                match step {
+                    0 | 1 => {
+                        frames_in += 1;
+                        let before = q.used_bytes();
+                        let frame = Entry::frame(&grey_frame(n as u32, 40, 30), frames_in);
+                        let size = frame.size_bytes();
+                        match q.push(item(n as u64, frame)) {
+                            Admission::Dropped { .. } => {
+                                prop_assert!(before + size > bound);
+                                drops += 1;
+                            }
+                            Admission::QueuedAfterDrops { dropped } => episodes_closed += dropped,
+                            _ => {}
+                        }
+                        prop_assert!(q.used_bytes() <= bound.max(before));
+                    }
+                    2 => {
+                        commands_in += 1;
+                        let admitted = q.push(item(n as u64, Entry::command(&command(commands_in))));
+                        prop_assert_eq!(admitted, Admission::Queued);
+                    }
+                    _ => out.extend(q.pop()),
+                }
+            }
+            while let Some(i) = q.pop() { out.push(i); }
+            prop_assert_eq!(q.used_bytes(), 0);
+            prop_assert!(out.windows(2).all(|w| w[0].log_ns < w[1].log_ns));
+            let frames_out = out.iter().filter(|i| i.entry.is_droppable()).count() as u64;
+            prop_assert_eq!(out.len() as u64 - frames_out, u64::from(commands_in));
+            prop_assert_eq!(frames_out + q.dropped_frames(), frames_in);
+            prop_assert_eq!(drops, q.dropped_frames());
+            prop_assert!(episodes_closed <= drops);
+        }
+    }
+
+    #[test]
+    fn a_closed_queue_drains_and_refuses() {
+        let queue = Queue::new(1 << 20, ());
+        queue.with(|q, ()| {
+            q.push(item(1, Entry::command(&command(1))));
+            q.close();
+            assert_eq!(
+                q.push(item(2, Entry::command(&command(2)))),
+                Admission::Closed
+            );
+        });
+        assert!(matches!(queue.pop(Duration::ZERO), Popped::Entry(_)));
+        assert_eq!(queue.pop(Duration::from_secs(1000)), Popped::End);
+    }
+
+    #[test]
+    fn an_empty_queue_times_out() {
+        let queue = Queue::new(1 << 20, ());
+        assert_eq!(queue.pop(Duration::ZERO), Popped::Timeout);
+    }
+}

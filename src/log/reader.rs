@@ -1,0 +1,273 @@
+//! Reading a log: decoded records with their times, from our files and from anyone's.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bytes::Bytes;
+use prost::Message;
+
+use super::LogError;
+use super::messages::{self, ImageMessage, pb};
+use super::part::MetadataMap;
+use super::scan::{self, FileScan, Scan, Step};
+use super::topic::Topic;
+use crate::frame::Frame;
+
+/// A decoded message.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)]
+pub enum Record {
+    /// `/camera/image`, joined with its `/camera/frame` where that stands before it.
+    Frame(Frame),
+    /// `/camera/frame`
+    FrameInfo(pb::FrameInfo),
+    /// `/thruster/command`
+    Command(pb::ThrusterCommand),
+    /// `/thruster/echo`
+    Echo(pb::ThrusterEcho),
+    /// `/vehicle/motion`
+    Motion(pb::VehicleMotion),
+    /// `/sim/truth`
+    Truth(pb::VehicleMotion),
+    /// `/clock`
+    Clock(pb::ClockPair),
+    /// `/daemon/event`
+    Event(pb::Event),
+    /// `/laser/profile`
+    Profile(pb::StripeProfile),
+    /// `/laser/calibration`
+    PlaneCalibration(pb::PlaneCalibration),
+    /// `/camera/calibration`
+    CameraCalibration(messages::CameraCalibration),
+    /// `/camera/annotations`
+    Annotations(messages::ImageAnnotations),
+    /// `/vehicle/pose`
+    Pose(messages::PoseInFrame),
+    /// `/daemon/log`
+    Log(messages::Log),
+    /// A topic, schema or encoding that is not one of ours.
+    Other {
+        /// Topic.
+        topic: String,
+        /// Schema name, "" without one.
+        schema: String,
+        /// Message encoding.
+        encoding: String,
+        /// The bytes.
+        data: Bytes,
+    },
+}
+
+/// A message with its times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LogMessage {
+    /// Host realtime at logging, UNIX \[ns\].
+    pub log_ns: u64,
+    /// When it was true, UNIX \[ns\].
+    pub publish_ns: u64,
+    /// MCAP sequence.
+    pub sequence: u32,
+    /// Offset in the file of the record (of its chunk, when it is in one).
+    pub offset: u64,
+    /// What it says.
+    pub record: Record,
+}
+
+/// Reads a log from start to end. Everything is checked before it is handed out; the first item
+/// that is an error says where and why. After an error the iterator goes on with what is still
+/// sound (the next chunk), so stop at the first error unless salvaging.
+pub struct LogReader<R = BufReader<File>> {
+    path: PathBuf,
+    scan: Scan<R>,
+    peeked: Option<Step>,
+    info: Option<pb::FrameInfo>,
+}
+
+impl LogReader {
+    /// Opens a file and reads its head, up to the first message.
+    ///
+    /// # Errors
+    /// [`LogError::Read`], [`LogError::NotMcap`]. Damage shows when iterating.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let scan: FileScan = scan::open(path)?;
+        Ok(Self::over(path, scan))
+    }
+}
+
+impl<R: BufRead> LogReader<R> {
+    /// Over any source; `name` stands in errors.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn from_source(name: &Path, source: R) -> Result<Self, LogError> {
+        match Scan::new(source) {
+            Ok(Ok(scan)) => Ok(Self::over(name, scan)),
+            Ok(Err(found)) => Err(LogError::NotMcap {
+                path: name.to_owned(),
+                found,
+            }),
+            Err(source) => Err(LogError::Read {
+                path: name.to_owned(),
+                source,
+            }),
+        }
+    }
+
+    fn over(path: &Path, mut scan: Scan<R>) -> Self {
+        let peeked = scan.next();
+        Self {
+            path: path.to_owned(),
+            scan,
+            peeked,
+            info: None,
+        }
+    }
+
+    /// Metadata read so far, by name: the head's from the start, all of it after the last message.
+    pub fn metadata(&self) -> &BTreeMap<String, MetadataMap> {
+        &self.scan.learnt.metadata
+    }
+
+    /// The rig as TOML from the head; `None` in a log made elsewhere.
+    pub fn rig_toml(&self) -> Option<&str> {
+        self.toml("rig")
+    }
+
+    /// The calibration as TOML from the head, where there is one.
+    pub fn calibration_toml(&self) -> Option<&str> {
+        self.toml("calibration")
+    }
+
+    fn toml(&self, name: &str) -> Option<&str> {
+        self.metadata().get(name)?.get("toml").map(String::as_str)
+    }
+
+    /// Library that wrote the file.
+    pub fn library(&self) -> &str {
+        &self.scan.learnt.library
+    }
+
+    /// Only messages logged in `from_ns..=to_ns` (UNIX); errors pass through.
+    pub fn between(
+        self,
+        from_ns: u64,
+        to_ns: u64,
+    ) -> impl Iterator<Item = Result<LogMessage, LogError>> {
+        self.filter(move |item| match item {
+            Ok(m) => (from_ns..=to_ns).contains(&m.log_ns),
+            Err(_) => true,
+        })
+    }
+
+    fn decode(
+        &mut self,
+        offset: u64,
+        channel: &Arc<super::records::ChannelRecord>,
+        message: super::records::MessageRecord,
+    ) -> Result<LogMessage, LogError> {
+        let schema = self.scan.learnt.declared.schema_name(channel).to_owned();
+        let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
+        let record = decode(channel, &schema, message, &mut self.info).map_err(|reason| {
+            LogError::Message {
+                path: self.path.clone(),
+                offset,
+                topic: channel.topic.clone(),
+                schema,
+                reason,
+            }
+        })?;
+        Ok(LogMessage {
+            log_ns,
+            publish_ns,
+            sequence,
+            offset,
+            record,
+        })
+    }
+}
+
+impl<R: BufRead> Iterator for LogReader<R> {
+    type Item = Result<LogMessage, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let step = self.peeked.take().or_else(|| self.scan.next())?;
+            match step {
+                Step::Message {
+                    offset,
+                    channel,
+                    message,
+                } => {
+                    return Some(self.decode(offset, &channel, message));
+                }
+                Step::Damage { offset, damage } => {
+                    return Some(Err(LogError::Damaged {
+                        path: self.path.clone(),
+                        offset,
+                        damage,
+                    }));
+                }
+                // Unchecked bytes: only `recover` looks at them.
+                Step::Torn { .. } => {}
+            }
+        }
+    }
+}
+
+/// Decodes a message; `info` remembers the last FrameInfo for the image that follows it.
+pub(super) fn decode(
+    channel: &super::records::ChannelRecord,
+    schema: &str,
+    message: super::records::MessageRecord,
+    info: &mut Option<pb::FrameInfo>,
+) -> Result<Record, String> {
+    let topic =
+        Topic::find(&channel.topic, schema).filter(|_| channel.message_encoding == "protobuf");
+    let Some(topic) = topic else {
+        return Ok(Record::Other {
+            topic: channel.topic.clone(),
+            schema: schema.to_owned(),
+            encoding: channel.message_encoding.clone(),
+            data: message.data,
+        });
+    };
+    fn from<M: Message + Default>(data: Bytes) -> Result<M, String> {
+        M::decode(data).map_err(|e| e.to_string())
+    }
+    let (sequence, publish_ns, data) = (message.sequence, message.publish_ns, message.data);
+    let mut frame = |image: ImageMessage| {
+        use messages::Stamped;
+        let stamp_ns = match &image {
+            ImageMessage::Raw(raw) => raw.stamp_ns(),
+            ImageMessage::Compressed(jpeg) => jpeg.stamp_ns(),
+        };
+        let own = info
+            .take()
+            .filter(|i| i.sequence == sequence && i.stamp_ns() == stamp_ns);
+        messages::frame_from(image, own.as_ref(), sequence, publish_ns).map_err(|e| e.to_string())
+    };
+    Ok(match topic {
+        Topic::RawImage => Record::Frame(frame(ImageMessage::Raw(from(data)?))?),
+        Topic::CompressedImage => Record::Frame(frame(ImageMessage::Compressed(from(data)?))?),
+        Topic::FrameInfo => {
+            let decoded: pb::FrameInfo = from(data)?;
+            *info = Some(decoded.clone());
+            Record::FrameInfo(decoded)
+        }
+        Topic::CameraCalibration => Record::CameraCalibration(from(data)?),
+        Topic::PlaneCalibration => Record::PlaneCalibration(from(data)?),
+        Topic::Annotations => Record::Annotations(from(data)?),
+        Topic::Profile => Record::Profile(from(data)?),
+        Topic::Command => Record::Command(from(data)?),
+        Topic::Echo => Record::Echo(from(data)?),
+        Topic::Motion => Record::Motion(from(data)?),
+        Topic::Truth => Record::Truth(from(data)?),
+        Topic::Pose => Record::Pose(from(data)?),
+        Topic::Clock => Record::Clock(from(data)?),
+        Topic::Event => Record::Event(from(data)?),
+        Topic::Log => Record::Log(from(data)?),
+    })
+}

@@ -1,0 +1,342 @@
+//! The live log: a cheap handle for every producer, one queue, one writer thread.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::LogError;
+use super::account::{Counts, FrameLedger, LogOutcome, SummaryInput};
+use super::entry::Entry;
+use super::messages::{self, pb};
+use super::queue::{Admission, Popped, Queue, Queued};
+use super::writer::{Head, LogWriter, PartOpener, WriteSettings};
+use crate::clock::{Clock, ClockTriple};
+use crate::event::{Event, Severity};
+use crate::frame::Frame;
+
+/// A step of CLOCK_REALTIME against CLOCK_MONOTONIC beyond this is an event.
+const STEP_NS: i128 = 10_000_000;
+
+/// Log times: the host's realtime, held where it would go back.
+#[derive(Debug, Clone, Default)]
+pub struct LogTime {
+    last_ns: u64,
+    offset_ns: Option<i128>,
+}
+
+impl LogTime {
+    /// The log time for a reading of the clocks, and the step since the last reading
+    /// \[ns\] if the realtime clock was set by more than 10 ms. Slewing stays below that.
+    pub fn stamp(&mut self, clocks: &ClockTriple) -> (u64, Option<i128>) {
+        let offset = i128::from(clocks.realtime_ns) - i128::from(clocks.monotonic_ns);
+        let step = self.offset_ns.replace(offset).map(|before| offset - before);
+        self.last_ns = self.last_ns.max(clocks.realtime_ns);
+        (self.last_ns, step.filter(|s| s.abs() > STEP_NS))
+    }
+}
+
+/// What producers share under the queue's lock.
+#[derive(Debug, Default)]
+struct Producers {
+    time: LogTime,
+    frames: FrameLedger,
+    faulty: u64,
+    after_end: u64,
+}
+
+struct Shared {
+    queue: Arc<Queue<Producers>>,
+    writer_counts: Arc<Mutex<Counts>>,
+    clock: Arc<dyn Clock>,
+    thread: Mutex<Option<JoinHandle<LogWriter>>>,
+}
+
+/// Handle to a running recording. Clone it freely; no call waits for the disk.
+#[derive(Clone)]
+pub struct Recorder {
+    shared: Arc<Shared>,
+}
+
+impl Recorder {
+    /// Creates the first file, makes its head durable, and starts the writer thread.
+    ///
+    /// # Errors
+    /// When the first file cannot be created or the thread cannot be started.
+    pub fn start(
+        opener: Box<dyn PartOpener>,
+        head: Head,
+        settings: WriteSettings,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, LogError> {
+        let queue_bytes = settings.queue_bytes;
+        let writer = LogWriter::create(opener, head, settings, clock.monotonic_ns())?;
+        let queue = Arc::new(Queue::new(queue_bytes, Producers::default()));
+        let writer_counts = Arc::new(Mutex::new(Counts::default()));
+        let (q, c, k) = (
+            Arc::clone(&queue),
+            Arc::clone(&writer_counts),
+            Arc::clone(&clock),
+        );
+        let thread = std::thread::Builder::new()
+            .name("log-writer".to_owned())
+            .spawn(move || run(writer, &q, &c, k.as_ref()))
+            .map_err(|source| LogError::Thread { source })?;
+        let thread = Mutex::new(Some(thread));
+        Ok(Self {
+            shared: Arc::new(Shared {
+                queue,
+                writer_counts,
+                clock,
+                thread,
+            }),
+        })
+    }
+
+    /// A frame; `frame_index` counts frames received by the daemon, from 0.
+    pub fn frame(&self, frame: &Frame, frame_index: u64) {
+        self.push(Entry::frame(frame, frame_index));
+    }
+
+    /// Every command sent.
+    pub fn command(&self, message: &pb::ThrusterCommand) {
+        self.push(Entry::command(message));
+    }
+
+    /// The controller's answer.
+    pub fn echo(&self, message: &pb::ThrusterEcho) {
+        self.push(Entry::echo(message));
+    }
+
+    /// The clocks, once a second.
+    pub fn clock(&self, message: &pb::ClockPair) {
+        self.push(Entry::clock(message));
+    }
+
+    /// What happened to the daemon.
+    pub fn event(&self, event: &Event) {
+        self.push(Entry::event(event));
+    }
+
+    /// A stripe and, when `annotated`, its drawing over the image.
+    pub fn profile(&self, message: &pb::StripeProfile) {
+        self.push(Entry::profile(message));
+    }
+
+    /// The stripe over the image, see [`messages::stripe_annotations`].
+    pub fn annotations(&self, message: &messages::ImageAnnotations) {
+        self.push(Entry::annotations(message));
+    }
+
+    /// The camera's intrinsics.
+    pub fn camera_calibration(&self, message: &messages::CameraCalibration) {
+        self.push(Entry::camera_calibration(message));
+    }
+
+    /// The map from image to laser plane.
+    pub fn plane_calibration(&self, message: &pb::PlaneCalibration) {
+        self.push(Entry::plane_calibration(message));
+    }
+
+    /// A measured pose.
+    pub fn motion(&self, message: &pb::VehicleMotion) {
+        self.push(Entry::motion(message));
+    }
+
+    /// The simulator's truth.
+    pub fn truth(&self, message: &pb::VehicleMotion) {
+        self.push(Entry::truth(message));
+    }
+
+    /// A pose for viewers.
+    pub fn pose(&self, message: &messages::PoseInFrame) {
+        self.push(Entry::pose(message));
+    }
+
+    /// A line of the daemon's own log.
+    pub fn log_line(&self, message: &messages::Log) {
+        self.push(Entry::log_line(message));
+    }
+
+    /// Anything; stamps it with the log time, in the order of arrival.
+    pub fn push(&self, entry: Entry) {
+        // Read before the lock: five clock reads are no reason to hold up another producer.
+        // LogTime keeps the order of the queue monotone whatever the order of the readings.
+        let clocks = self.shared.clock.triple();
+        self.shared.queue.with(|queue, producers| {
+            let (log_ns, step) = producers.time.stamp(&clocks);
+            if let Some(step_ns) = step {
+                let step_s = step_ns as f64 / 1e9;
+                let message = format!(
+                    "the realtime clock was set by {step_s:+.3} s; stamps before and after do not compare"
+                );
+                let event = Event::new(clocks.realtime_ns, Severity::Warning, "clock.step", message)
+                    .with("step_s", step_s);
+                queue.push(Queued { log_ns, entry: Entry::event(&event) });
+            }
+            if let Entry::Frame { frame, .. } = &entry {
+                producers.frames.count(frame);
+                producers.faulty += u64::from(frame.meta.fault.is_some());
+            }
+            match queue.push(Queued { log_ns, entry }) {
+                Admission::Queued => {}
+                Admission::Closed => producers.after_end += 1,
+                Admission::Dropped { first: false } => {}
+                Admission::Dropped { first: true } => {
+                    let used = queue.used_bytes() as f64 / 1e6;
+                    let message = format!(
+                        "the disk is too slow: {used:.0} MB wait in the queue, new frames are dropped"
+                    );
+                    let event =
+                        Event::new(clocks.realtime_ns, Severity::Error, "log.frames_dropped", message)
+                            .with("queue_mb", used);
+                    queue.push(Queued { log_ns, entry: Entry::event(&event) });
+                }
+                Admission::QueuedAfterDrops { dropped } => {
+                    let message = format!("the queue takes frames again; {dropped} were dropped");
+                    let event =
+                        Event::new(clocks.realtime_ns, Severity::Error, "log.frames_dropped", message)
+                            .with("dropped", dropped as f64);
+                    queue.push(Queued { log_ns, entry: Entry::event(&event) });
+                }
+            }
+        });
+    }
+
+    /// Live counters.
+    pub fn counts(&self) -> Counts {
+        let writer = self
+            .shared
+            .writer_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
+        producer_counts(&self.shared.queue, writer)
+    }
+
+    /// Why writing stopped (disk full or failed), if it did: the recording should end.
+    pub fn stopped(&self) -> Option<String> {
+        let counts = self
+            .shared
+            .writer_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        counts.stopped.clone()
+    }
+
+    /// Writes what is queued, closes the file and reports. Other handles may still exist; what
+    /// they push afterwards is counted, not written.
+    ///
+    /// # Errors
+    /// [`LogError::Finished`] when another handle did it before, [`LogError::WriterPanicked`].
+    pub fn finish(&self, summary: &SummaryInput) -> Result<LogOutcome, LogError> {
+        self.shared.finish(summary)
+    }
+}
+
+impl Shared {
+    fn finish(&self, summary: &SummaryInput) -> Result<LogOutcome, LogError> {
+        self.queue.with(|queue, _| queue.close());
+        let thread = self
+            .thread
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        let writer = thread
+            .ok_or(LogError::Finished)?
+            .join()
+            .map_err(|_| LogError::WriterPanicked)?;
+        let now_ns = self.clock.monotonic_ns();
+        let counts = || producer_counts(&self.queue, Counts::default());
+        let outcome = writer.finish(now_ns, summary, &counts);
+        outcome.counts.clone_into(
+            &mut self
+                .writer_counts
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner),
+        );
+        Ok(outcome)
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        // The daemon is unwinding: still give the file its end, and say that it was not orderly.
+        let summary = SummaryInput {
+            clean: false,
+            ..SummaryInput::clean("the recorder was dropped")
+        };
+        self.finish(&summary).ok();
+    }
+}
+
+fn producer_counts(queue: &Queue<Producers>, mut counts: Counts) -> Counts {
+    queue.with(|queue, producers| {
+        counts.frames.clone_from(&producers.frames);
+        counts.frames_faulty = producers.faulty;
+        counts.frames_dropped = queue.dropped_frames();
+        counts.after_end = producers.after_end;
+        counts.queue_bytes = queue.used_bytes();
+        counts.queue_peak_bytes = queue.peak_bytes();
+    });
+    counts
+}
+
+/// Longest sleep of the writer: bounds how late a clock that is not the machine's is noticed.
+const IDLE: Duration = Duration::from_millis(500);
+
+fn run(
+    mut writer: LogWriter,
+    queue: &Queue<Producers>,
+    shared: &Mutex<Counts>,
+    clock: &dyn Clock,
+) -> LogWriter {
+    let counts = || producer_counts(queue, Counts::default());
+    loop {
+        let wait = match writer.next_deadline_ns() {
+            Some(deadline) => {
+                Duration::from_nanos(deadline.saturating_sub(clock.monotonic_ns())).min(IDLE)
+            }
+            None => IDLE,
+        };
+        let popped = queue.pop(wait);
+        let now_ns = clock.monotonic_ns();
+        match popped {
+            Popped::Entry(item) => {
+                // What is overdue goes first: the entry just taken belongs to the next chunk.
+                writer.tick(now_ns, &counts);
+                writer.write(now_ns, item.log_ns, &item.entry, &counts);
+            }
+            Popped::Timeout => writer.tick(now_ns, &counts),
+            Popped::End => return writer,
+        }
+        let mut latest = Counts::default();
+        writer.count_into(&mut latest);
+        *shared.lock().unwrap_or_else(PoisonError::into_inner) = latest;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn log_time_never_goes_back(readings in proptest::collection::vec((0u64..1u64<<40, 0u64..1u64<<40), 1..100)) {
+            let mut time = LogTime::default();
+            let mut last = 0;
+            let mut offset: Option<i128> = None;
+            for (monotonic_ns, realtime_ns) in readings {
+                let triple = ClockTriple { monotonic_ns, realtime_ns, ..ClockTriple::default() };
+                let (log, step) = time.stamp(&triple);
+                prop_assert!(log >= last && log >= realtime_ns);
+                prop_assert!(log == last || log == realtime_ns);
+                let now = i128::from(realtime_ns) - i128::from(monotonic_ns);
+                let truth = offset.map(|o| now - o).filter(|s| s.abs() > STEP_NS);
+                prop_assert_eq!(step, truth);
+                offset = Some(now);
+                last = log;
+            }
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! A file's messages, undecoded but checked, with everything else that a file tells about itself.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use mcap::records::op;
+
+use super::LogError;
+use super::part::MetadataMap;
+use super::records::{
+    self, ChannelRecord, ChunkRecord, Damage, Declared, Located, MessageRecord, Records,
+    StatisticsRecord,
+};
+
+/// One step through a file.
+#[derive(Debug)]
+pub(super) enum Step {
+    /// A message, its channel, and the offset of the top-level record that holds it.
+    Message {
+        offset: u64,
+        channel: Arc<ChannelRecord>,
+        message: MessageRecord,
+    },
+    /// Damage. Further steps may follow: a bad chunk does not spoil the next one.
+    Damage { offset: u64, damage: Damage },
+    /// The record at the end of the file is torn inside a chunk: what is there of it.
+    Torn { chunk: ChunkRecord },
+}
+
+/// What a scan has learnt so far.
+#[derive(Debug, Default)]
+pub(super) struct Learnt {
+    pub profile: String,
+    pub library: String,
+    pub declared: Declared,
+    pub metadata: BTreeMap<String, MetadataMap>,
+    /// Names of the metadata that stand before the first message.
+    pub head_metadata: Vec<String>,
+    pub messages: u64,
+    pub chunks: u64,
+    pub attachments: u64,
+    pub statistics: Option<StatisticsRecord>,
+    pub compressions: BTreeMap<String, u64>,
+    /// DataEnd, footer and magic are there.
+    pub ended: bool,
+    /// The data section carries a checksum (it was compared, if so).
+    pub data_crc_stated: bool,
+}
+
+/// Steps through a file from start to end.
+pub(super) struct Scan<R> {
+    records: Records<R>,
+    pub learnt: Learnt,
+    chunk: Option<(u64, Bytes)>,
+    pending: Option<Located>,
+    torn: Option<ChunkRecord>,
+    past_data: bool,
+    damaged: bool,
+    done: bool,
+}
+
+pub(super) type FileScan = Scan<BufReader<File>>;
+
+/// Opens a file.
+pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
+    let read = |source| LogError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(read)?;
+    match Scan::new(BufReader::with_capacity(1 << 18, file)).map_err(read)? {
+        Ok(scan) => Ok(scan),
+        Err(found) => Err(LogError::NotMcap {
+            path: path.to_owned(),
+            found,
+        }),
+    }
+}
+
+impl<R: BufRead> Scan<R> {
+    /// Over any source; the inner error holds the first bytes of something that is not MCAP.
+    pub fn new(source: R) -> std::io::Result<Result<Self, Vec<u8>>> {
+        Ok(Records::new(source)?.map(|records| Self {
+            records,
+            learnt: Learnt::default(),
+            chunk: None,
+            pending: None,
+            torn: None,
+            past_data: false,
+            damaged: false,
+            done: false,
+        }))
+    }
+
+    /// The next step; `None` when the file is read.
+    pub fn next(&mut self) -> Option<Step> {
+        let step = self.next_inner();
+        self.damaged |= matches!(step, Some(Step::Damage { .. }));
+        step
+    }
+
+    fn next_inner(&mut self) -> Option<Step> {
+        loop {
+            if let Some(chunk) = self.torn.take() {
+                return Some(Step::Torn { chunk });
+            }
+            if let Some((offset, damage)) = self.pending.take() {
+                return Some(Step::Damage { offset, damage });
+            }
+            if let Some((offset, content)) = &mut self.chunk {
+                let offset = *offset;
+                match records::next_inner(content) {
+                    Some(Ok((opcode, body))) => match self.data_record(offset, opcode, &body) {
+                        Ok(Some(step)) => return Some(step),
+                        Ok(None) => {}
+                        Err(damage) => return Some(Step::Damage { offset, damage }),
+                    },
+                    Some(Err(damage)) => return Some(Step::Damage { offset, damage }),
+                    None => self.chunk = None,
+                }
+                continue;
+            }
+            if self.done {
+                return None;
+            }
+            match self.records.next() {
+                Some(Ok(outer)) => match self.outer(&outer) {
+                    Ok(Some(step)) => return Some(step),
+                    Ok(None) => {}
+                    Err(damage) => {
+                        return Some(Step::Damage {
+                            offset: outer.offset,
+                            damage,
+                        });
+                    }
+                },
+                Some(Err(located)) => {
+                    self.done = true;
+                    self.torn = self.records.take_torn();
+                    self.pending = Some(located);
+                }
+                None => {
+                    self.done = true;
+                    self.pending = Some((self.records.offset(), Damage::NoEnd));
+                }
+            }
+        }
+    }
+
+    fn outer(&mut self, outer: &records::Outer) -> Result<Option<Step>, Damage> {
+        let body = &outer.body;
+        match outer.opcode {
+            op::HEADER => (self.learnt.profile, self.learnt.library) = records::header(body)?,
+            op::CHUNK if !self.past_data => {
+                self.learnt.chunks += 1;
+                let chunk = records::chunk(body, false)?;
+                *self
+                    .learnt
+                    .compressions
+                    .entry(chunk.compression.clone())
+                    .or_default() += 1;
+                self.chunk = Some((outer.offset, chunk.open()?));
+            }
+            op::METADATA if !self.past_data => {
+                let (name, map) = records::metadata(body)?;
+                if self.learnt.messages == 0 {
+                    self.learnt.head_metadata.push(name.clone());
+                }
+                self.learnt.metadata.insert(name, map);
+            }
+            op::ATTACHMENT => self.learnt.attachments += 1,
+            op::DATA_END => {
+                self.past_data = true;
+                let (saved, calculated) = (records::data_end(body)?, self.records.crc());
+                self.records.restart_crc();
+                self.learnt.data_crc_stated = saved != 0;
+                if saved != 0 && saved != calculated {
+                    return Err(Damage::DataCrc { saved, calculated });
+                }
+            }
+            op::STATISTICS if self.past_data => {
+                self.learnt.statistics = Some(records::statistics(body)?)
+            }
+            op::FOOTER => {
+                self.done = true;
+                return self.footer(body);
+            }
+            opcode if !self.past_data => return self.data_record(outer.offset, opcode, body),
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    fn data_record(
+        &mut self,
+        offset: u64,
+        opcode: u8,
+        body: &Bytes,
+    ) -> Result<Option<Step>, Damage> {
+        match opcode {
+            op::SCHEMA => self.learnt.declared.add_schema(records::schema(body)?)?,
+            op::CHANNEL => self.learnt.declared.add_channel(records::channel(body)?)?,
+            op::MESSAGE => {
+                let message = records::message(body)?;
+                let channel = self.learnt.declared.channels.get(&message.channel_id);
+                let channel = channel
+                    .cloned()
+                    .ok_or(Damage::UnknownChannel(message.channel_id))?;
+                self.learnt.messages += 1;
+                return Ok(Some(Step::Message {
+                    offset,
+                    channel,
+                    message,
+                }));
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    /// The end: summary checksum, magic, and the counts, which show a chunk that vanished
+    /// because its opcode was hit.
+    fn footer(&mut self, body: &Bytes) -> Result<Option<Step>, Damage> {
+        let saved = records::footer_crc(body)?;
+        if saved != 0 {
+            let calculated = self.records.crc_with_footer(body);
+            if saved != calculated {
+                return Err(Damage::SummaryCrc { saved, calculated });
+            }
+        }
+        if !self.past_data {
+            return Err(Damage::NoEnd);
+        }
+        self.records.end_magic().map_err(|(_, damage)| damage)?;
+        self.learnt.ended = true;
+        if let (Some(stated), false) = (self.learnt.statistics, self.damaged) {
+            let found = self.learnt.messages;
+            if stated.messages != found {
+                return Err(Damage::MessageCount {
+                    stated: stated.messages,
+                    found,
+                });
+            }
+            let (stated, found) = (u64::from(stated.chunks), self.learnt.chunks);
+            if stated != found {
+                return Err(Damage::ChunkCount { stated, found });
+            }
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,344 @@
+//! Record and read back, in memory.
+
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use super::testing::{MemoryDisk, T0_NS, command, grey_frame};
+use super::*;
+use crate::clock::{Clock, ManualClock, SystemClock};
+use crate::event::{Event, Severity};
+
+fn head() -> Head {
+    Head {
+        rig_toml: "[rig]\nname = \"bench\"\n".into(),
+        calibration_toml: None,
+        session: MetadataMap::from([
+            ("host".into(), "tank".into()),
+            ("planned_s".into(), "30".into()),
+        ]),
+    }
+}
+
+fn offline() -> WriteSettings {
+    WriteSettings::offline(Some(hydroline_rigs::PixelFormat::Grey))
+}
+
+fn live() -> WriteSettings {
+    WriteSettings {
+        limits: Limits {
+            min_free_bytes: 0,
+            ..Limits::default()
+        },
+        ..offline()
+    }
+}
+
+fn read(bytes: Vec<u8>) -> Vec<LogMessage> {
+    let reader = LogReader::from_source(Path::new("memory.mcap"), Cursor::new(bytes)).unwrap();
+    reader.collect::<Result<_, _>>().unwrap()
+}
+
+/// A short offline log of `n` frames with a command each.
+fn sample(disk: &MemoryDisk, n: u32, settings: WriteSettings) -> LogOutcome {
+    let mut log = FileRecorder::with_opener(disk.opener(), head(), settings).unwrap();
+    for i in 0..n {
+        let t = T0_NS + u64::from(i) * 40_000_000;
+        log.write(t, &Entry::frame(&grey_frame(i, 72, 58), u64::from(i)))
+            .unwrap();
+        log.write(t + 1, &Entry::command(&command(i))).unwrap();
+    }
+    log.finish(&SummaryInput::clean("plan done")).unwrap()
+}
+
+#[test]
+fn what_goes_in_comes_out_bit_by_bit() {
+    let disk = MemoryDisk::default();
+    let outcome = sample(&disk, 30, offline());
+    assert!(!outcome.lost);
+    let (mut frames, mut commands, mut infos) = (0, 0, 0);
+    for m in read(disk.file(0)) {
+        match m.record {
+            Record::Frame(frame) => {
+                assert_eq!(frame, grey_frame(frames, 72, 58));
+                assert_eq!(
+                    (m.sequence, m.publish_ns),
+                    (frames, frame.meta.mid_exposure_ns)
+                );
+                frames += 1;
+            }
+            Record::Command(c) => {
+                assert_eq!(c, command(commands));
+                assert_eq!(m.log_ns, T0_NS + u64::from(commands) * 40_000_000 + 1);
+                commands += 1;
+            }
+            Record::FrameInfo(info) => {
+                assert_eq!(info.frame_index, infos);
+                infos += 1;
+            }
+            other => panic!("unexpected {other:?}"),
+        }
+    }
+    assert_eq!((frames, commands, infos), (30, 30, 30));
+}
+
+#[test]
+fn the_head_is_durable_before_the_first_message() {
+    let disk = MemoryDisk::default();
+    let log = FileRecorder::with_opener(disk.opener(), head(), offline()).unwrap();
+    let (bytes, syncs) = (disk.file(0), disk.state.lock().unwrap().syncs);
+    assert_eq!(syncs, 1);
+    let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(bytes)).unwrap();
+    assert!(matches!(
+        reader.next(),
+        Some(Err(LogError::Damaged {
+            damage: Damage::NoEnd,
+            ..
+        }))
+    ));
+    assert_eq!(reader.rig_toml(), Some(head().rig_toml.as_str()));
+    assert_eq!(reader.metadata()["session"]["planned_s"], "30");
+    assert_eq!(reader.metadata()["session"]["part"], "0");
+    assert_eq!(reader.metadata()["calibration"]["status"], "none");
+    drop(log);
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let disks = [MemoryDisk::default(), MemoryDisk::default()];
+    for disk in &disks {
+        let mut log = FileRecorder::with_opener(disk.opener(), head(), offline()).unwrap();
+        let event = Event::new(T0_NS, Severity::Info, "camera.gap", "x")
+            .with("b", 1.0)
+            .with("a", 2.0);
+        for i in 0..5 {
+            log.write(T0_NS + i, &Entry::event(&event)).unwrap();
+            log.write(T0_NS + i, &Entry::frame(&grey_frame(i as u32, 90, 50), i))
+                .unwrap();
+        }
+        log.finish(&SummaryInput::clean("done")).unwrap();
+    }
+    assert_eq!(disks[0].file(0), disks[1].file(0));
+}
+
+#[test]
+fn the_crates_own_reader_agrees() {
+    let disk = MemoryDisk::default();
+    sample(&disk, 40, offline());
+    let bytes = disk.file(0);
+    let theirs: Vec<_> = mcap::io::MessageReader::new(Cursor::new(&bytes))
+        .collect::<Result<_, _>>()
+        .unwrap();
+    let ours = read(bytes.clone());
+    assert_eq!(theirs.len(), ours.len());
+    for (a, b) in theirs.iter().zip(&ours) {
+        assert_eq!(
+            (a.log_time, a.publish_time, a.sequence),
+            (b.log_ns, b.publish_ns, b.sequence)
+        );
+    }
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.stats.unwrap().message_count, 120);
+    assert_eq!(summary.metadata_indexes.len(), 4);
+    assert!(!summary.chunk_indexes.is_empty());
+}
+
+#[test]
+fn rotation_loses_nothing_and_every_part_stands_alone() {
+    let disk = MemoryDisk::default();
+    let settings = WriteSettings {
+        limits: Limits {
+            rotate_bytes: 60_000,
+            chunk_bytes: 20_000,
+            ..Limits::offline()
+        },
+        ..offline()
+    };
+    let outcome = sample(&disk, 100, settings);
+    let parts = disk.state.lock().unwrap().files.len();
+    assert!(parts > 3, "{parts} parts");
+    assert_eq!(outcome.files.len(), parts);
+    let (mut frames, mut commands, mut rotations) = (Vec::new(), Vec::new(), 0);
+    for part in 0..parts {
+        let bytes = disk.file(part);
+        let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(bytes)).unwrap();
+        assert!(reader.rig_toml().is_some());
+        let mut total = 0;
+        for m in reader.by_ref() {
+            total += 1;
+            match m.unwrap().record {
+                Record::Frame(f) => frames.push(f.meta.sequence),
+                Record::Command(c) => commands.push(c.sequence),
+                Record::Event(e) => {
+                    assert_eq!(e.kind, "log.rotated");
+                    rotations += 1;
+                }
+                _ => {}
+            }
+        }
+        let meta = reader.metadata();
+        assert_eq!(meta["session"]["part"], part.to_string());
+        assert_eq!(meta["summary"]["part.number"], part.to_string());
+        assert_eq!(
+            meta["summary"]["part.last"],
+            (part + 1 == parts).to_string()
+        );
+        assert_eq!(meta["summary"]["messages.total"], total.to_string());
+    }
+    assert_eq!(frames, (0..100).collect::<Vec<u32>>());
+    assert_eq!(commands, (0..100).collect::<Vec<u32>>());
+    assert_eq!(rotations, parts - 1);
+}
+
+#[test]
+fn a_recording_through_the_thread_keeps_order_and_accounts() {
+    let disk = MemoryDisk::default();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+    let log = Recorder::start(disk.opener(), head(), live(), clock).unwrap();
+    let other = log.clone();
+    let producer = std::thread::spawn(move || {
+        for i in 0..200 {
+            other.command(&command(i));
+        }
+    });
+    for i in 0..50 {
+        let mut frame = grey_frame(i * 2, 72, 58);
+        frame.meta.lost_before.sequence_gap = u32::from(i > 0);
+        log.frame(&frame, u64::from(i));
+    }
+    producer.join().unwrap();
+    let outcome = log.finish(&SummaryInput::clean("plan done")).unwrap();
+    assert!(!outcome.lost && outcome.stopped.is_none());
+    assert!(matches!(
+        log.finish(&SummaryInput::clean("again")),
+        Err(LogError::Finished)
+    ));
+    log.command(&command(201));
+    assert_eq!(log.counts().after_end, 1);
+    let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(disk.file(0))).unwrap();
+    let messages: Vec<_> = reader.by_ref().collect::<Result<_, _>>().unwrap();
+    assert!(messages.windows(2).all(|w| w[0].log_ns <= w[1].log_ns));
+    let commands: Vec<u32> = messages
+        .iter()
+        .filter_map(|m| {
+            if let Record::Command(c) = &m.record {
+                Some(c.sequence)
+            } else {
+                None
+            }
+        })
+        .collect();
+    assert_eq!(commands, (0..200).collect::<Vec<_>>());
+    let s = &reader.metadata()["summary"];
+    assert_eq!(
+        (s["frames.received"].as_str(), s["frames.expected"].as_str()),
+        ("50", "99")
+    );
+    assert_eq!(
+        (
+            s["frames.lost.sequence_gap"].as_str(),
+            s["frames.logged"].as_str()
+        ),
+        ("49", "50")
+    );
+    assert_eq!(
+        (s["stop.clean"].as_str(), s["stop.reason"].as_str()),
+        ("true", "plan done")
+    );
+}
+
+#[test]
+fn a_clock_step_is_an_event_and_log_time_does_not_go_back() {
+    let disk = MemoryDisk::default();
+    let clock = Arc::new(ManualClock::new(1_000, T0_NS));
+    let log = Recorder::start(disk.opener(), head(), live(), clock.clone()).unwrap();
+    log.command(&command(0));
+    clock.step_realtime(-3_600_000_000_000);
+    log.command(&command(1));
+    clock.advance(Duration::from_millis(1));
+    log.command(&command(2));
+    log.finish(&SummaryInput::clean("done")).unwrap();
+    let messages = read(disk.file(0));
+    assert!(messages.iter().all(|m| m.log_ns == T0_NS));
+    let steps: Vec<_> = messages
+        .iter()
+        .filter_map(|m| {
+            if let Record::Event(e) = &m.record {
+                Some(e)
+            } else {
+                None
+            }
+        })
+        .collect();
+    assert_eq!(steps.len(), 1);
+    assert_eq!(
+        (steps[0].kind.as_str(), steps[0].values["step_s"]),
+        ("clock.step", -3600.0)
+    );
+}
+
+#[test]
+fn a_dropped_recorder_still_closes_its_file() {
+    let disk = MemoryDisk::default();
+    let log = Recorder::start(disk.opener(), head(), live(), Arc::new(SystemClock)).unwrap();
+    log.command(&command(0));
+    drop(log);
+    let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(disk.file(0))).unwrap();
+    assert_eq!(reader.by_ref().map(Result::unwrap).count(), 1);
+    assert_eq!(reader.metadata()["summary"]["stop.clean"], "false");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// A disk that fills up at any point: the file is whole, what is in it is a prefix of what was
+    /// sent, and every frame and command that is not in it is counted.
+    #[test]
+    fn a_full_disk_ends_cleanly(room in 250_000u64..600_000, lying in any::<bool>()) {
+        let disk = MemoryDisk::default();
+        if lying {
+            // Free space that vanishes after it was claimed: the write itself fails.
+            disk.state.lock().unwrap().fails_after = Some(room);
+        } else {
+            disk.state.lock().unwrap().room = Some(room);
+        }
+        let log = Recorder::start(disk.opener(), head(), live(), Arc::new(SystemClock)).unwrap();
+        for i in 0..400 {
+            log.frame(&grey_frame(i, 72, 58), u64::from(i));
+            log.command(&command(i));
+        }
+        let outcome = log.finish(&SummaryInput::clean("plan done")).unwrap();
+        prop_assert!(outcome.lost);
+        prop_assert!(outcome.stopped.is_some());
+        let bytes = disk.file(0);
+        prop_assert!(bytes.len() as u64 <= room + 4096);
+        let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(bytes)).unwrap();
+        let (mut frames, mut commands) = (0u32, 0u32);
+        for m in reader.by_ref() {
+            match m.unwrap().record {
+                Record::Frame(f) => {
+                    prop_assert_eq!(f.meta.sequence, frames);
+                    frames += 1;
+                }
+                Record::Command(c) => {
+                    prop_assert_eq!(c.sequence, commands);
+                    commands += 1;
+                }
+                _ => {}
+            }
+        }
+        prop_assert!(frames < 400);
+        let unwritten = &outcome.counts.unwritten;
+        prop_assert_eq!(u64::from(frames) + unwritten["/camera/image"], 400);
+        prop_assert_eq!(u64::from(commands) + unwritten["/thruster/command"], 400);
+        let s = &reader.metadata()["summary"];
+        prop_assert_eq!(s["stop.clean"].as_str(), "false");
+        prop_assert_eq!(s["frames.logged"].parse::<u32>().unwrap(), frames);
+        let n = |k: &str| s[k].parse::<u64>().unwrap();
+        prop_assert_eq!(n("frames.logged") + n("frames.dropped.queue") + n("frames.dropped.disk"), n("frames.received"));
+        prop_assert_eq!(n("frames.received"), n("frames.expected"));
+    }
+}

@@ -1,0 +1,600 @@
+//! The log as a sequence of files: rotation, free-space guard, clean stop, closing summary.
+//!
+//! [`LogWriter`] does no waiting and reads no clock: the recorder's thread drives it with the
+//! host's monotonic clock, `simulate` and `replay` with the log's own time.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use hydroline_rigs::{LogSettings, PixelFormat};
+
+use super::LogError;
+use super::account::{Counts, LogOutcome, SummaryInput, summary_map};
+use super::entry::Entry;
+use super::part::{Encoding, Fault, MetadataMap, PartFile};
+use super::policy::Limits;
+use super::sink::{FileSink, LogSink, free_bytes};
+use super::topic::Topic;
+use crate::event::{Event, Severity};
+
+/// Opens the files of a recording, part by part from 0.
+pub trait PartOpener: Send {
+    /// A new, empty file and its path.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)>;
+}
+
+impl<F: FnMut(u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> + Send> PartOpener for F {
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
+        self(part)
+    }
+}
+
+/// Real files: `name.mcap`, then `name_0001.mcap` ...
+#[derive(Debug, Clone)]
+pub struct FileParts {
+    /// Path of the first part.
+    pub path: PathBuf,
+    /// Whether existing files may be replaced.
+    pub replace: bool,
+}
+
+impl FileParts {
+    /// Path of a part.
+    pub fn part_path(&self, part: u32) -> PathBuf {
+        if part == 0 {
+            return self.path.clone();
+        }
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let extension = self
+            .path
+            .extension()
+            .map_or("mcap".into(), |e| e.to_string_lossy());
+        self.path
+            .with_file_name(format!("{stem}_{part:04}.{extension}"))
+    }
+}
+
+impl PartOpener for FileParts {
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
+        let path = self.part_path(part);
+        Ok((Box::new(FileSink::create(&path, self.replace)?), path))
+    }
+}
+
+/// What stands at the head of every part.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Head {
+    /// The whole effective rig.
+    pub rig_toml: String,
+    /// The calibration in force; `None` = none.
+    pub calibration_toml: Option<String>,
+    /// Version, host, kernel, driver, module parameters, planned length, notes ...
+    pub session: MetadataMap,
+}
+
+impl Head {
+    fn metadata(&self, part: u32) -> Vec<(&'static str, MetadataMap)> {
+        let toml = |text: &str| MetadataMap::from([("toml".to_owned(), text.to_owned())]);
+        let calibration = match &self.calibration_toml {
+            Some(text) => toml(text),
+            None => MetadataMap::from([("status".to_owned(), "none".to_owned())]),
+        };
+        let mut session = self.session.clone();
+        session.insert("part".to_owned(), part.to_string());
+        session
+            .entry("version".to_owned())
+            .or_insert_with(|| env!("CARGO_PKG_VERSION").to_owned());
+        vec![
+            ("rig", toml(&self.rig_toml)),
+            ("calibration", calibration),
+            ("session", session),
+        ]
+    }
+}
+
+/// How to write.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WriteSettings {
+    /// Chunk, sync, rotation and space limits.
+    pub limits: Limits,
+    /// Compression and head channels.
+    pub encoding: Encoding,
+    /// Bytes the queue may hold (live recording only).
+    pub queue_bytes: u64,
+}
+
+impl WriteSettings {
+    /// Live recording of a camera of that format (`None` = no camera).
+    pub fn live(settings: &LogSettings, camera: Option<PixelFormat>) -> Self {
+        Self {
+            limits: Limits::live(settings),
+            encoding: encoding(settings.zstd_level, camera),
+            queue_bytes: settings.queue_bytes,
+        }
+    }
+
+    /// Offline writing (`simulate`, `replay`).
+    pub fn offline(camera: Option<PixelFormat>) -> Self {
+        Self {
+            limits: Limits::offline(),
+            encoding: encoding(1, camera),
+            queue_bytes: 256 << 20,
+        }
+    }
+}
+
+fn encoding(zstd_level: u32, camera: Option<PixelFormat>) -> Encoding {
+    let image = match camera {
+        Some(PixelFormat::Mjpg) => Some(Topic::CompressedImage),
+        Some(_) => Some(Topic::RawImage),
+        None => None,
+    };
+    let is_image = |t: &Topic| matches!(t, Topic::RawImage | Topic::CompressedImage);
+    let topics = Topic::ALL
+        .into_iter()
+        .filter(|t| !is_image(t) || Some(*t) == image)
+        .collect();
+    // JPEG bytes do not shrink; compressing them again only costs time.
+    let zstd_level = if camera == Some(PixelFormat::Mjpg) {
+        0
+    } else {
+        zstd_level
+    };
+    Encoding { zstd_level, topics }
+}
+
+/// Refuses a recording that will not fit.
+///
+/// # Errors
+/// [`LogError::WontFit`] with the whole arithmetic.
+pub fn check_space(
+    path: &Path,
+    planned_s: f64,
+    bytes_per_s: f64,
+    min_free_bytes: u64,
+) -> Result<(), LogError> {
+    let Some(free) = free_bytes(path) else {
+        return Ok(());
+    };
+    check_space_in(path, free, planned_s, bytes_per_s, min_free_bytes)
+}
+
+fn check_space_in(
+    path: &Path,
+    free_bytes: u64,
+    planned_s: f64,
+    bytes_per_s: f64,
+    min_free_bytes: u64,
+) -> Result<(), LogError> {
+    let needed_bytes = (planned_s * bytes_per_s).max(0.0).ceil() as u64;
+    if needed_bytes.saturating_add(min_free_bytes) <= free_bytes {
+        return Ok(());
+    }
+    let fits_s = free_bytes.saturating_sub(min_free_bytes) as f64 / bytes_per_s.max(1.0);
+    Err(LogError::WontFit {
+        path: path.to_owned(),
+        planned_s,
+        megabytes_per_s: bytes_per_s / 1e6,
+        needed_megabytes: needed_bytes as f64 / 1e6,
+        min_free_megabytes: min_free_bytes as f64 / 1e6,
+        free_megabytes: free_bytes as f64 / 1e6,
+        fits_s,
+    })
+}
+
+/// Writes entries into one file after the other.
+pub struct LogWriter {
+    opener: Box<dyn PartOpener>,
+    head: Head,
+    settings: WriteSettings,
+    part: Option<PartFile>,
+    number: u32,
+    files: Vec<PathBuf>,
+    finished_bytes: u64,
+    sequences: BTreeMap<Topic, u32>,
+    last_log_ns: u64,
+    written: BTreeMap<&'static str, u64>,
+    unwritten: BTreeMap<&'static str, u64>,
+    stopped: Option<String>,
+    rotation_refused: bool,
+}
+
+impl LogWriter {
+    /// Opens the first part and makes its head durable.
+    ///
+    /// # Errors
+    /// [`LogError::Exists`], [`LogError::Create`] or [`LogError::Write`].
+    pub fn create(
+        mut opener: Box<dyn PartOpener>,
+        head: Head,
+        settings: WriteSettings,
+        now_ns: u64,
+    ) -> Result<Self, LogError> {
+        let (part, path) = open_part(opener.as_mut(), &head, &settings, 0, now_ns)?;
+        Ok(Self {
+            opener,
+            head,
+            settings,
+            part: Some(part),
+            number: 0,
+            files: vec![path],
+            finished_bytes: 0,
+            sequences: BTreeMap::new(),
+            last_log_ns: 0,
+            written: BTreeMap::new(),
+            unwritten: BTreeMap::new(),
+            stopped: None,
+            rotation_refused: false,
+        })
+    }
+
+    /// Writes one entry, or counts it as unwritten once the disk has refused. `counts` supplies
+    /// the running numbers for the summary of a part that has to be closed here.
+    pub fn write(&mut self, now_ns: u64, log_ns: u64, entry: &Entry, counts: &dyn Fn() -> Counts) {
+        self.last_log_ns = self.last_log_ns.max(log_ns);
+        let log_ns = self.last_log_ns;
+        let written = match self.try_write(now_ns, log_ns, entry) {
+            Ok(closed_a_chunk) => {
+                if closed_a_chunk {
+                    self.guard(now_ns, counts);
+                }
+                true
+            }
+            Err(Some(fault)) => {
+                self.stop(now_ns, &fault, counts);
+                false
+            }
+            Err(None) => false,
+        };
+        if !written {
+            for part in entry.parts() {
+                *self.unwritten.entry(part.topic.name()).or_default() += 1;
+            }
+        }
+    }
+
+    /// `Err(None)` = writing has stopped before.
+    fn try_write(
+        &mut self,
+        now_ns: u64,
+        log_ns: u64,
+        entry: &Entry,
+    ) -> Result<bool, Option<Fault>> {
+        let part = self.part.as_mut().ok_or(None)?;
+        let sequences = &mut self.sequences;
+        part.write(now_ns, log_ns, entry, |topic| {
+            let next = sequences.entry(topic).or_default();
+            let sequence = *next;
+            *next = next.wrapping_add(1);
+            sequence
+        })
+        .map_err(Some)
+    }
+
+    /// Closes chunks and syncs as they fall due.
+    pub fn tick(&mut self, now_ns: u64, counts: &dyn Fn() -> Counts) {
+        let Some(part) = &mut self.part else { return };
+        match part.tick(now_ns) {
+            Ok(due) if due.close || due.sync => self.guard(now_ns, counts),
+            Ok(_) => {}
+            Err(fault) => self.stop(now_ns, &fault, counts),
+        }
+    }
+
+    /// When [`LogWriter::tick`] next has something to do.
+    pub fn next_deadline_ns(&self) -> Option<u64> {
+        self.part.as_ref()?.policy().next_deadline_ns()
+    }
+
+    /// Bytes in closed chunks and finished parts.
+    pub fn bytes(&self) -> u64 {
+        self.finished_bytes + self.part.as_ref().map_or(0, PartFile::bytes)
+    }
+
+    /// Why writing stopped, if it did.
+    pub fn stopped(&self) -> Option<&str> {
+        self.stopped.as_deref()
+    }
+
+    /// Adds the writer's own numbers.
+    pub fn count_into(&self, counts: &mut Counts) {
+        counts.messages.clone_from(&self.written);
+        if let Some(part) = &self.part {
+            for messages in [part.closed_messages(), part.open_messages()] {
+                for (topic, n) in messages {
+                    *counts.messages.entry(topic.name()).or_default() += n;
+                }
+            }
+        }
+        counts.unwritten.clone_from(&self.unwritten);
+        counts.bytes = self.bytes();
+        counts.stopped.clone_from(&self.stopped);
+    }
+
+    /// After data went to the disk (not after every message: it asks the file system): is there
+    /// room, is the file big enough?
+    fn guard(&mut self, now_ns: u64, counts: &dyn Fn() -> Counts) {
+        let Some(part) = &self.part else { return };
+        if part.policy().limits().min_free_bytes > 0 && part.policy().must_stop(part.free_bytes()) {
+            let low = io::Error::new(
+                io::ErrorKind::StorageFull,
+                format!(
+                    "{:.0} MB free, the rig's min_free_bytes keeps {:.0} MB",
+                    part.free_bytes().unwrap_or(0) as f64 / 1e6,
+                    part.policy().limits().min_free_bytes as f64 / 1e6
+                ),
+            );
+            self.stop(now_ns, &Fault::Full(low), counts);
+        } else if part.policy().must_rotate(part.bytes()) && !self.rotation_refused {
+            self.rotate(now_ns, counts);
+        }
+    }
+
+    /// The next part is opened before this one is closed: if that fails, nothing is lost and the
+    /// recording goes on in the file it has.
+    fn rotate(&mut self, now_ns: u64, counts: &dyn Fn() -> Counts) {
+        let number = self.number + 1;
+        match open_part(
+            self.opener.as_mut(),
+            &self.head,
+            &self.settings,
+            number,
+            now_ns,
+        ) {
+            Ok((next, path)) => {
+                let input = SummaryInput::clean("rotated");
+                if let Some(mut part) = self.part.replace(next) {
+                    self.close_part(&mut part, now_ns, &input, false, counts);
+                }
+                self.number = number;
+                self.files.push(path);
+                let message = format!("the log goes on in part {number}");
+                let event = Event::new(self.last_log_ns, Severity::Info, "log.rotated", message)
+                    .with("part", f64::from(number));
+                self.own_event(now_ns, &event);
+            }
+            Err(error) => {
+                self.rotation_refused = true;
+                let message = format!(
+                    "part {number} cannot be opened, staying in part {}: {error}",
+                    self.number
+                );
+                tracing::error!("{message}");
+                let event = Event::new(
+                    self.last_log_ns,
+                    Severity::Warning,
+                    "log.rotation_failed",
+                    message,
+                );
+                self.own_event(now_ns, &event);
+            }
+        }
+    }
+
+    fn own_event(&mut self, now_ns: u64, event: &Event) {
+        // A failure here shows again at the next entry, which is then counted.
+        if let Err(Some(fault)) = self.try_write(now_ns, self.last_log_ns, &Entry::event(event)) {
+            tracing::error!("event `{}` not logged: {fault}", event.kind);
+        }
+    }
+
+    /// Closes the file while it still can be closed; later entries are counted as unwritten.
+    fn stop(&mut self, now_ns: u64, fault: &Fault, counts: &dyn Fn() -> Counts) {
+        let Some(mut part) = self.part.take() else {
+            return;
+        };
+        let why = fault.to_string();
+        tracing::error!("the log stops: {why}");
+        self.stopped = Some(why.clone());
+        let input = SummaryInput {
+            clean: false,
+            ..SummaryInput::clean(why.clone())
+        };
+        if matches!(fault, Fault::Full(_)) {
+            let event = Event::new(self.last_log_ns, Severity::Error, "disk.low", why);
+            // The tail's reserve has room for this one message.
+            let sequence = self.sequences.get(&Topic::Event).copied().unwrap_or(0);
+            part.write(now_ns, self.last_log_ns, &Entry::event(&event), |_| {
+                sequence
+            })
+            .ok();
+            self.close_part(&mut part, now_ns, &input, true, counts);
+        } else {
+            self.abandon_part(&mut part, &input, counts);
+        }
+    }
+
+    fn close_part(
+        &mut self,
+        part: &mut PartFile,
+        now_ns: u64,
+        input: &SummaryInput,
+        last: bool,
+        counts: &dyn Fn() -> Counts,
+    ) {
+        let mut messages = part.closed_messages().clone();
+        for (topic, n) in part.open_messages() {
+            *messages.entry(*topic).or_default() += n;
+        }
+        let mut all = counts();
+        self.count_into(&mut all);
+        add(&mut all.messages, &messages);
+        let summary = summary_map(&all, &messages, self.number, last, input);
+        match part.finish(now_ns, &summary) {
+            Ok(bytes) => {
+                self.finished_bytes += bytes;
+                add(&mut self.written, &messages);
+            }
+            Err(fault) => {
+                tracing::error!("part {} cannot be closed: {fault}", self.number);
+                self.stopped.get_or_insert_with(|| fault.to_string());
+                self.abandon_part(part, input, counts);
+            }
+        }
+    }
+
+    fn abandon_part(
+        &mut self,
+        part: &mut PartFile,
+        input: &SummaryInput,
+        counts: &dyn Fn() -> Counts,
+    ) {
+        let closed = part.closed_messages().clone();
+        add(&mut self.written, &closed);
+        add(&mut self.unwritten, part.open_messages());
+        let mut all = counts();
+        self.count_into(&mut all);
+        let input = SummaryInput {
+            clean: false,
+            ..input.clone()
+        };
+        let summary = summary_map(&all, &closed, self.number, true, &input);
+        match part.abandon(&summary) {
+            Ok(bytes) => self.finished_bytes += bytes,
+            Err(e) => {
+                tracing::error!("the file stays without an end, `hydroline recover` mends it: {e}");
+                self.finished_bytes += part.bytes();
+            }
+        }
+    }
+
+    /// Closes the last part.
+    pub fn finish(
+        mut self,
+        now_ns: u64,
+        input: &SummaryInput,
+        counts: &dyn Fn() -> Counts,
+    ) -> LogOutcome {
+        if let Some(mut part) = self.part.take() {
+            self.close_part(&mut part, now_ns, input, true, counts);
+        }
+        let mut all = counts();
+        self.count_into(&mut all);
+        LogOutcome {
+            files: std::mem::take(&mut self.files),
+            lost: all.lost_anything() || self.stopped.is_some(),
+            stopped: self.stopped.clone(),
+            counts: all,
+        }
+    }
+}
+
+fn add(into: &mut BTreeMap<&'static str, u64>, messages: &BTreeMap<Topic, u64>) {
+    for (topic, n) in messages {
+        *into.entry(topic.name()).or_default() += n;
+    }
+}
+
+fn open_part(
+    opener: &mut dyn PartOpener,
+    head: &Head,
+    settings: &WriteSettings,
+    number: u32,
+    now_ns: u64,
+) -> Result<(PartFile, PathBuf), LogError> {
+    let (sink, path) = opener.open(number).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => LogError::Exists {
+            part: number,
+            reason: source.to_string(),
+        },
+        _ => LogError::Create {
+            part: number,
+            source,
+        },
+    })?;
+    let head = head.metadata(number);
+    match PartFile::create(sink, &settings.encoding, settings.limits, &head, now_ns) {
+        Ok(part) => Ok((part, path)),
+        Err(fault) => Err(LogError::Write {
+            path,
+            reason: fault.to_string(),
+        }),
+    }
+}
+
+/// Writes a log in order, at the times the caller names: `simulate` and `replay`.
+/// The same entries at the same times give the same bytes.
+pub struct FileRecorder {
+    writer: LogWriter,
+    counts: Counts,
+    last_ns: u64,
+}
+
+impl FileRecorder {
+    /// Creates the file.
+    ///
+    /// # Errors
+    /// As [`LogWriter::create`].
+    pub fn create(
+        path: &Path,
+        replace: bool,
+        head: Head,
+        settings: WriteSettings,
+    ) -> Result<Self, LogError> {
+        let parts = FileParts {
+            path: path.to_owned(),
+            replace,
+        };
+        Self::with_opener(Box::new(parts), head, settings).map_err(|e| e.at(path))
+    }
+
+    /// The same over any sink.
+    ///
+    /// # Errors
+    /// As [`LogWriter::create`].
+    pub fn with_opener(
+        opener: Box<dyn PartOpener>,
+        head: Head,
+        settings: WriteSettings,
+    ) -> Result<Self, LogError> {
+        let writer = LogWriter::create(opener, head, settings, 0)?;
+        Ok(Self {
+            writer,
+            counts: Counts::default(),
+            last_ns: 0,
+        })
+    }
+
+    /// Writes one entry at `log_ns` (UNIX \[ns\]; an earlier one than the last is raised to it).
+    ///
+    /// # Errors
+    /// [`LogError::Stopped`] once the disk has refused; the file so far is closed and readable.
+    pub fn write(&mut self, log_ns: u64, entry: &Entry) -> Result<(), LogError> {
+        self.last_ns = self.last_ns.max(log_ns);
+        if let Entry::Frame { frame, .. } = entry {
+            self.counts.frames.count(frame);
+            self.counts.frames_faulty += u64::from(frame.meta.fault.is_some());
+        }
+        let counts = &self.counts;
+        self.writer.tick(self.last_ns, &|| counts.clone());
+        self.writer
+            .write(self.last_ns, self.last_ns, entry, &|| counts.clone());
+        match self.writer.stopped() {
+            Some(reason) => Err(LogError::Stopped {
+                reason: reason.to_owned(),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Closes the file.
+    ///
+    /// # Errors
+    /// [`LogError::Stopped`] when it could not be closed as it should.
+    pub fn finish(self, summary: &SummaryInput) -> Result<LogOutcome, LogError> {
+        let counts = self.counts;
+        let outcome = self
+            .writer
+            .finish(self.last_ns, summary, &|| counts.clone());
+        match &outcome.stopped {
+            Some(reason) => Err(LogError::Stopped {
+                reason: reason.clone(),
+            }),
+            None => Ok(outcome),
+        }
+    }
+}
