@@ -13,6 +13,8 @@ pub mod counts;
 pub mod description;
 pub mod error;
 pub mod fake;
+pub mod gaps;
+pub mod queue;
 
 pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};

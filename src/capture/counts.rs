@@ -13,7 +13,7 @@ pub struct Losses {
     pub frozen: u64,
     /// Periods during which the device was gone.
     pub unplugged: u64,
-    /// Periods during which the stream was being restarted after a fatal error of the driver.
+    /// Periods during which the stream was being restarted after an error of the driver.
     pub restarted: u64,
 }
 
@@ -24,8 +24,10 @@ impl Losses {
     }
 }
 
-/// Frames that came and are kept, but say nothing that can be trusted. All of them are part of `received`
-/// except [`Excluded::void`].
+/// Frames that came and are kept, but say nothing that can be trusted.
+///
+/// The first four are part of `received`. The last two have no place in time: they are kept in the
+/// log and marked, but are neither received nor lost, so the log holds `received + void + leftover` frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Excluded {
     /// V4L2_BUF_FLAG_ERROR.
@@ -36,17 +38,20 @@ pub struct Excluded {
     pub broken_jpeg: u64,
     /// First buffers after STREAMON.
     pub stale: u64,
-    /// Buffers the driver returned without a frame in them (ERROR, no bytes, no stamp): kept in the log,
-    /// but never a frame, so neither received nor lost. Their place in time is counted as a loss if no
-    /// other frame fills it.
+    /// Buffers the driver gave back without a frame in them: ERROR, no bytes, no stamp.
     pub void: u64,
+    /// A frame left over from before the stream was started (v4l2loopback's first).
+    pub leftover: u64,
 }
 
-/// One second of the account.
+/// About one second of the account: from one frame (not counted) to the first frame at least 1 s later
+/// (counted); a longer silence makes it longer.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SecondCounts {
-    /// Start of the second, on the stamps' own clock, from the first stamp \[s\].
+    /// Stamp of the frame it starts after, from the first frame of the recording \[s\].
     pub from_s: f64,
+    /// Its length \[s\].
+    pub span_s: f64,
     /// Frames received in it.
     pub received: u64,
     /// Frames lost in it.
@@ -60,16 +65,16 @@ pub struct SecondCounts {
 pub struct CaptureCounts {
     /// Frames received, marked ones included.
     pub received: u64,
-    /// Of these, marked ones by cause.
+    /// Marked ones by cause.
     pub excluded: Excluded,
     /// Frames that never came.
     pub lost: Losses,
-    /// Frames that must have been due between the first and the last stamp, by time alone: the sum over
-    /// stretches of constant rate of (time / measured period), plus one.
+    /// Frames that must have been due from the first to the last stamp, by time alone
+    /// (see `capture::gaps::expected`).
     pub expected: u64,
     /// `received + lost.total() - expected`: 0 when both ways of counting agree.
     pub disagreement: i64,
-    /// Period as measured from the stamps, of the current stretch \[s\]; 0 = not known yet.
+    /// Period as measured from the stamps \[s\]; 0 = not known yet.
     pub period_s: f64,
     /// Times the stream was restarted or the device re-opened.
     pub restarts: u64,

@@ -1,0 +1,416 @@
+//! The account of a recording's frames: which were lost, by which cause, checked against time.
+//!
+//! Two witnesses are kept apart:
+//!
+//! * **found losses** = gaps in the driver's sequence + missing periods seen frame by frame against a
+//!   tracked grid ([`tracker`]) + whole periods of a pause;
+//! * **expected** = periods in each second by time alone ([`expected`]); it never sees a sequence number
+//!   or the tracker's decisions.
+//!
+//! `received + lost - expected` is reported as it is, per second and in total; it is 0 unless the driver's
+//! sequence contradicts its stamps. Only across a pause (stream restarted, device gone) is there a single
+//! witness, the time: both sides then use the same whole number of periods.
+
+use std::collections::VecDeque;
+
+use super::counts::{CaptureCounts, Excluded, Losses, SecondCounts};
+use crate::frame::{FrameFault, LossBefore};
+
+pub mod expected;
+pub mod tracker;
+
+use expected::Expected;
+use tracker::Tracker;
+
+/// Steps kept open, so that a late frame or a changed rate is told from a loss by what follows it.
+const OPEN_STEPS: usize = 8;
+/// Intervals of one changed rate agree within this ratio.
+const RATE_SPREAD: f64 = 1.2;
+/// A rate counts as changed beyond this relative difference; smaller ones the tracker follows.
+const RATE_STEP: f64 = 0.10;
+/// One account entry per this many nanoseconds of stamps.
+const SECOND_NS: f64 = 1e9;
+
+/// Why the stream stood still.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Pause {
+    /// Silence without an error.
+    Frozen,
+    /// Restarted after an error of the driver.
+    Restarted,
+    /// The device was gone.
+    Unplugged,
+}
+
+/// What the account has to say besides the loss before a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Note {
+    /// The period changed for good.
+    RateChanged {
+        /// Before \[s\].
+        from_period_s: f64,
+        /// Now \[s\].
+        to_period_s: f64,
+    },
+    /// The sequence started again or jumped to where time does not follow: time alone decides here.
+    Renumbered {
+        /// Before.
+        from: u32,
+        /// Now.
+        to: u32,
+    },
+    /// The frame before was a leftover from before the start.
+    Leftover {
+        /// Its sequence number.
+        sequence: u32,
+    },
+    /// A pause ended.
+    Resumed {
+        /// Cause.
+        pause: Pause,
+        /// From the last stamp before to the first after \[s\].
+        gap_s: f64,
+        /// Whole periods lost.
+        lost: u64,
+    },
+    /// A second was closed.
+    Second(SecondCounts),
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    sequence: u32,
+    stamp_ns: u64,
+}
+
+/// From one received frame to the next.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    dt_ns: f64,
+    sequence_gap: u64,
+    /// Missing periods beyond the sequence gap; negative = the sequence claims more than time has room for.
+    time_gap: i64,
+    pause: Option<(Pause, u64)>,
+    /// First step of a new rate: its period.
+    new_period_ns: Option<f64>,
+}
+
+impl Step {
+    fn lost(&self) -> u64 {
+        self.pause.map_or(
+            self.sequence_gap + self.time_gap.max(0) as u64,
+            |(_, lost)| lost,
+        )
+    }
+}
+
+/// The account. Fed with every buffer that came, in order; no clock, no I/O.
+#[derive(Debug, Clone)]
+pub struct Account {
+    tracker: Tracker,
+    expected: Expected,
+    origin_ns: Option<u64>,
+    last: Option<Mark>,
+    before_start: Option<Mark>,
+    since_start: u64,
+    start_pause: Option<Pause>,
+    pending_pause: Option<Pause>,
+    open: VecDeque<Step>,
+    second: SecondCounts,
+    closed: Losses,
+    received: u64,
+    excluded: Excluded,
+    restarts: u64,
+    expected_closed: u64,
+}
+
+impl Account {
+    /// A new account; `nominal_period_s` as read back from the device, 0 if it does not tell.
+    pub fn new(nominal_period_s: f64) -> Self {
+        let period_ns = if nominal_period_s.is_finite() && nominal_period_s > 0.0 {
+            nominal_period_s * 1e9
+        } else {
+            0.0
+        };
+        Self {
+            tracker: Tracker::new(period_ns),
+            expected: Expected::new(period_ns),
+            origin_ns: None,
+            last: None,
+            before_start: None,
+            since_start: 0,
+            start_pause: None,
+            pending_pause: None,
+            open: VecDeque::with_capacity(OPEN_STEPS + 1),
+            second: SecondCounts::default(),
+            closed: Losses::default(),
+            received: 0,
+            excluded: Excluded::default(),
+            restarts: 0,
+            expected_closed: 0,
+        }
+    }
+
+    /// The stream was stopped and will start again: the next frame's sequence starts anew and its distance
+    /// is a pause. Of several causes before the next frame the gravest is kept.
+    pub fn pause(&mut self, cause: Pause) {
+        self.restarts += 1;
+        self.pending_pause = self.pending_pause.max(Some(cause));
+    }
+
+    /// A buffer without a frame in it (ERROR, no bytes, no stamp): counted, its numbers ignored.
+    pub fn void(&mut self) {
+        self.excluded.void += 1;
+    }
+
+    /// A frame's fault, for the count of excluded frames.
+    pub fn mark(&mut self, fault: FrameFault) {
+        match fault {
+            FrameFault::DriverError => self.excluded.driver_error += 1,
+            FrameFault::Truncated => self.excluded.truncated += 1,
+            FrameFault::BrokenJpeg => self.excluded.broken_jpeg += 1,
+            FrameFault::Stale => self.excluded.stale += 1,
+        }
+    }
+
+    /// Period as measured \[ns\]; 0 = not known yet.
+    pub fn period_ns(&self) -> f64 {
+        self.tracker.long_period_ns()
+    }
+
+    /// A frame with its sequence number and its stamp on one monotonic scale \[ns\].
+    /// Returns what was lost just before it, as far as can be told now, and notes.
+    pub fn frame(&mut self, sequence: u32, stamp_ns: u64) -> (LossBefore, Vec<Note>) {
+        let mut notes = Vec::new();
+        let mark = Mark { sequence, stamp_ns };
+        self.received += 1;
+        let origin = *self.origin_ns.get_or_insert(stamp_ns);
+        let at_ns = stamp_ns as f64 - origin as f64;
+        let resumed = self.pending_pause.take();
+        let Some(last) = self.last.replace(mark) else {
+            self.tracker.anchor(at_ns);
+            (self.since_start, self.before_start, self.start_pause) = (1, None, resumed);
+            return (LossBefore::default(), notes);
+        };
+        if resumed.is_some() {
+            (self.since_start, self.before_start, self.start_pause) = (1, Some(last), resumed);
+            let loss = self.resume(last, mark, at_ns, resumed, &mut notes);
+            return (loss, notes);
+        }
+        self.since_start += 1;
+        let dt_ns = stamp_ns as f64 - last.stamp_ns as f64;
+        let slots = self.tracker.slots(at_ns);
+        let step = sequence.wrapping_sub(last.sequence);
+        let claimed = u64::from(step).wrapping_sub(1);
+        let renumbered = step == 0 || step > u32::MAX / 2 || claimed > 2 * slots.max(0) as u64 + 16;
+        if self.since_start == 2 && step != 1 && (renumbered || claimed as i64 > slots) {
+            // v4l2loopback hands out one buffer of old content, numbered 0, before the feeder's count begins.
+            self.received -= 1;
+            self.excluded.leftover += 1;
+            notes.push(Note::Leftover {
+                sequence: last.sequence,
+            });
+            self.since_start = 1;
+            match self.before_start {
+                None => {
+                    self.origin_ns = Some(stamp_ns);
+                    self.tracker.anchor(0.0);
+                }
+                Some(before) => {
+                    self.open.pop_back();
+                    let cause = self.start_pause;
+                    let loss = self.resume(before, mark, at_ns, cause, &mut notes);
+                    return (loss, notes);
+                }
+            }
+            return (LossBefore::default(), notes);
+        }
+        if renumbered {
+            notes.push(Note::Renumbered {
+                from: last.sequence,
+                to: sequence,
+            });
+        }
+        self.tracker.advance(at_ns, slots);
+        let sequence_gap = if renumbered { 0 } else { claimed };
+        let mut new = Step {
+            dt_ns,
+            sequence_gap,
+            time_gap: slots - 1 - sequence_gap as i64,
+            pause: None,
+            new_period_ns: None,
+        };
+        self.settle(&mut new);
+        let loss = LossBefore {
+            sequence_gap: sequence_gap as u32,
+            time_gap: new.time_gap.clamp(0, i64::from(u32::MAX)) as u32,
+        };
+        self.open.push_back(new);
+        self.look_for_new_rate(at_ns, &mut notes);
+        self.close_steps(&mut notes);
+        (loss, notes)
+    }
+
+    /// A late frame looks like a loss and the next, on time again, like a surplus: the two cancel.
+    fn settle(&mut self, new: &mut Step) {
+        for old in self.open.iter_mut().rev().filter(|s| s.pause.is_none()) {
+            if new.time_gap.signum() * old.time_gap.signum() == -1 {
+                let both = new.time_gap.abs().min(old.time_gap.abs());
+                new.time_gap -= both * new.time_gap.signum();
+                old.time_gap -= both * old.time_gap.signum();
+            }
+        }
+    }
+
+    fn resume(
+        &mut self,
+        last: Mark,
+        mark: Mark,
+        at_ns: f64,
+        cause: Option<Pause>,
+        notes: &mut Vec<Note>,
+    ) -> LossBefore {
+        let dt_ns = mark.stamp_ns as f64 - last.stamp_ns as f64;
+        let pause = cause.unwrap_or(Pause::Restarted);
+        let period_ns = self.tracker.long_period_ns();
+        let lost = if period_ns > 0.0 {
+            ((dt_ns / period_ns).round() - 1.0).clamp(0.0, tracker::FAR) as u64
+        } else {
+            0
+        };
+        self.tracker.anchor(at_ns);
+        self.open.push_back(Step {
+            dt_ns,
+            sequence_gap: 0,
+            time_gap: 0,
+            pause: Some((pause, lost)),
+            new_period_ns: None,
+        });
+        notes.push(Note::Resumed {
+            pause,
+            gap_s: dt_ns / 1e9,
+            lost,
+        });
+        self.close_steps(notes);
+        LossBefore {
+            sequence_gap: 0,
+            time_gap: lost.min(u64::from(u32::MAX)) as u32,
+        }
+    }
+
+    /// Eight like intervals that are not the period are a new period, not eight losses.
+    fn look_for_new_rate(&mut self, at_ns: f64, notes: &mut Vec<Note>) {
+        let steady = self.tracker.settled_period_ns();
+        if self.open.len() < OPEN_STEPS || steady <= 0.0 {
+            return;
+        }
+        let recent = self.open.len() - OPEN_STEPS;
+        if self
+            .open
+            .iter()
+            .skip(recent)
+            .any(|s| s.pause.is_some() || s.sequence_gap > 0 || s.new_period_ns.is_some())
+        {
+            return;
+        }
+        let intervals = || self.open.iter().skip(recent).map(|s| s.dt_ns);
+        let (shortest, longest) = (
+            intervals().fold(f64::INFINITY, f64::min),
+            intervals().fold(0.0, f64::max),
+        );
+        let mean = intervals().sum::<f64>() / OPEN_STEPS as f64;
+        if shortest <= 0.0
+            || longest > RATE_SPREAD * shortest
+            || (mean / steady - 1.0).abs() < RATE_STEP
+        {
+            return;
+        }
+        for step in self.open.iter_mut().skip(recent) {
+            step.time_gap = 0;
+        }
+        if let Some(first) = self.open.get_mut(recent) {
+            first.new_period_ns = Some(mean);
+        }
+        self.tracker.restart(at_ns, mean);
+        notes.push(Note::RateChanged {
+            from_period_s: steady / 1e9,
+            to_period_s: mean / 1e9,
+        });
+    }
+
+    fn close_steps(&mut self, notes: &mut Vec<Note>) {
+        while self.open.len() > OPEN_STEPS {
+            let Some(step) = self.open.pop_front() else {
+                return;
+            };
+            if let Some(second) = self.close(step) {
+                notes.push(Note::Second(second));
+            }
+        }
+    }
+
+    fn close(&mut self, step: Step) -> Option<SecondCounts> {
+        if step.pause.is_some() {
+            self.tracker.unlearn_phase();
+        }
+        match step.pause {
+            Some((Pause::Frozen, lost)) => self.closed.frozen += lost,
+            Some((Pause::Restarted, lost)) => self.closed.restarted += lost,
+            Some((Pause::Unplugged, lost)) => self.closed.unplugged += lost,
+            None => {
+                self.closed.sequence_gap += step.sequence_gap;
+                self.closed.time_gap += step.time_gap.max(0) as u64;
+                self.tracker
+                    .learn(step.dt_ns, 1 + step.sequence_gap as i64 + step.time_gap);
+            }
+        }
+        feed(&mut self.expected, &step);
+        self.second.received += 1;
+        self.second.lost += step.lost();
+        self.second.span_s += step.dt_ns / SECOND_NS;
+        if self.second.span_s < 1.0 {
+            return None;
+        }
+        self.second.expected = self.expected.close();
+        self.expected_closed += self.second.expected;
+        let done = self.second;
+        self.second = SecondCounts {
+            from_s: done.from_s + done.span_s,
+            ..SecondCounts::default()
+        };
+        Some(done)
+    }
+
+    /// The account up to the last frame.
+    pub fn counts(&self) -> CaptureCounts {
+        let mut end = self.clone();
+        while let Some(step) = end.open.pop_front() {
+            end.close(step);
+        }
+        end.expected_closed += end.expected.close();
+        let first = u64::from(self.last.is_some());
+        let expected = end.expected_closed + first;
+        CaptureCounts {
+            received: self.received,
+            excluded: self.excluded,
+            lost: end.closed,
+            expected,
+            disagreement: (self.received + end.closed.total()) as i64 - expected as i64,
+            period_s: self.period_ns() / 1e9,
+            restarts: self.restarts,
+        }
+    }
+}
+
+fn feed(expected: &mut Expected, step: &Step) {
+    if let Some(period_ns) = step.new_period_ns {
+        expected.new_rate(period_ns);
+    }
+    match step.pause {
+        Some((_, lost)) => expected.pause(lost + 1),
+        None => expected.interval(step.dt_ns),
+    }
+}
+
+#[cfg(test)]
+mod tests;

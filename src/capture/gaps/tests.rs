@@ -1,0 +1,318 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const MS: f64 = 1e6;
+
+/// Feeds stamps and sequences, checks every closed second, returns the counts and all notes.
+fn run(account: &mut Account, frames: impl IntoIterator<Item = (u32, f64)>) -> Vec<Note> {
+    let mut all = Vec::new();
+    for (sequence, at_ns) in frames {
+        let (_, notes) = account.frame(sequence, (1e12 + at_ns) as u64);
+        all.extend(notes);
+    }
+    all
+}
+
+fn seconds(notes: &[Note]) -> impl Iterator<Item = &SecondCounts> {
+    notes.iter().filter_map(|n| {
+        if let Note::Second(s) = n {
+            Some(s)
+        } else {
+            None
+        }
+    })
+}
+
+#[test]
+fn an_unbroken_stream_loses_nothing() {
+    let mut account = Account::new(0.04);
+    let notes = run(
+        &mut account,
+        (0..250).map(|i| (i, f64::from(i) * 40.0 * MS)),
+    );
+    let counts = account.counts();
+    assert_eq!(
+        (
+            counts.received,
+            counts.lost.total(),
+            counts.expected,
+            counts.disagreement
+        ),
+        (250, 0, 250, 0)
+    );
+    assert!(seconds(&notes).count() >= 9);
+    assert!(seconds(&notes).all(|s| s.received == s.expected && s.lost == 0));
+}
+
+#[test]
+fn the_sequence_wraps() {
+    let mut account = Account::new(0.04);
+    let start = u32::MAX - 5;
+    run(
+        &mut account,
+        (0..20u32)
+            .filter(|i| *i != 6)
+            .map(|i| (start.wrapping_add(i), f64::from(i) * 40.0 * MS)),
+    );
+    let counts = account.counts();
+    assert_eq!(
+        (
+            counts.received,
+            counts.lost.sequence_gap,
+            counts.expected,
+            counts.disagreement
+        ),
+        (19, 1, 20, 0)
+    );
+}
+
+#[test]
+fn the_sequence_starts_again_without_notice() {
+    let mut account = Account::new(0.04);
+    let notes = run(
+        &mut account,
+        (0..40u32).map(|i| {
+            (
+                if i < 20 { 500 + i } else { i - 20 },
+                f64::from(i) * 40.0 * MS,
+            )
+        }),
+    );
+    assert!(notes.contains(&Note::Renumbered { from: 519, to: 0 }));
+    assert_eq!(
+        (account.counts().lost.total(), account.counts().disagreement),
+        (0, 0)
+    );
+}
+
+#[test]
+fn void_buffers_do_not_underflow() {
+    let mut account = Account::new(1.0 / 30.0);
+    run(
+        &mut account,
+        (0..30).map(|i| (i, f64::from(i) * 33.333 * MS)),
+    );
+    for _ in 0..8 {
+        account.void();
+    }
+    account.pause(Pause::Restarted);
+    run(
+        &mut account,
+        (0..30).map(|i| (i, (f64::from(i) + 41.0) * 33.333 * MS)),
+    );
+    let counts = account.counts();
+    assert_eq!(
+        (counts.received, counts.excluded.void, counts.lost.restarted),
+        (60, 8, 11)
+    );
+    assert_eq!((counts.expected, counts.disagreement), (71, 0));
+}
+
+#[test]
+fn the_loopbacks_leftover_is_no_loss() {
+    for jump in [10, 77, 100_000] {
+        let mut account = Account::new(1.0 / 30.0);
+        let frames = std::iter::once((0, -3.0 * MS))
+            .chain((0..60).map(|i| (jump + i, f64::from(i) * 33.3 * MS)));
+        let notes = run(&mut account, frames);
+        let counts = account.counts();
+        assert!(
+            notes.contains(&Note::Leftover { sequence: 0 }),
+            "jump {jump}"
+        );
+        assert_eq!(
+            (
+                counts.received,
+                counts.excluded.leftover,
+                counts.lost.total(),
+                counts.disagreement
+            ),
+            (60, 1, 0, 0)
+        );
+    }
+}
+
+#[test]
+fn a_leftover_after_a_pause_does_not_hide_the_pause() {
+    let mut account = Account::new(0.04);
+    run(&mut account, (0..50).map(|i| (i, f64::from(i) * 40.0 * MS)));
+    account.pause(Pause::Unplugged);
+    let again = std::iter::once((0, 60.0 * 40.0 * MS))
+        .chain((0..50).map(|i| (300 + i, f64::from(100 + i) * 40.0 * MS)));
+    run(&mut account, again);
+    let counts = account.counts();
+    assert_eq!(
+        (
+            counts.received,
+            counts.lost.unplugged,
+            counts.expected,
+            counts.disagreement
+        ),
+        (100, 50, 150, 0)
+    );
+    assert_eq!(counts.excluded.leftover, 1);
+}
+
+#[test]
+fn halved_rate_is_a_rate_not_a_loss() {
+    for (from_ms, to_ms) in [
+        (40.0, 80.0),
+        (80.0, 40.0),
+        (40.0, 41.6),
+        (40.0, 46.0),
+        (33.3, 100.0),
+        (40.0, 50.0),
+    ] {
+        let mut account = Account::new(0.04);
+        let mut at = 0.0;
+        let notes = run(
+            &mut account,
+            (0..300).map(|i| {
+                at += if i < 150 { from_ms } else { to_ms } * MS;
+                (i, at)
+            }),
+        );
+        let counts = account.counts();
+        assert_eq!(
+            (counts.lost.total(), counts.expected, counts.disagreement),
+            (0, 300, 0),
+            "{from_ms} -> {to_ms}"
+        );
+        assert!(
+            (counts.period_s * 1e3 / to_ms - 1.0).abs() < 0.01,
+            "{from_ms} -> {to_ms}: {}",
+            counts.period_s
+        );
+        assert!(seconds(&notes).all(|s| s.received + s.lost == s.expected));
+    }
+}
+
+#[test]
+fn a_sequence_that_contradicts_time_is_said() {
+    let mut account = Account::new(0.04);
+    // The driver claims three lost frames where the stamps have no room for any.
+    let notes = run(
+        &mut account,
+        (0..200u32).map(|i| (if i < 100 { i } else { i + 3 }, f64::from(i) * 40.0 * MS)),
+    );
+    let counts = account.counts();
+    assert_eq!(
+        (
+            counts.lost.sequence_gap,
+            counts.expected,
+            counts.disagreement
+        ),
+        (3, 200, 3)
+    );
+    let wrong: i64 = seconds(&notes)
+        .map(|s| (s.received + s.lost) as i64 - s.expected as i64)
+        .sum();
+    assert_eq!(wrong, 3);
+}
+
+#[test]
+fn one_late_frame_is_no_loss() {
+    let mut account = Account::new(0.04);
+    run(
+        &mut account,
+        (0..200).map(|i| {
+            (
+                i,
+                (f64::from(i) + if i == 90 { 0.7 } else { 0.0 }) * 40.0 * MS,
+            )
+        }),
+    );
+    assert_eq!(
+        (account.counts().lost.total(), account.counts().disagreement),
+        (0, 0)
+    );
+}
+
+/// Sum of four uniforms: a bell of the given standard deviation, bounded at 3.5 of it.
+fn bell(random: &mut impl FnMut() -> f64, sd: f64) -> f64 {
+    ((0..4).map(|_| random()).sum::<f64>() - 2.0) * sd / (4.0_f64 / 12.0).sqrt()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    /// Drops of both kinds, jitter, an unknown true rate, pauses: each loss found under its cause, and time agrees.
+    #[test]
+    fn every_loss_is_found_and_time_agrees(
+        seed in any::<u64>(),
+        frames in 30u32..1500,
+        rate_error in -0.05f64..0.05,
+        jitter in 0.0f64..0.06,
+        host_drop in 0.0f64..0.15,
+        device_drop in 0.0f64..0.10,
+        first in any::<u32>(),
+        pause_at in 0u32..3000,
+        pause_periods in 2u32..200,
+    ) {
+        let mut state = seed | 1;
+        let mut random = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let period = 40.0 * MS * (1.0 + rate_error);
+        let mut account = Account::new(0.04);
+        let mut notes = Vec::new();
+        let (mut sequence, mut slot, mut received) = (first, 0.0, 0u64);
+        let (mut lost_host, mut lost_device, mut lost_pause) = (0u64, 0u64, 0u64);
+        let (mut host, mut device) = (0, 0);
+        for i in 0..frames {
+            slot += 1.0;
+            // The first second runs without losses: nobody can tell a rate from one frame.
+            let steady = received >= 25;
+            if i == pause_at && steady {
+                // What was lost just before a pause cannot be told from the pause.
+                // A pause is exact while it is no longer than the stretch that measured the period.
+                let pause_periods = pause_periods.min(received as u32);
+                lost_pause += u64::from(pause_periods) + std::mem::take(&mut host) + std::mem::take(&mut device);
+                account.pause(Pause::Unplugged);
+                slot += f64::from(pause_periods);
+                sequence = 0;
+            } else if steady && received > 0 {
+                let dice = random();
+                if dice < host_drop { host += 1; sequence = sequence.wrapping_add(1); continue; }
+                if dice < host_drop + device_drop { device += 1; continue; }
+            }
+            let at = slot * period + bell(&mut random, jitter) * period;
+            notes.extend(account.frame(sequence, (1e12 + at) as u64).1);
+            sequence = sequence.wrapping_add(1);
+            received += 1;
+            lost_host += std::mem::take(&mut host);
+            lost_device += std::mem::take(&mut device);
+        }
+        let counts = account.counts();
+        prop_assert_eq!(counts.received, received);
+        prop_assert_eq!(counts.lost, Losses { sequence_gap: lost_host, time_gap: lost_device, unplugged: lost_pause, ..Losses::default() });
+        prop_assert_eq!(counts.disagreement, 0);
+        prop_assert_eq!(counts.expected, received + lost_host + lost_device + lost_pause);
+        for second in seconds(&notes) {
+            prop_assert_eq!(second.received + second.lost, second.expected);
+        }
+    }
+
+    /// Whatever comes, the arithmetic holds: no overflow, and the account adds up to what it says.
+    #[test]
+    fn garbage_does_not_break_the_arithmetic(
+        frames in proptest::collection::vec((any::<u32>(), prop_oneof![any::<u64>(), 0u64..1_000_000_000_000], 0u8..6), 0..100),
+        nominal in prop_oneof![Just(0.0), Just(f64::NAN), Just(-1.0), Just(1e-12), 0.0f64..1.0],
+    ) {
+        let mut account = Account::new(nominal);
+        let mut whole = 0;
+        for (sequence, stamp, kind) in &frames {
+            match kind {
+                0 => account.pause(Pause::Frozen),
+                1 => account.void(),
+                _ => { account.frame(*sequence, *stamp); whole += 1; }
+            }
+        }
+        let counts = account.counts();
+        prop_assert_eq!(counts.received + counts.excluded.leftover, whole);
+        prop_assert_eq!(counts.disagreement as i128, i128::from(counts.received) + i128::from(counts.lost.total()) - i128::from(counts.expected));
+    }
+}
