@@ -1,1 +1,51 @@
-//! stub
+//! Thrusters: from a planned load to bytes on a wire, and back to an echo with the controller's own clock.
+//!
+//! The way of a command: [`scheduler`] says when a set-point is due, [`curve`] turns thrust into a pulse,
+//! [`safety`] checks range and slew, [`link`] encodes it ([`maestro`] or [`stamped`]), [`service`] writes it,
+//! stamps it when its last byte has left and stamps the echo. Everything but `service`, `transport`, `ports`
+//! and the pseudo-terminal of [`controller`] is free of I/O and driven byte by byte in tests.
+//!
+//! Times ending in `_ns` in these modules are CLOCK_MONOTONIC unless the name says `unix`; the records that
+//! leave the service are UNIX nanoseconds, converted in one place.
+
+pub mod clocksync;
+pub mod controller;
+pub mod curve;
+pub mod link;
+pub mod lowlatency;
+pub mod maestro;
+pub mod ports;
+pub mod record;
+pub mod safety;
+pub mod scheduler;
+pub mod service;
+pub mod stamped;
+pub mod transport;
+
+pub use record::{CommandRecord, ControllerClock, EchoRecord, LinkRecord};
+pub use service::{NeutralHandle, ServiceConfig, SetPoint, ThrusterService};
+
+/// One channel's pulse as the wire carries it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChannelPulse {
+    /// Controller channel.
+    pub channel: u8,
+    /// Pulse width in quarters of a microsecond (the Maestro's unit); 0 = no pulses.
+    pub quarter_us: u16,
+}
+
+impl ChannelPulse {
+    /// From a pulse width \[us\], rounded to the wire's quarter microsecond.
+    pub fn from_us(channel: u8, pulse_us: f64) -> Self {
+        // `as` saturates and maps NaN to 0 (no pulses): both are refused by `safety` long before.
+        Self {
+            channel,
+            quarter_us: (pulse_us * 4.0).round() as u16,
+        }
+    }
+
+    /// Pulse width \[us\].
+    pub fn pulse_us(self) -> f64 {
+        f64::from(self.quarter_us) / 4.0
+    }
+}

@@ -1,0 +1,385 @@
+//! The thruster service: one thread that owns the port, and the promise that the thrusters stop.
+//!
+//! Neutral is sent on [`ThrusterService::shutdown`] and on drop, on a panic inside the service (whatever its sink
+//! does), on a lost link (first thing when it is back; meanwhile the controller's watchdog has acted), on a missed
+//! deadline, on a refused set-point, and when anyone calls [`NeutralHandle::request`], which is one atomic
+//! store and may be called from a panic hook or a signal handler. It is repeated until an echo confirms it.
+
+mod core;
+mod noise;
+
+pub use self::core::{Core, Flow};
+
+use super::link::{Protocol, protocol_for};
+use super::lowlatency::LowLatency;
+use super::ports::Roots;
+use super::record::LinkRecord;
+use super::safety::{NeutralReason, State};
+use super::scheduler::LoadAt;
+use super::transport::{OpenError, SerialTransport, Transport, Wire};
+use crate::clock::Clock;
+use hydroline_rigs::ThrusterSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// Takes every record, on the service's thread. Must not block: it stands in the way of the next command.
+pub type Sink = Box<dyn FnMut(LinkRecord) + Send>;
+
+/// A freshly opened line.
+pub struct Opened {
+    /// The line.
+    pub transport: Box<dyn Transport>,
+    /// What it is, for the log.
+    pub name: String,
+    /// What became of low-latency mode, where that means something.
+    pub low_latency: Option<LowLatency>,
+}
+
+/// Opens the line, again and again: it is asked after every loss and has to look for the identity anew.
+pub type Opener = Box<dyn FnMut() -> Result<Opened, OpenError> + Send>;
+
+/// The opener for a rig's port.
+pub fn serial_opener(set: &ThrusterSet, roots: Roots, clock: Arc<dyn Clock>) -> Opener {
+    let (port, baud) = (set.link.port.clone(), set.link.baud);
+    Box::new(move || {
+        let path = roots.resolve(&port)?;
+        let transport = SerialTransport::open(&path, baud, clock.clone())?;
+        Ok(Opened {
+            name: path.display().to_string(),
+            low_latency: Some(transport.low_latency().clone()),
+            transport: Box::new(transport),
+        })
+    })
+}
+
+/// What the service needs to know besides how to open the line.
+#[derive(Debug, Clone)]
+pub struct ServiceConfig {
+    /// The rig's thrusters and link.
+    pub set: ThrusterSet,
+    /// After a lost link came back and neutral was confirmed: go on with the plan (true) or stay at neutral (false).
+    pub resume_after_loss: bool,
+}
+
+/// A wanted thrust for every thruster.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetPoint {
+    /// When it was due, CLOCK_MONOTONIC \[ns\]; 0 = at once, without a deadline of its own.
+    pub due_ns: u64,
+    /// In the rig's order \[N\].
+    pub thrust_n: Vec<f64>,
+    /// Step of the plan, from 1; 0 = none.
+    pub plan_step: u32,
+}
+
+/// Why the service does not start or take something.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The line is too slow for the rate.
+    #[error(
+        "{channels} thrusters at {rate_hz} /s need {needed_s:.4} s of wire time per set at {baud} baud, the period is {period_s:.4} s: raise link.baud or lower link.rate_hz"
+    )]
+    TooSlow {
+        /// Thrusters.
+        channels: usize,
+        /// Rate \[1/s\].
+        rate_hz: f64,
+        /// Wire time of a set and its echo, the longer direction \[s\].
+        needed_s: f64,
+        /// Period \[s\].
+        period_s: f64,
+        /// Baud.
+        baud: u32,
+    },
+    /// Two thrusters on one channel, or too many.
+    #[error("thruster channels {channels:?}: {reason}")]
+    Channels {
+        /// Channels.
+        channels: Vec<u8>,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// The thread did not start.
+    #[error("cannot start the thruster thread: {0}")]
+    Thread(std::io::Error),
+    /// The service has ended.
+    #[error("the thruster service has ended ({state:?}): see its events")]
+    Ended {
+        /// Last state.
+        state: State,
+    },
+    /// The producer is faster than the line.
+    #[error("the thruster service's queue is full: set-points come faster than link.rate_hz")]
+    Full,
+}
+
+/// Counters of the service.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ServiceStats {
+    /// Sets sent.
+    pub sets: u64,
+    /// Sets answered in full.
+    pub echoed: u64,
+    /// Set-points skipped because a newer one was due too.
+    pub skipped: u64,
+    /// Attempts to open the line.
+    pub open_attempts: u64,
+    /// Times the line was lost.
+    pub losses: u64,
+    /// CPU time of the service's thread \[s\].
+    pub cpu_s: f64,
+}
+
+/// Orders to the thread.
+pub enum Order {
+    /// Take set-points.
+    Arm,
+    /// One set-point.
+    SetPoint(SetPoint),
+    /// Run a plan from `start_ns` (CLOCK_MONOTONIC) for `duration_s`.
+    Plan {
+        /// Start \[ns\].
+        start_ns: u64,
+        /// Length \[s\].
+        duration_s: f64,
+        /// The plan.
+        load: LoadAt,
+    },
+}
+
+/// What both sides see.
+#[derive(Debug, Default)]
+pub struct Shared {
+    neutral: AtomicU8,
+    stop: AtomicBool,
+    state: Mutex<Option<State>>,
+    stats: Mutex<ServiceStats>,
+}
+
+const REASONS: [NeutralReason; 8] = [
+    NeutralReason::Idle,
+    NeutralReason::Request,
+    NeutralReason::Limit,
+    NeutralReason::Deadline,
+    NeutralReason::Range,
+    NeutralReason::Lost,
+    NeutralReason::Exit,
+    NeutralReason::Panic,
+];
+
+impl Shared {
+    fn take_neutral(&self) -> Option<NeutralReason> {
+        let code = self.neutral.swap(0, Ordering::AcqRel);
+        REASONS.get(usize::from(code).checked_sub(1)?).copied()
+    }
+
+    fn state(&self) -> State {
+        self.state
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .unwrap_or(State::Lost)
+    }
+
+    fn set_state(&self, state: State) {
+        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
+    }
+
+    fn stats<R>(&self, f: impl FnOnce(&mut ServiceStats) -> R) -> R {
+        f(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Stops the thrusters from anywhere: a panic hook, a signal handler, another thread.
+#[derive(Debug, Clone)]
+pub struct NeutralHandle(Arc<Shared>);
+
+impl NeutralHandle {
+    /// Neutral within a few milliseconds. Async-signal-safe: one atomic store.
+    pub fn request(&self, reason: NeutralReason) {
+        let code = REASONS
+            .iter()
+            .position(|r| *r == reason)
+            .map_or(2, |i| i as u8 + 1);
+        self.0.neutral.store(code, Ordering::Release);
+    }
+}
+
+/// The running service. Dropping it sends neutral and waits for the thread.
+pub struct ThrusterService {
+    orders: SyncSender<Order>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl ThrusterService {
+    /// Starts the thread that owns the line. It begins at neutral and takes nothing before [`Self::arm`].
+    ///
+    /// # Errors
+    /// When the rig's rate does not fit its baud rate, its channels clash, or the thread does not start.
+    pub fn start(
+        config: ServiceConfig,
+        opener: Opener,
+        clock: Arc<dyn Clock>,
+        sink: Sink,
+    ) -> Result<Self, ServiceError> {
+        let protocol = protocol_for(&config.set);
+        check(&config.set, &*protocol)?;
+        let (orders, inbox) = sync_channel(64);
+        let shared = Arc::new(Shared::default());
+        let mut core = Core::new(config, protocol, opener, clock, sink, inbox, shared.clone());
+        let run = move || {
+            block_signals();
+            // A panic (in the sink, in a plan, in ourselves) must not leave the thrusters running.
+            if let Err(panic) =
+                catch_unwind(AssertUnwindSafe(|| while core.step() == Flow::Continue {}))
+            {
+                let words = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+                let words = words
+                    .or_else(|| panic.downcast_ref::<String>().cloned())
+                    .unwrap_or_default();
+                core.panicked(&words);
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("thruster".into())
+            .spawn(run)
+            .map_err(ServiceError::Thread)?;
+        Ok(Self {
+            orders,
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    fn order(&self, order: Order) -> Result<(), ServiceError> {
+        self.orders.try_send(order).map_err(|e| match e {
+            TrySendError::Full(_) => ServiceError::Full,
+            TrySendError::Disconnected(_) => ServiceError::Ended {
+                state: self.state(),
+            },
+        })
+    }
+
+    /// Lets set-points through from now on (not while the link is lost).
+    ///
+    /// # Errors
+    /// When the service has ended or its queue is full.
+    pub fn arm(&self) -> Result<(), ServiceError> {
+        self.order(Order::Arm)
+    }
+
+    /// One set-point, to be sent at once. While running, the next one has to follow within a period and the deadline.
+    ///
+    /// # Errors
+    /// When the service has ended or its queue is full.
+    pub fn set_point(&self, set_point: SetPoint) -> Result<(), ServiceError> {
+        self.order(Order::SetPoint(set_point))
+    }
+
+    /// Runs a plan on the service's own thread: `load(t_s)` at every due time from `start_ns` (CLOCK_MONOTONIC).
+    /// Arms by itself; at the plan's end the thrusters go to neutral.
+    ///
+    /// # Errors
+    /// When the service has ended or its queue is full.
+    pub fn run_plan(
+        &self,
+        start_ns: u64,
+        duration_s: f64,
+        load: LoadAt,
+    ) -> Result<(), ServiceError> {
+        self.order(Order::Plan {
+            start_ns,
+            duration_s,
+            load,
+        })
+    }
+
+    /// Neutral now, until armed again.
+    pub fn neutral(&self, reason: NeutralReason) {
+        self.handle().request(reason);
+    }
+
+    /// To stop the thrusters from elsewhere.
+    pub fn handle(&self) -> NeutralHandle {
+        NeutralHandle(self.shared.clone())
+    }
+
+    /// State of the thrusters.
+    pub fn state(&self) -> State {
+        self.shared.state()
+    }
+
+    /// Counters.
+    pub fn stats(&self) -> ServiceStats {
+        self.shared.stats(|s| *s)
+    }
+
+    /// Neutral, confirmed where the link allows it; then the thread ends and the port is closed.
+    pub fn shutdown(mut self) -> ServiceStats {
+        self.stop();
+        self.stats()
+    }
+
+    fn stop(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for ThrusterService {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Signals belong to the daemon's own threads: here they would only cut system calls short.
+fn block_signals() {
+    // SAFETY: sigset_t is plain data filled by sigfillset; the mask of this thread alone is changed.
+    unsafe {
+        let mut set: libc::sigset_t = std::mem::zeroed();
+        libc::sigfillset(&mut set);
+        libc::pthread_sigmask(libc::SIG_BLOCK, &set, std::ptr::null_mut());
+    }
+}
+
+fn check(set: &ThrusterSet, protocol: &dyn Protocol) -> Result<(), ServiceError> {
+    let channels: Vec<u8> = set.thrusters.iter().map(|t| t.channel).collect();
+    let mut sorted = channels.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let most = super::stamped::MAX_CHANNELS;
+    let wrong = match () {
+        () if channels.is_empty() => Some("there are none"),
+        () if sorted.len() != channels.len() => Some("each thruster needs a channel of its own"),
+        () if channels.len() > most => Some("more than 24 do not fit a frame"),
+        () if sorted.iter().any(|c| *c >= 0x80) => Some("channels go from 0 to 127"),
+        () => None,
+    };
+    if let Some(reason) = wrong {
+        return Err(ServiceError::Channels { channels, reason });
+    }
+    let link = &set.link;
+    let (out, back) = protocol.bytes_per_set(channels.len());
+    let needed_s = Wire::Uart { baud: link.baud }.time_ns(out.max(back)) as f64 * 1e-9;
+    let period_s = 1.0 / link.rate_hz;
+    // A fifth is left for clock sync, error reads and repeated neutrals.
+    if needed_s > 0.8 * period_s {
+        let (channels, rate_hz, baud) = (channels.len(), link.rate_hz, link.baud);
+        return Err(ServiceError::TooSlow {
+            channels,
+            rate_hz,
+            needed_s,
+            period_s,
+            baud,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
