@@ -1,4 +1,4 @@
-"""tiers.py [a|b|c|all]...: boots each tier's guest and judges what it brought back."""
+"""tiers.py [a|b|c|all|self]...: boots each tier's guest and judges what it brought back."""
 from __future__ import annotations
 
 import os
@@ -13,10 +13,12 @@ sys.path.insert(0, str(HERE))
 import tier_a  # noqa: E402
 import tier_b  # noqa: E402
 import tier_c  # noqa: E402
+import tier_self  # noqa: E402
 import vm  # noqa: E402
 from report import Report  # noqa: E402
 
-TIERS = {"a": tier_a, "b": tier_b, "c": tier_c}
+TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "self": tier_self}
+ALL = ["a", "b", "c"]         # self judges the injectors, not the daemon
 
 
 class Bench:
@@ -27,6 +29,8 @@ class Bench:
         self.cache = Path(os.environ["HYDROLINE_HIL_CACHE"]).resolve()
         self.binary = Path(os.environ["HYDROLINE_BIN"]).resolve()
         (self.cache / "runs").mkdir(exist_ok=True)
+        for old in (self.cache / "runs").glob(f"{name}.*"):       # a failed run keeps its recordings until the next
+            shutil.rmtree(old, ignore_errors=True)
         self.out = Path(tempfile.mkdtemp(prefix=f"{name}.", dir=self.cache / "runs"))
 
     def guest(self, timeout_s: float) -> vm.Guest:
@@ -37,10 +41,10 @@ class Bench:
 
 
 def main(words: list[str]) -> int:
-    names = list(TIERS) if not words or "all" in words else words
+    names = ALL if not words or "all" in words else words
     unknown = [n for n in names if n not in TIERS]
     if unknown:
-        print(f"run: no tier {unknown}; there are a, b, c and all", file=sys.stderr)
+        print(f"run: no tier {unknown}; there are a, b, c, all and self", file=sys.stderr)
         return 2
     report = Report()
     for name in names:

@@ -5,7 +5,7 @@
 // isochronous transfers would need a host controller that paces them. Formats: 1 = MJPG, 2 = YUYV, 3 = GREY, 640x480.
 //
 // Every frame carries its number: a JPEG as a COM segment "HIL%08u" after SOI, YUYV/GREY as its fill byte. The number
-// counts frame PERIODS spent streaming, so a reader of the log sees exactly which ones never arrived.
+// counts frame PERIODS spent streaming (from 100000 on after the first replug, and so on), so a reader of the log sees exactly which ones never arrived.
 //
 // Faults, one character each on the FIFO /tmp/uvc:
 //   e  ERR bit in the next frame          t  next frame cut to half (MJPG: no EOI, and no flag)
@@ -26,7 +26,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { WIDTH = 640, HEIGHT = 480, MAX_PAYLOAD = 16384, HEADER = 12, MAX_PENDING = 256, MAX_JPEGS = 16, COM_BYTES = 15 };
+enum { WIDTH = 640, HEIGHT = 480, MAX_PAYLOAD = 16384, HEADER = 12, MAX_PENDING = 256, MAX_JPEGS = 16, COM_BYTES = 15, REPLUG_STEP = 100000 };
 enum { MJPG = 1, YUYV = 2, GREY = 3 };
 enum { USBIP_CMD_SUBMIT = 1, USBIP_CMD_UNLINK = 2, USBIP_RET_SUBMIT = 3, USBIP_RET_UNLINK = 4 };
 
@@ -200,7 +200,10 @@ static int plug_in(void) {
 int main(int argc, char **argv) {
   if (argc < 4 || argc > 3 + MAX_JPEGS) { fprintf(stderr, "uvc_camera FPS LOG JPEG...\n"); return 2; }
   double period_s = 1.0 / atof(argv[1]);
-  if (!(truth = fopen(argv[2], "a"))) { perror(argv[2]); return 2; }
+  if (!(truth = fopen(argv[2], "a+"))) { perror(argv[2]); return 2; }
+  uint32_t number = 0, offset = 0, length = 0, late = 0;
+  char line[80];
+  while (fgets(line, sizeof line, truth)) if (strstr(line, "plugged")) number += REPLUG_STEP;   // no number twice in a log
   for (int i = 3; i < argc; i++) if (load_jpeg(argv[i])) return 2;
   memcpy(config, (uint8_t[]){9, 2, LE16(sizeof config), 2, 1, 0, 0x80, 50}, 9);
   memcpy(config + 9, config_tail, sizeof config_tail);
@@ -210,7 +213,6 @@ int main(int argc, char **argv) {
   if (faults < 0 || plug_in()) return 1;
   note("plugged 0");
 
-  uint32_t number = 0, offset = 0, length = 0, late = 0;
   int fid = 0, error_bit = 0, cut = 0, drop = 0, sending = 0;
   double due = 0, silent_until = 0;
   for (;;) {
