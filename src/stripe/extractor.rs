@@ -17,6 +17,8 @@ const MIN_ROWS: usize = 16;
 const WIDTH_SAMPLES: usize = 49;
 /// Rows loaded for it.
 const WIDTH_ROWS: usize = 64;
+/// Mismatch of a kernel's width that is not worth a second fit: it costs 0.4 % of the bound.
+const WIDTH_TOLERANCE: f64 = 0.05;
 /// How well a column's width is known from its neighbours', relative.
 const POOLED_WIDTH_SD: f64 = 0.03;
 /// How well it is known from the first look, relative, and the height that stands for a clipped
@@ -196,7 +198,7 @@ impl Extractor {
 
     /// Path, first fit, haze and second fit. Leaves the columns in `tracks`.
     fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let step_cost = self.config.step_cost_columns as f32;
         self.tracks.clear();
         let mut chosen: Vec<(usize, usize)> = Vec::with_capacity(image.width_px);
@@ -210,6 +212,7 @@ impl Extractor {
         let index = self.kernels.index(width);
         let kernel = self.kernels.get(index);
         let rows = fit::rows_needed(kernel);
+        let first_sigma_px = kernel.sigma_px;
         let prior = width_prior(width, noise_sd, CLIPPED_PEAK, FIRST_WIDTH_SD);
         let known = Known {
             width: Some(prior),
@@ -219,8 +222,7 @@ impl Extractor {
             let row_px = f64::from(self.spots.column(column)[spot].row_px);
             window.load(image, column, row_px, rows);
             // The coarse row of a clipped plateau may be off by pixels; its edges are not.
-            let brightest = window.values().iter().fold(0.0f32, |m, v| m.max(*v));
-            let start = if brightest >= saturation {
+            let start = if window.clipped(saturation) {
                 fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
             } else {
                 fit::brightest(&window, row_px)
@@ -239,7 +241,7 @@ impl Extractor {
         self.cut_into_stretches(image.width_px);
         self.pool_widths(width);
         let haze = self.find_haze(image, noise_sd);
-        self.refit(image, haze, &mut window, noise_sd);
+        self.refit(image, haze, &mut window, noise_sd, first_sigma_px);
         haze
     }
 
@@ -250,7 +252,7 @@ impl Extractor {
         chosen: &[(usize, usize)],
         window: &mut Window,
     ) -> f64 {
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let every = chosen.len().div_ceil(WIDTH_SAMPLES).max(1);
         self.order.clear();
         for &(column, spot) in chosen.iter().step_by(every) {
@@ -335,12 +337,25 @@ impl Extractor {
     }
 
     /// Second fit with each region's own width and the haze taken out.
-    fn refit(&mut self, image: &GreyImage, haze: Option<Haze>, window: &mut Window, noise_sd: f64) {
-        let saturation = f32::from(self.config.saturation_level);
+    fn refit(
+        &mut self,
+        image: &GreyImage,
+        haze: Option<Haze>,
+        window: &mut Window,
+        noise_sd: f64,
+        first_sigma_px: f64,
+    ) {
+        let saturation = self.config.saturation_level;
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
         let mut kept = 0;
         for i in 0..self.tracks.len() {
             let track = self.tracks[i];
+            let mismatch = (self.pooled_sigma[i] / first_sigma_px - 1.0).abs();
+            // With nothing new to tell it, a second fit would only repeat the first.
+            if haze.is_none() && !track.fit.saturated && mismatch < WIDTH_TOLERANCE {
+                kept = self.keep(kept, i, track.fit);
+                continue;
+            }
             let index = self.kernels.index(self.pooled_sigma[i]);
             let kernel = self.kernels.get(index);
             let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
@@ -370,21 +385,29 @@ impl Extractor {
                 haze: shape,
                 width: Some(width),
             };
-            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known)
-                && self.is_stripe(&fit, self.pooled_sigma[i])
-            {
-                let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
-                self.tracks[kept] = Track {
-                    fit,
-                    near_step: track.near_step || cut,
-                    ..track
-                };
-                self.pooled_sigma[kept] = self.pooled_sigma[i];
-                kept += 1;
+            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known) {
+                kept = self.keep(kept, i, fit);
             }
         }
         self.tracks.truncate(kept);
         self.pooled_sigma.truncate(kept);
+    }
+
+    /// Moves track `i` with its final fit to place `kept` if it looks like a stripe; returns the
+    /// next place.
+    fn keep(&mut self, kept: usize, i: usize, fit: Fit) -> usize {
+        if !self.is_stripe(&fit, self.pooled_sigma[i]) {
+            return kept;
+        }
+        let track = self.tracks[i];
+        let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
+        self.tracks[kept] = Track {
+            fit,
+            near_step: track.near_step || cut,
+            ..track
+        };
+        self.pooled_sigma[kept] = self.pooled_sigma[i];
+        kept + 1
     }
 
     /// Whether a fit looks like a stripe: high enough, about as wide as its neighbours, and
@@ -416,7 +439,7 @@ impl Extractor {
             sound,
             &mut self.pooled_variance,
         );
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let mut window = Window::new();
         profile.points.reserve(self.tracks.len());
         let mut next = 0;
@@ -526,7 +549,7 @@ fn point(column: usize, fit: &Fit, variance: f64, haze: Option<Haze>, quality: u
 /// The paper's choice: the central pixel of the stripe, here of its run at half height or more.
 fn central_pixel(window: &Window, fit: &Fit) -> f64 {
     let y = window.values();
-    let level = (fit.background + 0.5 * fit.peak.min(255.0 - fit.background)) as f32;
+    let level = (fit.background + 0.5 * fit.peak.min(255.0 - fit.background)) as i16;
     let middle = (fit.row_px.round() as i64 - window.start()).clamp(0, y.len() as i64 - 1) as usize;
     let up = y[..=middle]
         .iter()

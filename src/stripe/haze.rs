@@ -160,7 +160,9 @@ impl Haze {
                     self.length_px,
                 ) as f32;
             }
-            solved.push(super::kernel::dots::<4>(line, &phase.solve, stride));
+            // The same integer weights as the fit's, on the haze in 1/1024 grey levels.
+            let fine: Vec<i16> = line.iter().map(|h| (h * 1024.0).round() as i16).collect();
+            solved.push([0, 1, 2, 3].map(|i| phase.solve_line(i, &fine) / 1024.0));
         }
         HazeShape {
             length_px: self.length_px,
