@@ -4,7 +4,7 @@ use super::band::{Band, MIN_SHARE_FOUND, RIVAL_REACH_PX};
 use super::clipped::GaussTable;
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
-use super::haze::{self, Haze};
+use super::haze::{Haze, HazeTable};
 use super::kernel::{KernelTable, SIGMA_MAX_PX, SIGMA_MIN_PX};
 use super::path::{self, PathScratch};
 use super::{ExtractorConfig, Profile, ProfileFault, StripePoint, noise, quality, segments};
@@ -33,6 +33,7 @@ pub struct Extractor {
     config: ExtractorConfig,
     kernels: KernelTable,
     gauss: GaussTable,
+    haze: HazeTable,
     coarse: CoarseScratch,
     spots: Spots,
     path: PathScratch,
@@ -60,6 +61,7 @@ impl Extractor {
             config,
             kernels: KernelTable::new(),
             gauss: GaussTable::new(),
+            haze: HazeTable::new(),
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
@@ -262,8 +264,33 @@ impl Extractor {
                 self.order.push(sigma);
             }
         }
+        // Edges give the width to a tenth; the same columns, fitted, give it to a hundredth.
+        let width = self.median_width(2.0);
+        let index = self.kernels.index(width);
+        let kernel = self.kernels.get(index);
+        self.order.clear();
+        for &(column, spot) in chosen.iter().step_by(every) {
+            let row_px = f64::from(self.spots.column(column)[spot].row_px);
+            window.load(image, column, row_px, fit::rows_needed(kernel));
+            if !window.clipped(saturation)
+                && let Some(fit) = fit::fit(
+                    window,
+                    kernel,
+                    &self.gauss,
+                    fit::brightest(window, row_px),
+                    Known::clipping_at(saturation),
+                )
+            {
+                self.order.push(fit.sigma_px);
+            }
+        }
+        self.median_width(width)
+    }
+
+    /// Median of `order`, within what kernels there are \[px\].
+    fn median_width(&mut self, fallback: f64) -> f64 {
         if self.order.is_empty() {
-            return 2.0;
+            return fallback;
         }
         let middle = self.order.len() / 2;
         let (_, median, _) = self.order.select_nth_unstable_by(middle, f64::total_cmp);
@@ -323,7 +350,7 @@ impl Extractor {
         );
     }
 
-    fn find_haze(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
+    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
         if !self.config.correct_haze {
             return None;
         }
@@ -333,7 +360,7 @@ impl Extractor {
             .filter(|t| !t.near_step && self.spots.column(t.column).len() == 1)
             .map(|t| (t.column, &t.fit))
             .collect();
-        haze::estimate(image, clean.into_iter(), noise_sd)
+        self.haze.estimate(image, &clean, noise_sd)
     }
 
     /// Second fit with each region's own width and the haze taken out.

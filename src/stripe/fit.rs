@@ -258,7 +258,7 @@ pub(super) fn brightest(window: &Window, row_px: f64) -> f64 {
     );
     let mut best = (i16::MIN, near);
     for k in from..to {
-        let smooth = y[k - 1] + 2.0 * y[k] + y[k + 1];
+        let smooth = y[k - 1] + 2 * y[k] + y[k + 1];
         if smooth > best.0 {
             best = (smooth, k);
         }

@@ -94,7 +94,8 @@ pub(super) fn profile(d: f64, s: f64) -> [f64; 3] {
 
 impl Kernel {
     fn new(sigma_px: f64) -> Self {
-        let least = 2 * (HALF_SIGMAS * sigma_px + 0.5) as usize + 1;
+        // At least 15 taps: the width of a narrow stripe is not known without its background.
+        let least = (2 * (HALF_SIGMAS * sigma_px + 0.5) as usize + 1).max(LANES + 1);
         // The rest of the vector is used for background: an odd number of taps, one of padding.
         let stride = least.div_ceil(LANES) * LANES;
         let half = stride / 2 - 1;
