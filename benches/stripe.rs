@@ -55,7 +55,7 @@ fn last_frames_band(bencher: Bencher, name: &str) {
     let image = frame(name);
     let mut extractor = Extractor::new(ExtractorConfig::default());
     let profile = extractor.extract(&image);
-    let Some(band) = Band::from_profile(&profile, 40.0) else {
+    let Some(band) = Band::from_profile(&profile, 28.0) else {
         eprintln!("no stripe in frame {name}: {:?}", profile.fault);
         return;
     };

@@ -89,7 +89,7 @@ impl Extractor {
 
     /// Extracts the stripe where it lay in an earlier frame: the points of [`Self::extract`],
     /// sooner. Where that cannot be promised — the band is of another image size, fewer than
-    /// 90 % of its points are found again, or a point lies within 32 px of its border — the
+    /// 90 % of its points are found again, or a point lies within 24 px of its border — the
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
     /// that lies outside the band as a whole and would win over the one inside is not seen.
     pub fn extract_in_band(&mut self, image: &GreyImage, band: &Band) -> Profile {
@@ -222,14 +222,25 @@ impl Extractor {
         };
         for (column, spot) in chosen {
             let row_px = f64::from(self.spots.column(column)[spot].row_px);
-            window.load(image, column, row_px, rows);
-            // The coarse row of a clipped plateau may be off by pixels; its edges are not.
-            let start = if window.clipped(saturation) {
-                fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
-            } else {
-                fit::brightest(&window, row_px)
-            };
-            if let Some(fit) = fit::fit(&window, kernel, &self.gauss, start, known)
+            let near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
+            let mut found = None;
+            if let Some(near) = near {
+                window.load(image, column, near, fit::rows_near(kernel));
+                if !window.clipped(saturation) {
+                    found = fit::fit(&window, kernel, &self.gauss, near, known);
+                }
+            }
+            if found.is_none() {
+                window.load(image, column, row_px, rows);
+                // The coarse row of a clipped plateau may be off by pixels; its edges are not.
+                let start = if window.clipped(saturation) {
+                    fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
+                } else {
+                    fit::brightest(&window, row_px)
+                };
+                found = fit::fit(&window, kernel, &self.gauss, start, known);
+            }
+            if let Some(fit) = found
                 && fit.peak >= 0.5 * self.config.min_peak
             {
                 self.tracks.push(Track {
@@ -542,6 +553,16 @@ impl Extractor {
             }
         }
     }
+}
+
+/// Row of the stripe in `column` from its course four to twelve columns before: not nearer, so
+/// that columns do not wait for each other. `None` where the course is not unbroken.
+fn predicted(tracks: &[Track], column: usize) -> Option<f64> {
+    let near = tracks.get(tracks.len().checked_sub(4)?)?;
+    let far = tracks.get(tracks.len().checked_sub(12)?)?;
+    let course = near.fit.row_px - far.fit.row_px;
+    (near.column + 4 == column && far.column + 12 == column && course.abs() < 16.0)
+        .then_some(near.fit.row_px + 0.5 * course)
 }
 
 fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {

@@ -148,6 +148,11 @@ impl Window {
     }
 }
 
+/// Rows to load where the row is known to a pixel.
+pub(super) fn rows_near(kernel: &Kernel) -> usize {
+    kernel.stride + 4
+}
+
 /// Rows to load for a kernel so that a fit can move as far as it may.
 pub(super) fn rows_needed(kernel: &Kernel) -> usize {
     kernel.taps() + 2 * MAX_WANDER_PX as usize + 2
