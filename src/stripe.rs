@@ -36,7 +36,7 @@ pub mod quality {
     pub const SATURATED: u32 = 1;
     /// One-sided haze was taken out.
     pub const HAZE_CORRECTED: u32 = 2;
-    /// Another candidate in this column, within 32 rows.
+    /// Another candidate in this column, within 24 rows.
     pub const RIVAL: u32 = 4;
     /// Close to a depth step or an end of the stripe, where the profile is cut and the row biased.
     pub const NEAR_STEP: u32 = 8;

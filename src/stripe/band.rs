@@ -5,7 +5,7 @@ use super::coarse::{BLOCK_ROWS, TILE_COLUMNS, Tile};
 
 /// Reach within which a second candidate is a rival \[px\]; no band is narrower, so that the
 /// points of a band carry the same quality bits as those of the whole frame.
-pub(super) const RIVAL_REACH_PX: f64 = 32.0;
+pub(super) const RIVAL_REACH_PX: f64 = 24.0;
 /// Share of the band's own points that must be found again, else the whole frame is searched.
 pub(super) const MIN_SHARE_FOUND: f64 = 0.9;
 
@@ -18,7 +18,7 @@ pub struct Band {
 }
 
 impl Band {
-    /// The rows within `margin_px` (at least 36) of a profile; groups of columns without a point
+    /// The rows within `margin_px` (at least 28) of a profile; groups of columns without a point
     /// take their neighbours' rows. `None` without points.
     pub fn from_profile(profile: &Profile, margin_px: f64) -> Option<Self> {
         let groups = profile.size_px.0.div_ceil(TILE_COLUMNS);

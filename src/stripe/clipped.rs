@@ -108,7 +108,7 @@ struct System {
 
 impl System {
     fn at(
-        y: &[f32],
+        y: &[i16],
         first: f64,
         row_px: f64,
         sigma_px: f64,
@@ -119,13 +119,14 @@ impl System {
         let mut right = Vector4::zeros();
         let (mut square, mut used) = (0.0, 0.0);
         // Numbers near zero lose no digits in the residual.
-        let offset = f64::from(y.first().copied().unwrap_or(0.0));
+        let offset = f64::from(y.first().copied().unwrap_or(0));
+        let saturation = i16::from(known.saturation);
         let mut a = (first - 0.5 - row_px) / sigma_px;
         let [mut integral, mut height] = gauss.at(a);
         for (k, value) in y.iter().enumerate() {
             let b = (first + k as f64 + 0.5 - row_px) / sigma_px;
             let [next_integral, next_height] = gauss.at(b);
-            if *value < known.saturation {
+            if *value < saturation {
                 let p = sigma_px * (next_integral - integral);
                 let haze = known.haze.map_or(0.0, |(shape, level)| {
                     f64::from(level) * shape.at(first + k as f64 - row_px)

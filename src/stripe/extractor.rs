@@ -4,7 +4,7 @@ use super::band::{Band, MIN_SHARE_FOUND, RIVAL_REACH_PX};
 use super::clipped::GaussTable;
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
-use super::haze::{self, Haze};
+use super::haze::{Haze, HazeTable};
 use super::kernel::{KernelTable, SIGMA_MAX_PX, SIGMA_MIN_PX};
 use super::path::{self, PathScratch};
 use super::{ExtractorConfig, Profile, ProfileFault, StripePoint, noise, quality, segments};
@@ -17,6 +17,8 @@ const MIN_ROWS: usize = 16;
 const WIDTH_SAMPLES: usize = 49;
 /// Rows loaded for it.
 const WIDTH_ROWS: usize = 64;
+/// Mismatch of a kernel's width that is not worth a second fit: it costs 0.4 % of the bound.
+const WIDTH_TOLERANCE: f64 = 0.05;
 /// How well a column's width is known from its neighbours', relative.
 const POOLED_WIDTH_SD: f64 = 0.03;
 /// How well it is known from the first look, relative, and the height that stands for a clipped
@@ -31,6 +33,7 @@ pub struct Extractor {
     config: ExtractorConfig,
     kernels: KernelTable,
     gauss: GaussTable,
+    haze: HazeTable,
     coarse: CoarseScratch,
     spots: Spots,
     path: PathScratch,
@@ -58,6 +61,7 @@ impl Extractor {
             config,
             kernels: KernelTable::new(),
             gauss: GaussTable::new(),
+            haze: HazeTable::new(),
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
@@ -85,7 +89,7 @@ impl Extractor {
 
     /// Extracts the stripe where it lay in an earlier frame: the points of [`Self::extract`],
     /// sooner. Where that cannot be promised — the band is of another image size, fewer than
-    /// 90 % of its points are found again, or a point lies within 32 px of its border — the
+    /// 90 % of its points are found again, or a point lies within 24 px of its border — the
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
     /// that lies outside the band as a whole and would win over the one inside is not seen.
     pub fn extract_in_band(&mut self, image: &GreyImage, band: &Band) -> Profile {
@@ -196,7 +200,7 @@ impl Extractor {
 
     /// Path, first fit, haze and second fit. Leaves the columns in `tracks`.
     fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let step_cost = self.config.step_cost_columns as f32;
         self.tracks.clear();
         let mut chosen: Vec<(usize, usize)> = Vec::with_capacity(image.width_px);
@@ -210,6 +214,7 @@ impl Extractor {
         let index = self.kernels.index(width);
         let kernel = self.kernels.get(index);
         let rows = fit::rows_needed(kernel);
+        let first_sigma_px = kernel.sigma_px;
         let prior = width_prior(width, noise_sd, CLIPPED_PEAK, FIRST_WIDTH_SD);
         let known = Known {
             width: Some(prior),
@@ -217,15 +222,25 @@ impl Extractor {
         };
         for (column, spot) in chosen {
             let row_px = f64::from(self.spots.column(column)[spot].row_px);
-            window.load(image, column, row_px, rows);
-            // The coarse row of a clipped plateau may be off by pixels; its edges are not.
-            let brightest = window.values().iter().fold(0.0f32, |m, v| m.max(*v));
-            let start = if brightest >= saturation {
-                fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
-            } else {
-                fit::brightest(&window, row_px)
-            };
-            if let Some(fit) = fit::fit(&window, kernel, &self.gauss, start, known)
+            let near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
+            let mut found = None;
+            if let Some(near) = near {
+                window.load(image, column, near, fit::rows_near(kernel));
+                if !window.clipped(saturation) {
+                    found = fit::fit(&window, kernel, &self.gauss, near, known);
+                }
+            }
+            if found.is_none() {
+                window.load(image, column, row_px, rows);
+                // The coarse row of a clipped plateau may be off by pixels; its edges are not.
+                let start = if window.clipped(saturation) {
+                    fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
+                } else {
+                    fit::brightest(&window, row_px)
+                };
+                found = fit::fit(&window, kernel, &self.gauss, start, known);
+            }
+            if let Some(fit) = found
                 && fit.peak >= 0.5 * self.config.min_peak
             {
                 self.tracks.push(Track {
@@ -239,7 +254,7 @@ impl Extractor {
         self.cut_into_stretches(image.width_px);
         self.pool_widths(width);
         let haze = self.find_haze(image, noise_sd);
-        self.refit(image, haze, &mut window, noise_sd);
+        self.refit(image, haze, &mut window, noise_sd, first_sigma_px);
         haze
     }
 
@@ -250,7 +265,7 @@ impl Extractor {
         chosen: &[(usize, usize)],
         window: &mut Window,
     ) -> f64 {
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let every = chosen.len().div_ceil(WIDTH_SAMPLES).max(1);
         self.order.clear();
         for &(column, spot) in chosen.iter().step_by(every) {
@@ -260,8 +275,33 @@ impl Extractor {
                 self.order.push(sigma);
             }
         }
+        // Edges give the width to a tenth; the same columns, fitted, give it to a hundredth.
+        let width = self.median_width(2.0);
+        let index = self.kernels.index(width);
+        let kernel = self.kernels.get(index);
+        self.order.clear();
+        for &(column, spot) in chosen.iter().step_by(every) {
+            let row_px = f64::from(self.spots.column(column)[spot].row_px);
+            window.load(image, column, row_px, fit::rows_needed(kernel));
+            if !window.clipped(saturation)
+                && let Some(fit) = fit::fit(
+                    window,
+                    kernel,
+                    &self.gauss,
+                    fit::brightest(window, row_px),
+                    Known::clipping_at(saturation),
+                )
+            {
+                self.order.push(fit.sigma_px);
+            }
+        }
+        self.median_width(width)
+    }
+
+    /// Median of `order`, within what kernels there are \[px\].
+    fn median_width(&mut self, fallback: f64) -> f64 {
         if self.order.is_empty() {
-            return 2.0;
+            return fallback;
         }
         let middle = self.order.len() / 2;
         let (_, median, _) = self.order.select_nth_unstable_by(middle, f64::total_cmp);
@@ -321,7 +361,7 @@ impl Extractor {
         );
     }
 
-    fn find_haze(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
+    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
         if !self.config.correct_haze {
             return None;
         }
@@ -331,16 +371,29 @@ impl Extractor {
             .filter(|t| !t.near_step && self.spots.column(t.column).len() == 1)
             .map(|t| (t.column, &t.fit))
             .collect();
-        haze::estimate(image, clean.into_iter(), noise_sd)
+        self.haze.estimate(image, &clean, noise_sd)
     }
 
     /// Second fit with each region's own width and the haze taken out.
-    fn refit(&mut self, image: &GreyImage, haze: Option<Haze>, window: &mut Window, noise_sd: f64) {
-        let saturation = f32::from(self.config.saturation_level);
+    fn refit(
+        &mut self,
+        image: &GreyImage,
+        haze: Option<Haze>,
+        window: &mut Window,
+        noise_sd: f64,
+        first_sigma_px: f64,
+    ) {
+        let saturation = self.config.saturation_level;
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
         let mut kept = 0;
         for i in 0..self.tracks.len() {
             let track = self.tracks[i];
+            let mismatch = (self.pooled_sigma[i] / first_sigma_px - 1.0).abs();
+            // With nothing new to tell it, a second fit would only repeat the first.
+            if haze.is_none() && !track.fit.saturated && mismatch < WIDTH_TOLERANCE {
+                kept = self.keep(kept, i, track.fit);
+                continue;
+            }
             let index = self.kernels.index(self.pooled_sigma[i]);
             let kernel = self.kernels.get(index);
             let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
@@ -370,21 +423,29 @@ impl Extractor {
                 haze: shape,
                 width: Some(width),
             };
-            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known)
-                && self.is_stripe(&fit, self.pooled_sigma[i])
-            {
-                let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
-                self.tracks[kept] = Track {
-                    fit,
-                    near_step: track.near_step || cut,
-                    ..track
-                };
-                self.pooled_sigma[kept] = self.pooled_sigma[i];
-                kept += 1;
+            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known) {
+                kept = self.keep(kept, i, fit);
             }
         }
         self.tracks.truncate(kept);
         self.pooled_sigma.truncate(kept);
+    }
+
+    /// Moves track `i` with its final fit to place `kept` if it looks like a stripe; returns the
+    /// next place.
+    fn keep(&mut self, kept: usize, i: usize, fit: Fit) -> usize {
+        if !self.is_stripe(&fit, self.pooled_sigma[i]) {
+            return kept;
+        }
+        let track = self.tracks[i];
+        let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
+        self.tracks[kept] = Track {
+            fit,
+            near_step: track.near_step || cut,
+            ..track
+        };
+        self.pooled_sigma[kept] = self.pooled_sigma[i];
+        kept + 1
     }
 
     /// Whether a fit looks like a stripe: high enough, about as wide as its neighbours, and
@@ -416,7 +477,7 @@ impl Extractor {
             sound,
             &mut self.pooled_variance,
         );
-        let saturation = f32::from(self.config.saturation_level);
+        let saturation = self.config.saturation_level;
         let mut window = Window::new();
         profile.points.reserve(self.tracks.len());
         let mut next = 0;
@@ -494,6 +555,16 @@ impl Extractor {
     }
 }
 
+/// Row of the stripe in `column` from its course four to twelve columns before: not nearer, so
+/// that columns do not wait for each other. `None` where the course is not unbroken.
+fn predicted(tracks: &[Track], column: usize) -> Option<f64> {
+    let near = tracks.get(tracks.len().checked_sub(4)?)?;
+    let far = tracks.get(tracks.len().checked_sub(12)?)?;
+    let course = near.fit.row_px - far.fit.row_px;
+    (near.column + 4 == column && far.column + 12 == column && course.abs() < 16.0)
+        .then_some(near.fit.row_px + 0.5 * course)
+}
+
 fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {
     WidthPrior {
         sigma_px,
@@ -526,7 +597,7 @@ fn point(column: usize, fit: &Fit, variance: f64, haze: Option<Haze>, quality: u
 /// The paper's choice: the central pixel of the stripe, here of its run at half height or more.
 fn central_pixel(window: &Window, fit: &Fit) -> f64 {
     let y = window.values();
-    let level = (fit.background + 0.5 * fit.peak.min(255.0 - fit.background)) as f32;
+    let level = (fit.background + 0.5 * fit.peak.min(255.0 - fit.background)) as i16;
     let middle = (fit.row_px.round() as i64 - window.start()).clamp(0, y.len() as i64 - 1) as usize;
     let up = y[..=middle]
         .iter()

@@ -1,7 +1,7 @@
 //! Fit of one column: row, height, width and background of the stripe near a given row.
 
 use super::clipped::{self, GaussTable};
-use super::kernel::{Kernel, LANES, dots, split};
+use super::kernel::{Kernel, LANES, split};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
 
@@ -57,7 +57,7 @@ pub(super) struct WidthPrior {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known<'a> {
     /// Level from which pixels are clipped \[grey levels\].
-    pub saturation: f32,
+    pub saturation: u8,
     /// Shape of the haze and its level as a fraction of the peak.
     pub haze: Option<(&'a HazeShape, f32)>,
     /// Width of the neighbourhood; used for clipped columns only.
@@ -66,7 +66,7 @@ pub(super) struct Known<'a> {
 
 impl Known<'_> {
     /// Nothing but the clipping level.
-    pub fn clipping_at(saturation: f32) -> Self {
+    pub fn clipping_at(saturation: u8) -> Self {
         Self {
             saturation,
             haze: None,
@@ -87,7 +87,8 @@ impl HazeShape {
 pub(super) struct Window {
     start: i64,
     rows: usize,
-    values: [f32; WINDOW_ROWS],
+    brightest: i16,
+    values: [i16; WINDOW_ROWS],
 }
 
 impl Window {
@@ -96,29 +97,31 @@ impl Window {
         Self {
             start: 0,
             rows: 0,
-            values: [0.0; WINDOW_ROWS],
+            brightest: 0,
+            values: [0; WINDOW_ROWS],
         }
     }
 
     /// Reads up to `rows` rows of `column` around `row_px`, cut at the image's borders.
+    #[inline]
     pub fn load(&mut self, image: &GreyImage, column: usize, row_px: f64, rows: usize) {
         let rows = rows.min(WINDOW_ROWS).min(image.height_px);
-        let last_start = (image.height_px - rows) as f64;
-        let start = (row_px + 0.5 - 0.5 * rows as f64)
-            .floor()
-            .clamp(0.0, last_start) as usize;
-        let line = image.pixels[start * image.width_px + column..]
-            .iter()
-            .step_by(image.width_px.max(1));
-        for (v, p) in self.values.iter_mut().zip(line.take(rows)) {
-            *v = f32::from(*p);
+        let last_start = image.height_px - rows;
+        let start = ((row_px + 0.5).max(0.0) as usize)
+            .saturating_sub(rows / 2)
+            .min(last_start);
+        let width = image.width_px;
+        let lines = image.pixels[start * width..(start + rows) * width].chunks_exact(width.max(1));
+        for (v, line) in self.values.iter_mut().zip(lines) {
+            *v = i16::from(line[column]);
         }
+        self.brightest = self.values[..rows].iter().fold(0, |m: i16, v| m.max(*v));
         self.start = start as i64;
         self.rows = rows;
     }
 
     /// The pixels read.
-    pub fn values(&self) -> &[f32] {
+    pub fn values(&self) -> &[i16] {
         &self.values[..self.rows]
     }
 
@@ -127,9 +130,15 @@ impl Window {
         self.start
     }
 
+    /// Whether a pixel is clipped.
+    pub fn clipped(&self, saturation: u8) -> bool {
+        self.brightest >= i16::from(saturation)
+    }
+
     /// The pixels under a kernel centred on `row`, with the kernel's padding; `None` where the
     /// kernel would leave the window, which at the image's border means: too close to it.
-    pub fn under(&self, kernel: &Kernel, row: i64) -> Option<&[f32]> {
+    #[inline]
+    pub fn under(&self, kernel: &Kernel, row: i64) -> Option<&[i16]> {
         let first = usize::try_from(row - kernel.half as i64 - self.start).ok()?;
         if first + kernel.taps() > self.rows {
             return None;
@@ -137,6 +146,11 @@ impl Window {
         // Padding taps have weight zero; their pixels only have to exist.
         self.values.get(first..first + kernel.stride)
     }
+}
+
+/// Rows to load where the row is known to a pixel.
+pub(super) fn rows_near(kernel: &Kernel) -> usize {
+    kernel.stride + 4
 }
 
 /// Rows to load for a kernel so that a fit can move as far as it may.
@@ -152,16 +166,15 @@ pub(super) fn fit(
     start_px: f64,
     known: Known,
 ) -> Option<Fit> {
+    if window.clipped(known.saturation) {
+        return clipped::fit(window, kernel, gauss, start_px, MAX_WANDER_PX, known);
+    }
     let mut row_px = start_px;
     for iteration in 0..MAX_ITERATIONS {
         let (whole, phase, at) = split(row_px);
         let y = window.under(kernel, whole)?;
         let weights = &kernel.phases[phase];
-        if y[..kernel.taps()].iter().fold(0.0f32, |m, v| m.max(*v)) >= known.saturation {
-            return clipped::fit(window, kernel, gauss, row_px, MAX_WANDER_PX, known);
-        }
-        let lines = &weights.solve[kernel.stride..3 * kernel.stride];
-        let [mut a, mut adc] = dots::<2>(y, lines, kernel.stride);
+        let (mut a, mut adc) = (weights.solve_line(1, y), weights.solve_line(2, y));
         if let Some((shape, level)) = known.haze {
             let of_peak = level * a;
             a -= of_peak * shape.solved[phase][1];
@@ -190,7 +203,7 @@ pub(super) fn fit(
 
 /// Height, width, background and residual once the row is found.
 fn finish(
-    y: &[f32],
+    y: &[i16],
     kernel: &Kernel,
     phase: usize,
     haze: Option<(&HazeShape, f32)>,
@@ -198,37 +211,43 @@ fn finish(
     adc: f32,
 ) -> Fit {
     let stride = kernel.stride;
-    let taps = kernel.taps();
     let weights = &kernel.phases[phase];
-    let [mut b] = dots::<1>(y, &weights.solve[..stride], stride);
-    let [mut ads] = dots::<1>(y, &weights.solve[3 * stride..], stride);
-    let mut model = [0.0f32; WINDOW_ROWS];
-    let model = &mut model[..taps];
+    let (mut b, mut ads) = (weights.solve_line(0, y), weights.solve_line(3, y));
+    let mut left = [0.0f32; WINDOW_ROWS];
+    let left = &mut left[..stride];
+    for (l, y) in left.iter_mut().zip(y) {
+        *l = f32::from(*y);
+    }
     if let Some((shape, level)) = haze {
         let of_peak = level * a;
         b -= of_peak * shape.solved[phase][0];
         ads -= of_peak * shape.solved[phase][3];
-        for (m, h) in model.iter_mut().zip(&shape.shape[phase * stride..]) {
-            *m = of_peak * h;
+        for (l, h) in left.iter_mut().zip(&shape.shape[phase * stride..]) {
+            *l -= of_peak * h;
         }
     }
     let (p, rest) = weights.design.split_at(stride);
     let (pc, ps) = rest.split_at(stride);
-    for (((m, p), pc), ps) in model.iter_mut().zip(p).zip(pc).zip(ps) {
-        *m += b + a * p + adc * pc + ads * ps;
-    }
     let mut square = [0.0f32; LANES];
-    for (m, y) in model.chunks(LANES).zip(y.chunks(LANES)) {
-        for ((s, m), y) in square.iter_mut().zip(m).zip(y) {
-            *s += (y - m) * (y - m);
+    let design = p
+        .chunks_exact(LANES)
+        .zip(pc.chunks_exact(LANES))
+        .zip(ps.chunks_exact(LANES));
+    for (l, ((p, pc), ps)) in left.chunks_exact(LANES).zip(design) {
+        for i in 0..LANES {
+            let r = l[i] - (b + a * p[i] + adc * pc[i] + ads * ps[i]);
+            square[i] += r * r;
         }
     }
+    // The one tap of padding, last in its vector, is no pixel of this fit.
+    let padding = left[stride - 1] - b;
+    let sum: f32 = square.iter().sum::<f32>() - padding * padding;
     Fit {
         row_px: 0.0,
         peak: f64::from(a),
         background: f64::from(b),
         sigma_px: kernel.sigma_px + f64::from(ads) / f64::from(a),
-        variance: f64::from(square.iter().sum::<f32>()) / (taps as f64 - 4.0),
+        variance: f64::from(sum.max(0.0)) / (kernel.taps() as f64 - 4.0),
         row_variance: weights.row_variance,
         saturated: false,
     }
@@ -242,9 +261,9 @@ pub(super) fn brightest(window: &Window, row_px: f64) -> f64 {
         near.saturating_sub(4).max(1),
         (near + 5).min(y.len().saturating_sub(1)),
     );
-    let mut best = (f32::NEG_INFINITY, near);
+    let mut best = (i16::MIN, near);
     for k in from..to {
-        let smooth = y[k - 1] + 2.0 * y[k] + y[k + 1];
+        let smooth = y[k - 1] + 2 * y[k] + y[k + 1];
         if smooth > best.0 {
             best = (smooth, k);
         }
@@ -254,8 +273,13 @@ pub(super) fn brightest(window: &Window, row_px: f64) -> f64 {
 
 /// Centre and width of the stripe near `row_px` from its edges at set levels \[px\]: crude, but
 /// needs no idea of the width, and holds for clipped stripes.
-pub(super) fn edges(window: &Window, row_px: f64, saturation: f32) -> Option<(f64, f64)> {
-    let y = window.values();
+pub(super) fn edges(window: &Window, row_px: f64, saturation: u8) -> Option<(f64, f64)> {
+    let mut values = [0.0f32; WINDOW_ROWS];
+    for (to, from) in values.iter_mut().zip(window.values()) {
+        *to = f32::from(*from);
+    }
+    let y = &values[..window.values().len()];
+    let saturation = f32::from(saturation);
     let near = row_px - window.start() as f64;
     let (from, to) = (
         (near - 4.0).max(1.0) as usize,

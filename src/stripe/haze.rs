@@ -13,14 +13,18 @@ use crate::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
 
 /// Farthest pixel looked at \[px\].
-const REACH_PX: i64 = 56;
-/// Columns looked at, at most.
-const MAX_COLUMNS: usize = 240;
+const REACH_PX: usize = 56;
+const SIZE: usize = 2 * REACH_PX + 1;
+/// Columns looked at first, and all in all where the first show a sign of haze.
+const FIRST_COLUMNS: usize = 72;
+const MAX_COLUMNS: usize = 360;
 /// Decay lengths tried \[px\].
 const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:
 /// the level at the stripe is extrapolated, the more the shorter the length.
 const CHI2_FOR_SHORTER: f64 = 4.0;
+/// What the first columns must show for a closer look.
+const SIGN_SIGNIFICANCE: f64 = 1.5;
 /// Least significance and least level at which a correction is worth its own noise.
 const MIN_SIGNIFICANCE: f64 = 3.5;
 const MIN_FRACTION: f64 = 0.002;
@@ -36,84 +40,141 @@ pub(super) struct Haze {
     pub length_px: f64,
 }
 
-/// Estimates the haze from columns `(column, fit)` that are free of steps and rivals.
-pub(super) fn estimate<'a>(
-    image: &GreyImage,
-    columns: impl ExactSizeIterator<Item = (usize, &'a Fit)>,
-    noise_sd: f64,
-) -> Option<Haze> {
-    const SIZE: usize = 2 * REACH_PX as usize + 1;
-    let mut sums = [0.0f64; SIZE];
-    let mut counts = [0.0f64; SIZE];
-    let mut peaks = [0.0f64; SIZE];
-    let mut widths = Vec::with_capacity(MAX_COLUMNS);
-    let every = columns.len().div_ceil(MAX_COLUMNS).max(1);
-    for (column, fit) in columns.step_by(every) {
-        widths.push(fit.sigma_px);
-        let middle = fit.row_px.round() as i64;
-        let first = (middle - REACH_PX).max(0);
-        let last = (middle + REACH_PX).min(image.height_px as i64 - 1);
-        let clip = 4.0 * noise_sd + 0.25 * fit.peak.min(255.0);
-        let start = first as usize * image.width_px + column;
-        let line = image.pixels[start..].iter().step_by(image.width_px);
-        for (k, pixel) in (first..=last).zip(line) {
-            let above = f64::from(*pixel) - fit.background;
-            // Particles, ghosts and other segments are brighter than haze can be.
-            if above.abs() <= clip {
-                let i = (k - middle + REACH_PX) as usize;
-                sums[i] += above;
-                counts[i] += 1.0;
-                peaks[i] += fit.peak;
-            }
+/// Shapes of the haze tried, by distance from the stripe.
+#[derive(Debug, Clone)]
+pub(super) struct HazeTable {
+    shapes: Vec<(f64, Vec<f64>)>,
+}
+
+/// Mean light beside the stripe, aligned on it, in units of the peak.
+struct Surroundings {
+    /// Distance below the stripe \[px\], light over peak, columns it is the mean of.
+    samples: Vec<(isize, f64, f64)>,
+    mean_peak: f64,
+}
+
+impl HazeTable {
+    /// Builds the table.
+    pub fn new() -> Self {
+        let shape = |length: f64| {
+            let at = |i: usize| haze_over_pixel(i as f64 - REACH_PX as f64, length);
+            (length, (0..SIZE).map(at).collect())
+        };
+        Self {
+            shapes: LENGTHS_PX
+                .iter()
+                .flat_map(|l| [*l, -*l])
+                .map(shape)
+                .collect(),
         }
     }
-    // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
-    let middle = widths.len() / 2;
-    if widths.is_empty() {
-        return None;
-    }
-    let width = *widths.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let guard = (4.5 * width + 1.0).ceil() as i64;
-    let most = counts.iter().fold(0.0f64, |m, c| m.max(*c));
-    let samples: Vec<(f64, f64, f64)> = (-REACH_PX..=REACH_PX)
-        .filter(|d| d.abs() > guard)
-        .filter_map(|d| {
-            let i = (d + REACH_PX) as usize;
-            (counts[i] > 0.5 * most && peaks[i] > 0.0)
-                .then(|| (d as f64, sums[i] / peaks[i], counts[i]))
+
+    /// Estimates the haze from columns `(column, fit)` that are free of steps and rivals.
+    pub fn estimate(
+        &self,
+        image: &GreyImage,
+        columns: &[(usize, &Fit)],
+        noise_sd: f64,
+    ) -> Option<Haze> {
+        let sign = self.fit(
+            &surroundings(image, columns, FIRST_COLUMNS, noise_sd)?,
+            noise_sd,
+        )?;
+        if sign.fraction < SIGN_SIGNIFICANCE * sign.fraction_sd {
+            return None;
+        }
+        let haze = self.fit(
+            &surroundings(image, columns, MAX_COLUMNS, noise_sd)?,
+            noise_sd,
+        )?;
+        let significant =
+            haze.fraction > MIN_FRACTION && haze.fraction > MIN_SIGNIFICANCE * haze.fraction_sd;
+        significant.then_some(Haze {
+            fraction: haze.fraction.min(0.5),
+            ..haze
         })
-        .collect();
-    let both = |sign: f64| samples.iter().filter(|s| s.0 * sign > 0.0).count() >= 6;
-    if most < 8.0 || !both(1.0) || !both(-1.0) {
+    }
+
+    /// Best side and length. Noise in units of one pixel's over the peak: the larger of what the
+    /// camera gives and what the best fit leaves, so that uneven light does not pass for haze.
+    fn fit(&self, light: &Surroundings, noise_sd: f64) -> Option<Haze> {
+        let fits: Vec<(f64, LevelFit)> = self
+            .shapes
+            .iter()
+            .filter_map(|(length, shape)| Some((*length, fit_level(&light.samples, shape)?)))
+            .collect();
+        let least = fits.iter().map(|f| f.1.chi2).min_by(f64::total_cmp)?;
+        let scatter = least / (light.samples.len() as f64 - 4.0).max(1.0);
+        let unit = scatter.max((noise_sd / light.mean_peak).powi(2));
+        let (length_px, level) = fits
+            .into_iter()
+            .filter(|f| f.1.chi2 <= least + CHI2_FOR_SHORTER * unit)
+            .max_by(|a, b| {
+                a.0.abs()
+                    .total_cmp(&b.0.abs())
+                    .then(b.1.chi2.total_cmp(&a.1.chi2))
+            })?;
+        Some(Haze {
+            fraction: level.fraction,
+            fraction_sd: (level.unit_variance * unit).sqrt(),
+            length_px,
+        })
+    }
+}
+
+/// Gathers the light beside the stripe from at most `most` columns.
+fn surroundings(
+    image: &GreyImage,
+    columns: &[(usize, &Fit)],
+    most: usize,
+    noise_sd: f64,
+) -> Option<Surroundings> {
+    let mut sums = [0i32; SIZE];
+    let mut counts = [0i32; SIZE];
+    let mut widths = Vec::with_capacity(most);
+    let (mut peaks, mut used) = (0.0, 0.0);
+    for (column, fit) in columns.iter().step_by(columns.len().div_ceil(most).max(1)) {
+        let middle = (fit.row_px + 0.5) as usize;
+        let first = middle.saturating_sub(REACH_PX);
+        let last = (middle + REACH_PX).min(image.height_px - 1);
+        // In sixteenths of a grey level.
+        let background = (16.0 * fit.background) as i32;
+        let clip = (16.0 * (4.0 * noise_sd + 0.25 * fit.peak.min(255.0))) as i32;
+        let offset = first + REACH_PX - middle;
+        let lines = image.pixels[first * image.width_px..(last + 1) * image.width_px]
+            .chunks_exact(image.width_px);
+        for ((line, sum), count) in lines.zip(&mut sums[offset..]).zip(&mut counts[offset..]) {
+            // Particles, ghosts and other segments are brighter than haze can be.
+            let above = 16 * i32::from(line[*column]) - background;
+            let kept = i32::from(above.abs() <= clip);
+            *sum += above * kept;
+            *count += kept;
+        }
+        widths.push(fit.sigma_px);
+        peaks += fit.peak;
+        used += 1.0;
+    }
+    if used < 8.0 {
         return None;
     }
-    let mean_peak = peaks.iter().sum::<f64>() / counts.iter().sum::<f64>();
-    // In units of the noise of one pixel over the peak: the larger of what the camera gives and
-    // what the best fit leaves, so that uneven light does not pass for haze.
-    let fits: Vec<(f64, LevelFit)> = LENGTHS_PX
-        .iter()
-        .flat_map(|l| [*l, -*l])
-        .filter_map(|length| Some((length, fit_level(&samples, length)?)))
+    let middle = widths.len() / 2;
+    let width = *widths.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
+    let guard = (4.5 * width + 2.0) as isize;
+    let mean_peak = peaks / used;
+    let samples: Vec<(isize, f64, f64)> = (0..SIZE)
+        .map(|i| {
+            (
+                i as isize - REACH_PX as isize,
+                f64::from(sums[i]) / 16.0,
+                f64::from(counts[i]),
+            )
+        })
+        .filter(|(d, _, count)| d.abs() > guard && *count > 0.5 * used)
+        .map(|(d, sum, count)| (d, sum / (count * mean_peak), count))
         .collect();
-    let least = fits.iter().map(|f| f.1.chi2).min_by(f64::total_cmp)?;
-    let scatter = least / (samples.len() as f64 - 4.0).max(1.0);
-    let unit = scatter.max((noise_sd / mean_peak).powi(2));
-    let (length_px, level) = fits
-        .into_iter()
-        .filter(|f| f.1.chi2 <= least + CHI2_FOR_SHORTER * unit)
-        .max_by(|a, b| {
-            a.0.abs()
-                .total_cmp(&b.0.abs())
-                .then(b.1.chi2.total_cmp(&a.1.chi2))
-        })?;
-    let fraction = level.fraction;
-    let fraction_sd = (level.unit_variance * unit).sqrt();
-    let significant = fraction > MIN_FRACTION && fraction > MIN_SIGNIFICANCE * fraction_sd;
-    significant.then_some(Haze {
-        fraction: fraction.min(0.5),
-        fraction_sd,
-        length_px,
-    })
+    let above = samples.iter().filter(|s| s.0 < 0).count();
+    (above >= 6 && samples.len() - above >= 6).then_some(Surroundings { samples, mean_peak })
 }
 
 /// A haze level for one length and side.
@@ -124,8 +185,11 @@ struct LevelFit {
 }
 
 /// Weighted fit of constant, slope and haze.
-fn fit_level(samples: &[(f64, f64, f64)], length_px: f64) -> Option<LevelFit> {
-    let design = |d: f64| Vector3::new(1.0, d / REACH_PX as f64, haze_over_pixel(d, length_px));
+fn fit_level(samples: &[(isize, f64, f64)], shape: &[f64]) -> Option<LevelFit> {
+    let design = |d: isize| {
+        let shape = shape[(d + REACH_PX as isize) as usize];
+        Vector3::new(1.0, d as f64 / REACH_PX as f64, shape)
+    };
     let mut n = Matrix3::<f64>::zeros();
     let mut r = Vector3::<f64>::zeros();
     for &(d, value, weight) in samples {
@@ -160,7 +224,9 @@ impl Haze {
                     self.length_px,
                 ) as f32;
             }
-            solved.push(super::kernel::dots::<4>(line, &phase.solve, stride));
+            // The same integer weights as the fit's, on the haze in 1/1024 grey levels.
+            let fine: Vec<i16> = line.iter().map(|h| (h * 1024.0).round() as i16).collect();
+            solved.push([0, 1, 2, 3].map(|i| phase.solve_line(i, &fine) / 1024.0));
         }
         HazeShape {
             length_px: self.length_px,

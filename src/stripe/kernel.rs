@@ -19,8 +19,11 @@ pub(super) const SIGMA_MIN_PX: f64 = 0.6;
 pub(super) const SIGMA_MAX_PX: f64 = 8.0;
 /// Ratio of neighbouring widths: at most 3.5 % mismatch, which costs 0.1 % of the bound.
 const SIGMA_RATIO: f64 = 1.07;
-/// Half length of a kernel at least: 3.2 sigmas (99.9 % of the position information) and a pixel.
+/// Half length of a kernel, about, in sigmas; at least 3.0: 99.9 % of the position information.
 const HALF_SIGMAS: f64 = 3.2;
+/// Largest weight as an integer. Rounding the weights then moves a row by 1e-5 px at most, and
+/// `taps x 255 x` this fits 32 bits.
+const FULL_SCALE: f64 = 16_383.0;
 /// Kernels are padded to a multiple of this many taps (vector lanes).
 pub(super) const LANES: usize = 8;
 
@@ -40,8 +43,11 @@ pub(super) struct Kernel {
 /// Kernels of one width and one sub-pixel position.
 #[derive(Debug, Clone)]
 pub(super) struct Phase {
-    /// Least-squares weights of (b, A, A dc, A ds), one after another, `stride` each.
-    pub solve: Vec<f32>,
+    /// Least-squares weights of (b, A, A dc, A ds), one after another, `stride` each, as
+    /// integers: `pmaddwd` multiplies and adds eight of them at once, in any order exactly.
+    pub solve: Vec<i16>,
+    /// What one unit of each line's dot product is worth.
+    pub scale: [f32; 4],
     /// Design columns P, dP/dc, dP/ds, one after another, `stride` each.
     pub design: Vec<f32>,
     /// Variance of (A dc) for unit noise: sd(c) = noise / A * sqrt of this.
@@ -50,7 +56,8 @@ pub(super) struct Phase {
 
 /// Integer row and phase nearest to `row_px`, and that phase's exact position.
 pub(super) fn split(row_px: f64) -> (i64, usize, f64) {
-    let whole = (row_px + 0.5).floor();
+    // Rows are never negative; a cast instead of `floor`, a library call on baseline x86-64.
+    let whole = (row_px + 0.5) as i64 as f64;
     let phase = (((row_px - whole + 0.5) * PHASES as f64) as usize).min(PHASES - 1);
     (whole as i64, phase, whole + phase_offset(phase))
 }
@@ -87,7 +94,8 @@ pub(super) fn profile(d: f64, s: f64) -> [f64; 3] {
 
 impl Kernel {
     fn new(sigma_px: f64) -> Self {
-        let least = 2 * (HALF_SIGMAS * sigma_px + 1.0).ceil() as usize + 1;
+        // At least 15 taps: the width of a narrow stripe is not known without its background.
+        let least = (2 * (HALF_SIGMAS * sigma_px + 0.5) as usize + 1).max(LANES + 1);
         // The rest of the vector is used for background: an odd number of taps, one of padding.
         let stride = least.div_ceil(LANES) * LANES;
         let half = stride / 2 - 1;
@@ -119,19 +127,32 @@ impl Phase {
         let normal: Matrix4<f64> = rows.iter().map(|x| x * x.transpose()).sum();
         // Full rank for every width on the grid; zeros (height 0, hence no point) otherwise.
         let covariance = normal.try_inverse().unwrap_or_else(Matrix4::zeros);
-        let mut solve = vec![0.0; 4 * stride];
+        let weights: Vec<Vector4<f64>> = rows.iter().map(|x| covariance * x).collect();
+        let mut solve = vec![0i16; 4 * stride];
+        let mut scale = [0.0; 4];
+        for i in 0..4 {
+            let largest = weights.iter().fold(0.0f64, |m, w| m.max(w[i].abs()));
+            let unit = (largest / FULL_SCALE).max(f64::MIN_POSITIVE);
+            let line = &mut solve[i * stride..][..rows.len()];
+            for (to, w) in line.iter_mut().zip(&weights) {
+                *to = (w[i] / unit).round() as i16;
+            }
+            if i > 0 {
+                // Blind to a constant background, exactly: rounding errors go to the middle tap.
+                let sum: i32 = line.iter().map(|w| i32::from(*w)).sum();
+                line[half] = (i32::from(line[half]) - sum) as i16;
+            }
+            scale[i] = unit as f32;
+        }
         let mut design = vec![0.0; 3 * stride];
         for (k, x) in rows.iter().enumerate() {
-            let w = covariance * x;
-            for i in 0..4 {
-                solve[i * stride + k] = w[i] as f32;
-            }
             for i in 0..3 {
                 design[i * stride + k] = x[i + 1] as f32;
             }
         }
         Self {
             solve,
+            scale,
             design,
             row_variance: covariance[(2, 2)],
         }
@@ -167,22 +188,28 @@ impl KernelTable {
     }
 }
 
-/// Dot products of `y` with `N` kernel lines of `stride` taps each.
-///
-/// Eight fixed accumulators per line: vectorises on baseline x86-64 and adds in one fixed order.
-pub(super) fn dots<const N: usize>(y: &[f32], lines: &[f32], stride: usize) -> [f32; N] {
-    let y = &y[..stride];
-    let mut out = [0.0; N];
-    for (o, line) in out.iter_mut().zip(lines.chunks_exact(stride)) {
-        let mut acc = [0.0f32; LANES];
-        for (a, b) in y.chunks_exact(LANES).zip(line.chunks_exact(LANES)) {
-            for i in 0..LANES {
-                acc[i] += a[i] * b[i];
-            }
-        }
-        *o = ((acc[0] + acc[4]) + (acc[1] + acc[5])) + ((acc[2] + acc[6]) + (acc[3] + acc[7]));
+impl Phase {
+    /// Line `i` of the solution for the pixels `y` (at least `stride` of them).
+    #[inline]
+    pub fn solve_line(&self, i: usize, y: &[i16]) -> f32 {
+        let stride = self.solve.len() / 4;
+        let line = &self.solve[i * stride..(i + 1) * stride];
+        self.scale[i] * dot(&y[..stride], line) as f32
     }
-    out
+}
+
+/// Exact dot product; the order of additions does not matter, so it vectorises.
+#[inline]
+fn dot(a: &[i16], b: &[i16]) -> i32 {
+    let chunks = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));
+    chunks
+        .map(|(a, b)| {
+            a.iter()
+                .zip(b)
+                .map(|(a, b)| i32::from(*a) * i32::from(*b))
+                .sum::<i32>()
+        })
+        .sum()
 }
 
 #[cfg(test)]
@@ -197,13 +224,15 @@ mod tests {
             let kernel = table.get(index).clone();
             for phase in 0..PHASES {
                 let centre = phase_offset(phase) + 0.03;
-                let y: Vec<f32> = (0..kernel.stride)
+                let y: Vec<i16> = (0..kernel.stride)
                     .map(|k| {
                         let d = k as f64 - kernel.half as f64 - centre;
-                        (20.0 + 100.0 * profile(d, true_sigma)[0]) as f32
+                        // In tenths of a grey level: rounding must not hide the kernel's error.
+                        (200.0 + 1000.0 * profile(d, true_sigma)[0]).round() as i16
                     })
                     .collect();
-                let [b, a, adc, ads] = dots::<4>(&y, &kernel.phases[phase].solve, kernel.stride);
+                let [b, a, adc, ads] =
+                    [0, 1, 2, 3].map(|i| kernel.phases[phase].solve_line(i, &y) / 10.0);
                 assert!(
                     (f64::from(adc / a) - 0.03).abs() < 0.003,
                     "{true_sigma} {phase}"

@@ -1,11 +1,11 @@
 //! Light of the laser sheet at a point, and what one ray sees of it.
 
 use super::rays::View;
-use super::solid::{Line, Solid, Surface};
+use super::solid::{Line, Solid};
 use crate::effect::Optics;
 
-/// Beyond this many sigma from the sheet there is no light (200 grey levels: 0.0007 left).
-pub(super) const CUT_SIGMA: f64 = 5.0;
+/// Beyond this many sigma from the sheet there is no light (of 200 grey levels 0.008 are left).
+pub(super) const CUT_SIGMA: f64 = 4.5;
 
 /// What kind of thing a ray ended at; pixels whose rays disagree are edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,18 +14,14 @@ pub(super) struct Code(pub u8);
 impl Code {
     /// Not looked at.
     pub const NONE: Code = Code(255);
-    /// Above the horizon.
-    const SKY: Code = Code(254);
     /// Rays of one pixel disagree.
-    pub const MIXED: Code = Code(253);
-    const UNLIT: u8 = 0x80;
-    const FACE: u8 = 101;
+    pub const MIXED: Code = Code(254);
+    /// No laser light: beyond the sheet, hidden, outside the fan, in shadow, a vertical face, the horizon.
+    pub const DARK: Code = Code(253);
 
-    fn of(surface: Surface) -> Self {
-        match surface {
-            Surface::Floor => Code(0),
-            Surface::Slab(i) => Code(1 + i.min(super::solid::SLABS_MAX - 1) as u8),
-        }
+    /// Lit top of the prism at this level.
+    fn lit(level: usize) -> Self {
+        Code(level.min(super::solid::SLABS_MAX) as u8)
     }
 }
 
@@ -74,30 +70,35 @@ impl<'a> Light<'a> {
             .is_none_or(|hit| hit.t >= 1.0 - 1e-9)
     }
 
-    /// What the ray of (column u, row v) sees: its kind and the grey level of laser light.
+    /// What the ray of (column u, row v) sees: the lit surface, or [`Code::DARK`], and the grey level of laser light.
+    ///
+    /// Only heights at which the ray meets the sheet can be lit; usually that is one or none, so visibility is
+    /// asked for that one alone. Vertical faces occlude but are not lit (geometry.md).
     pub fn shade(&self, u: f64, v: f64) -> (Code, f64) {
         let line = self.view.line(u, v);
-        let Some(hit) = self.solid.first_hit(&line) else {
-            return (Code::SKY, 0.0);
-        };
-        if hit.face {
-            // Vertical faces occlude but are not lit (geometry.md).
-            return (Code(Code::FACE), 0.0);
+        let [.., h0] = line.origin;
+        let down = line.direction[2];
+        if down >= -1e-9 {
+            return (Code::DARK, 0.0);
         }
-        let code = Code::of(hit.surface);
-        let at = |form: &super::rays::Form| form.at_eye + hit.t * form.rate(u, v);
-        let off_m = at(&self.view.sheet);
-        if off_m.abs() > self.reach_m {
-            return (code, 0.0);
+        let sheet_rate = self.view.sheet.rate(u, v);
+        let per_height = 1.0 / down;
+        for level in 0..=self.solid.prisms.len() {
+            let prism = self.solid.prisms.get(level);
+            let t = (prism.map_or(0.0, |p| p.top_m) - h0) * per_height;
+            let off_m = self.view.sheet.at_eye + t * sheet_rate;
+            if off_m.abs() > self.reach_m || t <= 0.0 || !self.solid.sees(&line, level, t) {
+                continue;
+            }
+            let at = |form: &super::rays::Form| form.at_eye + t * form.rate(u, v);
+            let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
+            if !self.reaches(at(&self.view.fan_y), at(&self.view.fan_z), point) {
+                return (Code::DARK, 0.0);
+            }
+            let albedo = prism.map_or(1.0, |p| p.albedo);
+            let light = self.peak * albedo * (off_m * off_m * self.exponent).exp();
+            return (Code::lit(level), light);
         }
-        let point = std::array::from_fn(|i| line.origin[i] + hit.t * line.direction[i]);
-        if !self.reaches(at(&self.view.fan_y), at(&self.view.fan_z), point) {
-            return (Code(code.0 | Code::UNLIT), 0.0);
-        }
-        let albedo = self.solid.albedo(hit.surface);
-        (
-            code,
-            self.peak * albedo * (off_m * off_m * self.exponent).exp(),
-        )
+        (Code::DARK, 0.0)
     }
 }

@@ -24,6 +24,8 @@ pub(super) struct Hit {
     pub surface: Surface,
     /// A vertical face of it instead of its top.
     pub face: bool,
+    /// Diffuse reflectance there.
+    pub albedo: f64,
 }
 
 /// A line of sight or of light in (x, y, height): `origin + t * direction`.
@@ -110,16 +112,31 @@ impl Solid {
         }
     }
 
-    /// Reflectance of a surface.
-    pub fn albedo(&self, surface: Surface) -> f64 {
-        match surface {
-            Surface::Floor => 1.0,
-            Surface::Slab(i) => self
-                .prisms
-                .iter()
-                .find(|p| p.index == i)
-                .map_or(1.0, |p| p.albedo),
-        }
+    /// Whether the top of `prisms[level]` (or the floor, `level == prisms.len()`) is what the
+    /// line meets at its parameter `t`: the point is on it and nothing higher stands before it.
+    ///
+    /// The same answer as [`Solid::first_hit`] at that point, for a fraction of its work.
+    pub fn sees(&self, line: &Line, level: usize, t: f64) -> bool {
+        let end = line.xy(t);
+        let higher = match self.prisms.get(level) {
+            Some(prism) if !prism.contains(end) => return false,
+            Some(_) => &self.prisms[..level],
+            None => &self.prisms[..],
+        };
+        // Whoever contains the end of the sight hides it: it is higher, or as high and first in the file.
+        higher.iter().all(|prism| {
+            if prism.contains(end) {
+                return false;
+            }
+            let [.., h0] = line.origin;
+            let top_t = ((prism.top_m - h0) / line.direction[2]).max(0.0);
+            if top_t >= t {
+                return true;
+            }
+            let start = line.xy(top_t);
+            prism.clear_of(start, end)
+                || !(prism.contains(start) || prism.first_crossing(start, end).is_some())
+        })
     }
 
     /// First hit of a descending line, `None` when it never comes down.
@@ -136,6 +153,7 @@ impl Solid {
             t: floor_t,
             surface: Surface::Floor,
             face: false,
+            albedo: 1.0,
         };
         for prism in &self.prisms {
             let top_t = ((prism.top_m - h0) / dh).max(0.0);
@@ -143,12 +161,7 @@ impl Solid {
                 continue;
             }
             let top_xy = line.xy(top_t);
-            let [x0, x1, y0, y1] = prism.bounds;
-            let clear = (top_xy[0] < x0 && floor_xy[0] < x0)
-                || (top_xy[0] > x1 && floor_xy[0] > x1)
-                || (top_xy[1] < y0 && floor_xy[1] < y0)
-                || (top_xy[1] > y1 && floor_xy[1] > y1);
-            if clear {
+            if prism.clear_of(top_xy, floor_xy) {
                 continue;
             }
             let surface = Surface::Slab(prism.index);
@@ -157,6 +170,7 @@ impl Solid {
                     t: top_t,
                     surface,
                     face: false,
+                    albedo: prism.albedo,
                 };
             } else if let Some(s) = prism.first_crossing(top_xy, floor_xy) {
                 let t = top_t + s * (floor_t - top_t);
@@ -165,6 +179,7 @@ impl Solid {
                         t,
                         surface,
                         face: true,
+                        albedo: prism.albedo,
                     };
                 }
             }
@@ -249,6 +264,29 @@ impl Prism {
         })
     }
 
+    /// Whether a segment lies wholly on one side of the bounding box (or of a hexagon chain's flanks).
+    fn clear_of(&self, p: [f64; 2], q: [f64; 2]) -> bool {
+        let [x0, x1, y0, y1] = self.bounds;
+        if (p[0] < x0 && q[0] < x0)
+            || (p[0] > x1 && q[0] > x1)
+            || (p[1] < y0 && q[1] < y0)
+            || (p[1] > y1 && q[1] > y1)
+        {
+            return true;
+        }
+        let Inside::Hexagons { x0, side, length } = self.inside else {
+            return false;
+        };
+        // Widest half width the segment can meet: the flanks rise at 1/sqrt(3) per metre.
+        let half_width = |x: f64| {
+            let along = (x - x0) / length;
+            side - (along - along.floor() - 0.5).abs() * length / 3f64.sqrt()
+        };
+        let slope = 1.0 / 3f64.sqrt();
+        let widest = (half_width(p[0]).min(half_width(q[0])) + slope * (q[0] - p[0]).abs()).min(side);
+        (p[1] > widest && q[1] > widest) || (p[1] < -widest && q[1] < -widest)
+    }
+
     fn contains(&self, [x, y]: [f64; 2]) -> bool {
         let [x0, x1, y0, y1] = self.bounds;
         if !(x >= x0 && x <= x1 && y >= y0 && y <= y1) {
@@ -283,25 +321,37 @@ impl Prism {
         let (low_x, high_x) = (p[0].min(q[0]), p[0].max(q[0]));
         let (low_y, high_y) = (p[1].min(q[1]), p[1].max(q[1]));
         let mut first: Option<f64> = None;
-        for [a, b] in &self.edges {
+        let mut cross = |[a, b]: &[[f64; 2]; 2]| {
             if a[0].max(b[0]) < low_x
                 || a[0].min(b[0]) > high_x
                 || a[1].max(b[1]) < low_y
                 || a[1].min(b[1]) > high_y
             {
-                continue;
+                return;
             }
             let e = [b[0] - a[0], b[1] - a[1]];
             let det = d[0] * e[1] - d[1] * e[0];
-            if det == 0.0 {
-                continue;
-            }
             let w = [a[0] - p[0], a[1] - p[1]];
+            // Parallel: det = 0, s and r are not finite and fail the tests.
             let s = (w[0] * e[1] - w[1] * e[0]) / det;
             let r = (w[0] * d[1] - w[1] * d[0]) / det;
             if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&r) && first.is_none_or(|f| s < f) {
                 first = Some(s);
             }
+        };
+        if let Inside::Hexagons { x0, length, .. } = self.inside {
+            // Edges: 2n starboard flanks forward, the far end, 2n port flanks back, the near end.
+            let flanks = (self.edges.len() - 2) / 2;
+            let from = (((low_x - x0) / (length / 2.0)).floor().max(0.0) as usize).min(flanks - 1);
+            let to = (((high_x - x0) / (length / 2.0)).floor().max(0.0) as usize).min(flanks - 1);
+            for k in from..=to {
+                cross(&self.edges[k]);
+                cross(&self.edges[2 * flanks - k]);
+            }
+            cross(&self.edges[flanks]);
+            cross(&self.edges[2 * flanks + 1]);
+        } else {
+            self.edges.iter().for_each(cross);
         }
         first
     }
@@ -349,6 +399,29 @@ mod tests {
                 let gone = solid.first_hit(&Line { origin: [clip.origin[0] + 2e-4 * dx, clip.origin[1] + 2e-4 * dy, clip.origin[2]], direction: line.direction });
                 prop_assert!(gone.is_some_and(|g| g.surface == surface), "{hit:?} against {surface:?} at {t}");
             }
+        }
+
+        #[test]
+        fn sees_agrees_with_first_hit(
+            x in -0.3..1.3f64, y in -0.4..0.4f64, h in 0.01..1.0f64, dx in -3.0..3.0f64, dy in -3.0..3.0f64,
+        ) {
+            let solid = Solid::new(Some(&hexagon_target()), 1.0).unwrap();
+            let line = Line { origin: [x, y, h], direction: [dx, dy, -1.0] };
+            let hit = solid.first_hit(&line).unwrap();
+            for (level, (height_m, surface)) in solid.levels().enumerate() {
+                let expected = hit.surface == surface && !hit.face && height_m < h;
+                prop_assert_eq!(height_m < h && solid.sees(&line, level, h - height_m), expected, "{:?}", surface);
+            }
+        }
+
+        #[test]
+        fn crossings_of_the_chain_are_those_of_its_polygon(
+            x in -0.2..1.4f64, y in -0.3..0.3f64, dx in -0.5..0.5f64, dy in -0.5..0.5f64,
+        ) {
+            let chain = Solid::new(Some(&hexagon_target()), 1.0).unwrap().prisms[0].clone();
+            let polygon = Prism { inside: Inside::Polygon(Vec::new()), ..chain.clone() };
+            let (p, q) = ([x, y], [x + dx, y + dy]);
+            prop_assert_eq!(chain.first_crossing(p, q), polygon.first_crossing(p, q));
         }
 
         #[test]
