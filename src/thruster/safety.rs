@@ -190,9 +190,9 @@ impl Safety {
     }
 
     /// The link is back (and neutral has been sent): neutral, not running.
-    pub fn regain(&mut self) {
+    pub fn regain(&mut self, reason: NeutralReason) {
         if self.state == State::Lost {
-            self.state = State::Neutral(NeutralReason::Lost);
+            self.state = State::Neutral(reason);
         }
     }
 
@@ -360,7 +360,7 @@ mod tests {
         assert!(!s.arm());
         s.neutral(NeutralReason::Request, 0);
         assert_eq!(s.state(), State::Lost);
-        s.regain();
+        s.regain(NeutralReason::Lost);
         assert_eq!(s.state(), State::Neutral(NeutralReason::Lost));
     }
 
