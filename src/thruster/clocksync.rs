@@ -5,12 +5,16 @@
 //! c = (t2 + t3)/2, c - h is the clock difference up to half the difference of the two delays.
 //!
 //! Model of sample i (all in us, relative to the window's centre):
-//!   c_i - h_i = offset + drift * (h_i - epoch) + beta * e_i + noise_i,   e_i = rtt_i - rtt_min
+//!   c_i - h_i = offset + drift * (h_i - epoch) + beta * e_i + noise_i,   e_i = excess of rtt_i
 //! e_i is the excess round trip. If all of it were on the way out the sample would be off by +e_i/2, all of it on the
 //! way back -e_i/2; beta in [-1/2, 1/2] is the mean asymmetry of the jitter and is fitted with the prior N(0, 1/12)
 //! (the variance of the uniform distribution on that interval). Given e_i, the split of independent exponential
 //! delays is uniform, so the noise is sd e_i / sqrt(12), to which a floor for stamping and scheduling is added:
 //!   sigma_i^2 = floor^2 + e_i^2 / 12.
+//! The smallest round trip SEEN is not the smallest POSSIBLE. The sum of two independent delays has a density that
+//! rises linearly from zero, so its k-th smallest of n lies at c sqrt(k): from r_(1) and r_(k) the fastest exchange's
+//! own excess is c = (r_(k) - r_(1)) / (sqrt(k) - 1), and e_i = r_i - r_(1) + c. Without it the fastest
+//! exchange would be believed to the stamping floor and the reported sd would be far too small.
 //! That weighting keeps the fast exchanges and lets slow ones say almost nothing (NTP's clock filter, smoothed).
 //! Outliers are tamed by Huber weights.
 //!
@@ -284,6 +288,13 @@ impl ClockSync {
         rtt.sort_by(f64::total_cmp);
         let quantile = |q: f64| rtt[((n - 1) as f64 * q).round() as usize];
         let rtt_min = rtt[0];
+        // Excess of the fastest exchange (module head). Fewer than four say nothing; k as large as linearity allows.
+        let k = (n / 6).clamp(4, 16);
+        let hidden = if n >= 4 {
+            (rtt[k - 1] - rtt_min) / ((k as f64).sqrt() - 1.0)
+        } else {
+            rtt_min / 2.0
+        };
 
         // Centred on the newest sample: conversions are asked for now, not for the window's middle.
         let (h0, c0) = (newest.host_ns, newest.controller_us);
@@ -292,7 +303,7 @@ impl ClockSync {
             .iter()
             .map(|s| {
                 let t_us = -((h0 - s.host_ns.min(h0)) as f64) * 1e-3;
-                let e = s.rtt_us - rtt_min;
+                let e = s.rtt_us - rtt_min + hidden;
                 let variance = self.settings.floor_us.powi(2) + e * e / 12.0;
                 (
                     t_us * 1e-6,
@@ -334,7 +345,8 @@ impl ClockSync {
             };
             covariance = inverse * scale;
         }
-        let fit_variance = covariance[(0, 0)];
+        // beta is learnt from slow exchanges; below the fastest one seen the slope is its own, with beta's prior.
+        let fit_variance = covariance[(0, 0)] + hidden * hidden / 12.0;
         Some(Estimate {
             host_epoch_ns: h0,
             controller_us: c0 + solution[0],

@@ -60,14 +60,12 @@ pub fn error_names(bits: u16) -> Vec<&'static str> {
 
 /// Set Target; channels above 127 and targets above [`MAX_TARGET`] do not fit the data bits: `None`.
 pub fn set_target(channel: u8, quarter_us: u16) -> Option<[u8; 4]> {
-    (channel < 0x80 && quarter_us <= MAX_TARGET).then(|| {
-        [
-            SET_TARGET,
-            channel,
-            (quarter_us & 0x7f) as u8,
-            (quarter_us >> 7) as u8,
-        ]
-    })
+    (channel < 0x80 && quarter_us <= MAX_TARGET).then_some([
+        SET_TARGET,
+        channel,
+        (quarter_us & 0x7f) as u8,
+        (quarter_us >> 7) as u8,
+    ])
 }
 
 /// Get Position.

@@ -190,9 +190,9 @@ impl Safety {
     }
 
     /// The link is back (and neutral has been sent): neutral, not running.
-    pub fn regain(&mut self) {
+    pub fn regain(&mut self, reason: NeutralReason) {
         if self.state == State::Lost {
-            self.state = State::Neutral(NeutralReason::Lost);
+            self.state = State::Neutral(reason);
         }
     }
 
@@ -332,10 +332,10 @@ mod tests {
     #[test]
     fn neutral_is_at_once_and_holds_until_armed() {
         let mut s = armed(1);
-        for k in 1..20 {
+        for k in 1..=9 {
             s.admit(k * 20 * MS, &[1900.0]).unwrap();
         }
-        assert_eq!(s.last_us(), [1880.0]);
+        assert_eq!(s.last_us(), [1860.0]);
         assert_eq!(
             s.neutral(NeutralReason::Deadline, 400 * MS),
             (vec![1500.0], true)
@@ -345,11 +345,11 @@ mod tests {
             (vec![1500.0], false)
         );
         assert!(matches!(
-            s.admit(420 * MS, &[1600.0]),
+            s.admit(200 * MS, &[1600.0]),
             Err(Refused::State { .. })
         ));
         assert!(s.arm());
-        assert!(s.admit(420 * MS, &[1520.0]).is_ok());
+        assert!(s.admit(220 * MS, &[1520.0]).is_ok());
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         assert!(!s.arm());
         s.neutral(NeutralReason::Request, 0);
         assert_eq!(s.state(), State::Lost);
-        s.regain();
+        s.regain(NeutralReason::Lost);
         assert_eq!(s.state(), State::Neutral(NeutralReason::Lost));
     }
 

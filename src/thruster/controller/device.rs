@@ -44,10 +44,15 @@ impl Answer {
         match self {
             Answer::Bytes(bytes) => bytes,
             Answer::Message(mut message) => {
-                if let ControllerMessage::Ack { pulses, .. }
-                | ControllerMessage::Status { pulses, .. } = &mut message
-                {
-                    *pulses = outputs.to_vec();
+                match &mut message {
+                    ControllerMessage::Status { pulses, .. } => *pulses = outputs.to_vec(),
+                    ControllerMessage::Ack { pulses, .. } => {
+                        for pulse in pulses {
+                            let now = outputs.iter().find(|o| o.channel == pulse.channel);
+                            pulse.quarter_us = now.map_or(0, |o| o.quarter_us);
+                        }
+                    }
+                    ControllerMessage::TimeSyncReply { .. } => {}
                 }
                 let mut out = Vec::new();
                 message.encode(&mut out);
@@ -155,13 +160,14 @@ struct Stamped {
 }
 
 impl Stamped {
-    fn ack(&mut self, sequence: u32, view: &View<'_>) -> Option<Answer> {
+    /// `named`: the channels of the command; what they really put out is filled in when they have changed.
+    fn ack(&mut self, sequence: u32, named: Vec<ChannelPulse>, view: &View<'_>) -> Option<Answer> {
         let errors = std::mem::take(&mut self.errors);
         Some(Answer::Message(ControllerMessage::Ack {
             sequence,
             time_us: view.now_us(),
             errors,
-            pulses: Vec::new(),
+            pulses: named,
         }))
     }
 
@@ -194,14 +200,14 @@ impl Stamped {
                     self.errors |= error::RANGE;
                 } else {
                     self.state = OutputState::Running;
-                    reaction.pulses = pulses;
+                    reaction.pulses = pulses.clone();
                 }
-                reaction.answer = self.ack(sequence, view);
+                reaction.answer = self.ack(sequence, pulses, view);
             }
             HostMessage::Neutral { sequence } => {
                 self.state = OutputState::Neutral;
                 reaction.neutral = true;
-                reaction.answer = self.ack(sequence, view);
+                reaction.answer = self.ack(sequence, view.outputs.to_vec(), view);
             }
             HostMessage::TimeSync { host_us } => {
                 let reply = |tx_us| ControllerMessage::TimeSyncReply {

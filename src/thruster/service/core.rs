@@ -130,6 +130,11 @@ impl Core {
         }
     }
 
+    #[cfg(test)]
+    pub(super) fn replace_sink(&mut self, sink: Sink) {
+        self.sink = sink;
+    }
+
     /// State of the thrusters.
     pub fn state(&self) -> State {
         self.safety.state()
@@ -727,7 +732,7 @@ impl Core {
                     );
                 }
                 // Neutral is the first command on any line, new or old.
-                self.send_neutral(NeutralReason::Lost);
+                self.send_neutral(self.reason_after_opening());
                 self.back(&format!("{} is open", opened.name));
             }
             Err(error) => {
@@ -739,9 +744,17 @@ impl Core {
         Flow::Continue
     }
 
+    fn reason_after_opening(&self) -> NeutralReason {
+        if self.ever_open {
+            NeutralReason::Lost
+        } else {
+            NeutralReason::Idle
+        }
+    }
+
     /// The link works (again): at neutral until armed, or on with the plan.
     fn back(&mut self, how: &str) {
-        self.safety.regain();
+        self.safety.regain(self.reason_after_opening());
         if !self.ever_open {
             self.ever_open = true;
             self.event(Severity::Info, "serial.open", how.to_owned(), &[]);
