@@ -30,3 +30,6 @@ use section::Section;
 pub(crate) use section::is_name;
 pub(crate) use target::{read_board, read_target};
 pub(crate) use vehicle::axis_keys;
+
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{DMatrix, DVector, Vector6};
 use toml::de::DeTable;
 
-use super::{Plan, PlanStep, Shape, StepLoad};
+use super::{Plan, PlanStep, Shape, StepLoad, Wrench};
 use crate::error::{Problem, ProblemKind, RigError, nearest};
 use crate::{Rig, Thruster};
 
@@ -183,17 +183,19 @@ impl Check<'_> {
         let set = &self.rig.thrusters;
         let interval_s = 1.0 / set.link.rate_hz;
         let most_us = set.max_slew_us_per_s * interval_s;
-        let mut start_s = 0.0;
-        for index in 0..self.plan.steps.len() {
-            let step = &self.plan.steps[index];
+        for (index, step) in self.plan.steps.iter().enumerate() {
             let commands = (step.for_s / interval_s).ceil();
             let samples = (commands as u32).clamp(1, MOST_COMMANDS);
             let stride = (commands / f64::from(samples)).max(1.0);
             let mut worst: Option<(f64, &Thruster, f64)> = None;
             for k in 0..samples {
-                let t_s = start_s + (f64::from(k) * stride).floor() * interval_s;
+                let t_s = (f64::from(k) * stride).floor() * interval_s;
+                let (before, now) = (
+                    self.load_before(index, t_s - interval_s),
+                    self.plan.load_in(index, t_s),
+                );
                 for thruster in &set.thrusters {
-                    let Some(change_us) = self.change_us(thruster, t_s - interval_s, t_s) else {
+                    let Some(change_us) = self.change_us(thruster, &before, &now) else {
                         continue;
                     };
                     if change_us > most_us && worst.is_none_or(|(w, ..)| change_us > w) {
@@ -201,10 +203,9 @@ impl Check<'_> {
                     }
                 }
             }
-            start_s += step.for_s;
             if let Some((change_us, thruster, t_s)) = worst {
                 let what = format!(
-                    "{} would jump by {change_us:.0} us within one command interval at {t_s:.3} s; max_slew_us_per_s = {} allows {most_us:.0} us",
+                    "{} would jump by {change_us:.0} us within one command interval, {t_s:.3} s into the step; max_slew_us_per_s = {} allows {most_us:.0} us",
                     thruster.name, set.max_slew_us_per_s
                 );
                 let next = "Lead into it with a step of shape = \"ramp\", or ask for less";
@@ -213,22 +214,36 @@ impl Check<'_> {
         }
     }
 
+    /// The load of the command before, at `t_s` into step `index` or in the step before it.
+    fn load_before(&self, index: usize, t_s: f64) -> StepLoad {
+        if t_s >= 0.0 {
+            return self.plan.load_in(index, t_s);
+        }
+        match index.checked_sub(1) {
+            None => self.plan.steps[index].load.zero(),
+            Some(before) => {
+                let end_s = self.plan.steps[before].for_s;
+                self.plan.load_in(before, (end_s + t_s).max(0.0))
+            }
+        }
+    }
+
     /// Change of one thruster's pulse between two commands \[us\]; `None` where a wrench
     /// decides over it.
-    fn change_us(&self, thruster: &Thruster, before_s: f64, now_s: f64) -> Option<f64> {
+    fn change_us(&self, thruster: &Thruster, before: &StepLoad, now: &StepLoad) -> Option<f64> {
         let neutral_us = self.rig.thrusters.neutral_us;
-        let pulse_us = |t_s: f64| {
-            let thrust_n = match self.plan.load_at(t_s).1 {
+        let pulse_us = |load: &StepLoad| {
+            let thrust_n = match load {
                 StepLoad::ThrustN(thrusts) => thrusts
                     .iter()
                     .find(|(name, _)| *name == thruster.name)
                     .map_or(0.0, |(_, thrust_n)| *thrust_n),
-                StepLoad::Wrench(wrench) if wrench == crate::Wrench::default() => 0.0,
+                StepLoad::Wrench(wrench) if *wrench == Wrench::default() => 0.0,
                 StepLoad::Wrench(_) => return None,
             };
             thruster.curve.pulse_us(thrust_n, neutral_us)
         };
-        Some((pulse_us(now_s)? - pulse_us(before_s)?).abs())
+        Some((pulse_us(now)? - pulse_us(before)?).abs())
     }
 }
 
@@ -381,15 +396,16 @@ mod tests {
     }
 
     /// Four level thrusters at 45 deg, each within -39.9 .. 51.5 N: 4 * 51.5 cos 45 deg
-    /// = 145.7 N ahead and 112.9 N astern; sideways two push and two pull. Upright:
-    /// 206 N down; a moment of 8 * 0.12 m * ... is limited by the weaker direction.
+    /// = 145.7 N ahead and 112.9 N astern; sideways the two that push must not turn the
+    /// vehicle against the two that pull: 4 * 39.9 cos 45 deg = 112.9 N. Upright: 206 N
+    /// down, 159.6 N up.
     #[test]
     fn wrench_limits_are_those_of_the_layout() {
         let step = |wrench: &str| format!("[[step]]\nfor_s = 1.0\nwrench = {{ {wrench} }}");
         for (inside, outside) in [
             ("surge_n = 145", "surge_n = 147"),
             ("surge_n = -112", "surge_n = -114"),
-            ("sway_n = 112", "sway_n = 150"),
+            ("sway_n = 112", "sway_n = 114"),
             ("heave_n = 205", "heave_n = 207"),
             ("heave_n = -159", "heave_n = -161"),
         ] {

@@ -51,7 +51,7 @@ pub(super) fn read_thrusters(root: &Section<'_>) -> Option<ThrusterSet> {
         .item("curve")
         .map(|item| read_curve(&set, &item, &limits));
 
-    let entries = root.tables("thruster");
+    let entries = root.tables("thruster", 24);
     if entries.is_empty() && !root.has("thruster") {
         root.missing("thruster", "at least one [[thruster]]");
     }
