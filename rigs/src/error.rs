@@ -160,6 +160,7 @@ fn list(problems: &[Problem]) -> String {
 /// The nearest of `known` to `typed`, if near enough to be a slip of the keyboard
 /// (or one is the other plus a unit suffix, the commonest mistake in these files).
 pub(crate) fn nearest<'a>(typed: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
+    let lower = typed.to_lowercase();
     let limit = (typed.chars().count() / 3).clamp(1, 3);
     known
         .map(|word| {
@@ -169,7 +170,7 @@ pub(crate) fn nearest<'a>(typed: &str, known: impl Iterator<Item = &'a str>) -> 
             let distance = if suffix_missing {
                 0
             } else {
-                strsim::osa_distance(typed, word)
+                strsim::osa_distance(&lower, &word.to_lowercase())
             };
             (distance, word)
         })

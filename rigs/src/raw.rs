@@ -10,6 +10,7 @@ mod camera;
 mod document;
 mod include;
 mod laser;
+mod link;
 mod physics;
 mod plan;
 mod quantity;
@@ -30,3 +31,6 @@ use section::Section;
 pub(crate) use section::is_name;
 pub(crate) use target::{read_board, read_target};
 pub(crate) use vehicle::axis_keys;
+
+#[cfg(test)]
+mod tests;

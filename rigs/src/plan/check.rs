@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{DMatrix, DVector, Vector6};
 use toml::de::DeTable;
 
-use super::{Plan, PlanStep, Shape, StepLoad};
+use super::{Plan, PlanStep, Shape, StepLoad, Wrench};
 use crate::error::{Problem, ProblemKind, RigError, nearest};
 use crate::{Rig, Thruster};
 
@@ -183,17 +183,19 @@ impl Check<'_> {
         let set = &self.rig.thrusters;
         let interval_s = 1.0 / set.link.rate_hz;
         let most_us = set.max_slew_us_per_s * interval_s;
-        let mut start_s = 0.0;
-        for index in 0..self.plan.steps.len() {
-            let step = &self.plan.steps[index];
+        for (index, step) in self.plan.steps.iter().enumerate() {
             let commands = (step.for_s / interval_s).ceil();
             let samples = (commands as u32).clamp(1, MOST_COMMANDS);
             let stride = (commands / f64::from(samples)).max(1.0);
             let mut worst: Option<(f64, &Thruster, f64)> = None;
             for k in 0..samples {
-                let t_s = start_s + (f64::from(k) * stride).floor() * interval_s;
+                let t_s = (f64::from(k) * stride).floor() * interval_s;
+                let (before, now) = (
+                    self.load_before(index, t_s - interval_s),
+                    self.plan.load_in(index, t_s),
+                );
                 for thruster in &set.thrusters {
-                    let Some(change_us) = self.change_us(thruster, t_s - interval_s, t_s) else {
+                    let Some(change_us) = self.change_us(thruster, &before, &now) else {
                         continue;
                     };
                     if change_us > most_us && worst.is_none_or(|(w, ..)| change_us > w) {
@@ -201,10 +203,9 @@ impl Check<'_> {
                     }
                 }
             }
-            start_s += step.for_s;
             if let Some((change_us, thruster, t_s)) = worst {
                 let what = format!(
-                    "{} would jump by {change_us:.0} us within one command interval at {t_s:.3} s; max_slew_us_per_s = {} allows {most_us:.0} us",
+                    "{} would jump by {change_us:.0} us within one command interval, {t_s:.3} s into the step; max_slew_us_per_s = {} allows {most_us:.0} us",
                     thruster.name, set.max_slew_us_per_s
                 );
                 let next = "Lead into it with a step of shape = \"ramp\", or ask for less";
@@ -213,22 +214,36 @@ impl Check<'_> {
         }
     }
 
+    /// The load of the command before, at `t_s` into step `index` or in the step before it.
+    fn load_before(&self, index: usize, t_s: f64) -> StepLoad {
+        if t_s >= 0.0 {
+            return self.plan.load_in(index, t_s);
+        }
+        match index.checked_sub(1) {
+            None => self.plan.steps[index].load.zero(),
+            Some(before) => {
+                let end_s = self.plan.steps[before].for_s;
+                self.plan.load_in(before, (end_s + t_s).max(0.0))
+            }
+        }
+    }
+
     /// Change of one thruster's pulse between two commands \[us\]; `None` where a wrench
     /// decides over it.
-    fn change_us(&self, thruster: &Thruster, before_s: f64, now_s: f64) -> Option<f64> {
+    fn change_us(&self, thruster: &Thruster, before: &StepLoad, now: &StepLoad) -> Option<f64> {
         let neutral_us = self.rig.thrusters.neutral_us;
-        let pulse_us = |t_s: f64| {
-            let thrust_n = match self.plan.load_at(t_s).1 {
+        let pulse_us = |load: &StepLoad| {
+            let thrust_n = match load {
                 StepLoad::ThrustN(thrusts) => thrusts
                     .iter()
                     .find(|(name, _)| *name == thruster.name)
                     .map_or(0.0, |(_, thrust_n)| *thrust_n),
-                StepLoad::Wrench(wrench) if wrench == crate::Wrench::default() => 0.0,
+                StepLoad::Wrench(wrench) if *wrench == Wrench::default() => 0.0,
                 StepLoad::Wrench(_) => return None,
             };
             thruster.curve.pulse_us(thrust_n, neutral_us)
         };
-        Some((pulse_us(now_s)? - pulse_us(before_s)?).abs())
+        Some((pulse_us(now)? - pulse_us(before)?).abs())
     }
 }
 
@@ -328,154 +343,4 @@ fn missing(effect: &DMatrix<f64>, limits: &[(f64, f64)], asked: &DVector<f64>) -
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn check(steps: &str) -> Result<(), RigError> {
-        let rig = Rig::builtin("lshpi").unwrap_or_else(|e| panic!("{e}"));
-        Plan::from_toml(steps, "test.toml")
-            .unwrap_or_else(|e| panic!("{e}"))
-            .check_against(&rig)
-    }
-
-    fn refused(steps: &str, words: &[&str]) {
-        let message = check(steps).expect_err(steps).to_string();
-        for word in words {
-            assert!(message.contains(word), "no {word:?} in {message}");
-        }
-    }
-
-    #[test]
-    fn builtin_plans_fit_the_builtin_rigs() {
-        for rig in Rig::builtin_names() {
-            let rig = Rig::builtin(rig).unwrap_or_else(|e| panic!("{e}"));
-            for plan in Plan::builtin_names() {
-                let plan = Plan::builtin(plan).unwrap_or_else(|e| panic!("{e}"));
-                plan.check_against(&rig).unwrap_or_else(|e| panic!("{e}"));
-            }
-        }
-    }
-
-    #[test]
-    fn unknown_thruster_and_thrust_beyond_the_curve() {
-        refused(
-            "[[step]]\nfor_s = 1.0\nthrust_n = { h_fore_stb = 1.0 }",
-            &[
-                "test",
-                "step[0].thrust_n.h_fore_stb",
-                "did you mean `h_fore_stbd`",
-            ],
-        );
-        refused(
-            "[[step]]\nfor_s = 1.0\nwrench = {}\n\n[[step]]\nfor_s = 1.0\nthrust_n = { h_fore_stbd = 60 }",
-            &[":5:", "step[1]", "60 N", "-39.9 to 51.5 N"],
-        );
-        // Half a period stays positive, a whole one reaches -45 N.
-        let sine = |for_s: f64| {
-            format!(
-                "[[step]]\nfor_s = {for_s}\nshape = 'sine'\nperiod_s = 4.0\nthrust_n = {{ h_fore_stbd = 45.0 }}"
-            )
-        };
-        check(&sine(1.9)).unwrap_or_else(|e| panic!("{e}"));
-        refused(&sine(4.0), &["-45 N"]);
-    }
-
-    /// Four level thrusters at 45 deg, each within -39.9 .. 51.5 N: 4 * 51.5 cos 45 deg
-    /// = 145.7 N ahead and 112.9 N astern; sideways two push and two pull. Upright:
-    /// 206 N down; a moment of 8 * 0.12 m * ... is limited by the weaker direction.
-    #[test]
-    fn wrench_limits_are_those_of_the_layout() {
-        let step = |wrench: &str| format!("[[step]]\nfor_s = 1.0\nwrench = {{ {wrench} }}");
-        for (inside, outside) in [
-            ("surge_n = 145", "surge_n = 147"),
-            ("surge_n = -112", "surge_n = -114"),
-            ("sway_n = 112", "sway_n = 150"),
-            ("heave_n = 205", "heave_n = 207"),
-            ("heave_n = -159", "heave_n = -161"),
-        ] {
-            check(&step(inside)).unwrap_or_else(|e| panic!("{inside}: {e}"));
-            refused(&step(outside), &["step[0].wrench", "% of"]);
-        }
-    }
-
-    #[test]
-    fn a_direction_nobody_can_push_is_named() {
-        let mut rig = Rig::builtin("lshpi").unwrap_or_else(|e| panic!("{e}"));
-        rig.thrusters.thrusters.retain(|t| t.name.starts_with("h_"));
-        let plan = Plan::from_toml("[[step]]\nfor_s = 1.0\nwrench = { heave_n = 1.0 }", "p")
-            .unwrap_or_else(|e| panic!("{e}"));
-        let message = plan
-            .check_against(&rig)
-            .expect_err("no vertical thruster")
-            .to_string();
-        assert!(message.contains("no combination"), "{message}");
-    }
-
-    #[test]
-    fn jumps_and_fast_oscillations_are_refused() {
-        let mut rig = Rig::builtin("lshpi").unwrap_or_else(|e| panic!("{e}"));
-        rig.thrusters.max_slew_us_per_s = 1000.0;
-        let on = |steps: &str| {
-            let plan = Plan::from_toml(steps, "p").unwrap_or_else(|e| panic!("{e}"));
-            plan.check_against(&rig).map_err(|e| e.to_string())
-        };
-        let jump = on("[[step]]\nfor_s = 1.0\nthrust_n = { v_aft_port = 51.5 }").expect_err("jump");
-        assert!(
-            jump.contains("v_aft_port would jump by 400 us") && jump.contains("allows 40 us"),
-            "{jump}"
-        );
-        // Below the deadband's own jump nothing is possible at 1000 us/s; from above it a ramp is.
-        rig.thrusters.max_slew_us_per_s = 2000.0;
-        let on = |steps: &str| {
-            let plan = Plan::from_toml(steps, "p").unwrap_or_else(|e| panic!("{e}"));
-            plan.check_against(&rig).map_err(|e| e.to_string())
-        };
-        on("[[step]]\nfor_s = 4.0\nshape = 'ramp'\nthrust_n = { v_aft_port = 51.5 }")
-            .unwrap_or_else(|e| panic!("{e}"));
-        refused(
-            "[[step]]\nfor_s = 4.0\nshape = 'sine'\nperiod_s = 0.05\nwrench = { surge_n = 1.0 }",
-            &["period_s", "20 Hz", "12.5 Hz"],
-        );
-        refused("[[step]]\nfor_s = 0.01\nwrench = {}", &["for_s", "0.04 s"]);
-    }
-
-    #[test]
-    fn factor_ranges() {
-        let step = |for_s, shape| PlanStep {
-            for_s,
-            load: StepLoad::ThrustN(vec![]),
-            shape,
-        };
-        let near = |(a, b): (f64, f64), (c, d): (f64, f64)| {
-            assert!(
-                (a - c).abs() < 1e-12 && (b - d).abs() < 1e-12,
-                "{a} {b} {c} {d}"
-            );
-        };
-        let sine = |period_s, phase_rad| Shape::Sine {
-            period_s,
-            phase_rad,
-        };
-        near(factor_range(&step(1.0, sine(12.0, 0.0))), (0.0, 0.5));
-        near(factor_range(&step(6.0, sine(12.0, 0.0))), (0.0, 1.0));
-        near(factor_range(&step(9.0, sine(12.0, 0.0))), (-1.0, 1.0));
-        near(
-            factor_range(&step(1.0, sine(12.0, FRAC_PI_2))),
-            ((TAU / 3.0).sin(), 1.0),
-        );
-        near(
-            factor_range(&step(1.0, sine(12.0, -FRAC_PI_2))),
-            (-1.0, -(TAU / 3.0).sin()),
-        );
-        near(
-            factor_range(&step(
-                1.0,
-                Shape::Chirp {
-                    f0_hz: 0.0,
-                    f1_hz: 0.5,
-                },
-            )),
-            (0.0, 1.0),
-        );
-    }
-}
+mod tests;

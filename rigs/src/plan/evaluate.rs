@@ -102,7 +102,7 @@ impl Plan {
     }
 
     /// The load of step `index` at `t_s` after that step's start.
-    fn load_in(&self, index: usize, t_s: f64) -> StepLoad {
+    pub(super) fn load_in(&self, index: usize, t_s: f64) -> StepLoad {
         let step = &self.steps[index];
         if step.shape == Shape::Ramp {
             return self

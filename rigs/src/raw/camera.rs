@@ -135,7 +135,7 @@ fn read_identity(s: &Section<'_>, is_v4l: Option<bool>) -> Option<Option<DeviceI
     match stable_name(&text, "/dev/v4l/") {
         Some(StableName::ById(name)) => Some(Some(DeviceIdentity::ById(name))),
         Some(StableName::ByPath(name)) => Some(Some(DeviceIdentity::ByPath(name))),
-        None if text.starts_with("/dev/") && is_node(&text) => {
+        None if is_node(&text) => {
             if allow_node {
                 return Some(Some(DeviceIdentity::Node(PathBuf::from(text))));
             }
@@ -180,10 +180,14 @@ fn is_device_name(name: &str) -> bool {
         && !name.chars().any(|c| c == '/' || c.is_control())
 }
 
-/// `/dev/NAME` or `/dev/FOLDER/NAME`, nothing that climbs out again.
+/// `/dev/NAME` or `/dev/FOLDER/NAME`, nothing that climbs out again, and not a misspelt
+/// stable name.
 pub(super) fn is_node(text: &str) -> bool {
-    text.strip_prefix("/dev/")
-        .is_some_and(|rest| rest.split('/').all(is_device_name))
+    text.strip_prefix("/dev/").is_some_and(|rest| {
+        !rest.starts_with("v4l/")
+            && !rest.starts_with("serial/")
+            && rest.split('/').all(is_device_name)
+    })
 }
 
 /// One way to describe the intrinsics: all four numbers, or the vertical field of
@@ -254,7 +258,7 @@ fn read_intrinsics(
 fn read_controls(s: &Section<'_>) -> Option<Vec<CameraControl>> {
     let mut controls: Vec<CameraControl> = Vec::new();
     let mut sound = true;
-    for entry in s.tables("control") {
+    for entry in s.tables("control", 256) {
         let name = entry.name("name");
         let value = entry.integer(
             "value",

@@ -12,22 +12,32 @@ use crate::error::{Problem, ProblemKind, RigError};
 
 /// Configuration files are a few kilobytes; anything much larger is the wrong file
 /// (a log, a device node) and must not be read into memory.
-const LARGEST_FILE_BYTES: u64 = 4 << 20;
+const LARGEST_FILE_BYTES: u64 = 1 << 20;
+
+/// Problems that are listed; whoever has more has the wrong file.
+const MOST_PROBLEMS: usize = 200;
 
 /// A text and the name it goes by in messages.
 pub(crate) struct Document<'d> {
     pub(crate) file: &'d str,
-    pub(crate) text: &'d str,
+    text: &'d str,
+    /// Offsets of the line ends.
+    line_ends: Vec<usize>,
 }
 
-impl Document<'_> {
+impl<'d> Document<'d> {
+    pub(crate) fn new(file: &'d str, text: &'d str) -> Self {
+        let line_ends = text.match_indices('\n').map(|(i, _)| i).collect();
+        Document {
+            file,
+            text,
+            line_ends,
+        }
+    }
+
     /// Line of a byte offset, counted from 1.
     pub(crate) fn line(&self, offset: usize) -> usize {
-        let end = offset.min(self.text.len());
-        1 + self.text.as_bytes()[..end]
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count()
+        1 + self.line_ends.partition_point(|end| *end < offset)
     }
 
     /// The text of a span as a person typed it, cut to a readable length.
@@ -81,8 +91,34 @@ impl Problems {
                 },
             });
         }
-        problems.sort_by_key(|p| p.line.unwrap_or(usize::MAX));
+        // The main file first, then what it includes; in each by line.
+        problems.sort_by_key(|p| {
+            let included = p.file != file;
+            (
+                included,
+                if included {
+                    p.file.clone()
+                } else {
+                    String::new()
+                },
+                p.line.unwrap_or(usize::MAX),
+            )
+        });
         problems.dedup();
+        if problems.len() > MOST_PROBLEMS {
+            let more = problems.len() - MOST_PROBLEMS;
+            problems.truncate(MOST_PROBLEMS);
+            problems.push(Problem {
+                file: file.to_owned(),
+                line: None,
+                key: String::new(),
+                kind: ProblemKind::Rule {
+                    what: format!("{more} more problems are not listed"),
+                    next: "Put the first ones right, or check that this is the right file"
+                        .to_owned(),
+                },
+            });
+        }
         Err(RigError::Invalid { problems })
     }
 }
@@ -96,7 +132,22 @@ pub(crate) fn read_document<T>(
     problems: &Problems,
     read: impl FnOnce(&Section<'_>) -> Option<T>,
 ) -> Option<T> {
-    let document = Document { file, text };
+    if text.len() as u64 > LARGEST_FILE_BYTES {
+        problems.push(
+            file,
+            None,
+            String::new(),
+            ProblemKind::Rule {
+                what: format!(
+                    "{} bytes are more than a configuration file has ({LARGEST_FILE_BYTES})",
+                    text.len()
+                ),
+                next: "Check that this is the right file".to_owned(),
+            },
+        );
+        return None;
+    }
+    let document = Document::new(file, text);
     let (root, errors) = DeTable::parse_recoverable(text);
     for error in &errors {
         problems.push(
@@ -120,7 +171,7 @@ pub(crate) fn read_document<T>(
 /// Reads a configuration file as text.
 ///
 /// # Errors
-/// [`RigError::Unreadable`] when it is missing, larger than 4 MiB or not UTF-8.
+/// [`RigError::Unreadable`] when it is missing, larger than 1 MiB or not UTF-8.
 pub(crate) fn read_text(path: &Path) -> Result<String, RigError> {
     let unreadable = |reason: String, next: &str| RigError::Unreadable {
         file: path.display().to_string(),

@@ -9,7 +9,7 @@ use crate::{ParameterValue, PhysicsEntry};
 pub(super) fn read_physics(root: &Section<'_>) -> Option<Vec<PhysicsEntry>> {
     let mut entries = Vec::new();
     let mut sound = true;
-    for s in root.tables("physics") {
+    for s in root.tables("physics", 256) {
         match read_entry(&s) {
             Some(entry) => entries.push(entry),
             None => sound = false,

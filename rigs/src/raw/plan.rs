@@ -11,7 +11,7 @@ pub(crate) fn read_plan(root: &Section<'_>, stem: &str) -> Option<Plan> {
         root.item("name");
         Some(stem.to_owned())
     };
-    let entries = root.tables("step");
+    let entries = root.tables("step", 10_000);
     if entries.is_empty() {
         root.missing(
             "step",

@@ -10,7 +10,7 @@ const MOST_CORNERS: usize = 1000;
 pub(crate) fn read_target(s: &Section<'_>) -> Option<Target> {
     let name = s.name("name");
     let placement = read_placement(s);
-    let entries = s.tables("slab");
+    let entries = s.tables("slab", 256);
     if entries.is_empty() && !s.has("slab") {
         s.missing(
             "slab",
@@ -107,8 +107,10 @@ fn read_slab(s: &Section<'_>) -> Option<Slab> {
         }
         Some(Shape::Polygon) => read_polygon(s),
         None => {
-            // Which keys belong here is unknown until the shape is: blame none of them.
-            s.entries();
+            // Which of these belong here is unknown until the shape is: blame none.
+            for key in ["x0_m", "x1_m", "width_m", "side_m", "count", "points_m"] {
+                s.item(key);
+            }
             None
         }
     };
@@ -269,7 +271,7 @@ pub(crate) fn read_board(s: &Section<'_>) -> Option<Board> {
 fn read_blocks(s: &Section<'_>) -> Option<Vec<GaugeBlock>> {
     let mut blocks = Vec::new();
     let mut sound = true;
-    for entry in s.tables("block") {
+    for entry in s.tables("block", 256) {
         let centre_m = entry.numbers("centre_m", quantity(-20.0, 20.0, "m"));
         let size_m = entry.numbers("size_m", quantity(0.0, 10.0, "m").above());
         let height_m = entry.number("height_m", quantity(0.0, 1.0, "m").above());
