@@ -3,10 +3,20 @@
 //! One way for data: capture -> log; log/capture -> stripe (-> pose -> identify -> diagnose -> report).
 //! No module reaches backwards. Devices, clocks and files are injected.
 
+pub mod analysis;
 pub mod capture;
+pub mod cli;
 pub mod clock;
+pub mod diagnostics;
 pub mod event;
 pub mod frame;
 pub mod log;
+pub mod record;
+pub mod replay;
+pub mod setpoint;
+pub mod shutdown;
+pub mod simulate;
+pub mod simulated;
 pub mod stripe;
 pub mod thruster;
+pub mod water;

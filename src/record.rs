@@ -20,10 +20,8 @@ pub use session::{Conditions, SessionInput, head};
 use crate::capture::{CaptureCounts, FrameSource};
 use crate::clock::Clock;
 use crate::event::{Event, Severity};
-use crate::log::LogError;
-use crate::log::account::{FrameLedger, LogOutcome, SummaryInput};
 use crate::log::messages::{self, pb, timestamp};
-use crate::log::recorder::Recorder;
+use crate::log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
 use crate::setpoint::setpoint;
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
@@ -198,9 +196,9 @@ pub fn run(parts: Parts, job: &Job, shutdown: &Shutdown, watch: &mut dyn FnMut(&
     // Neutral before anything else is taken down; shutdown() waits until the echo confirms it.
     shutdown.raise(stop.clone());
     let thrusters = service.map(ThrusterService::shutdown);
-    let counts = worker::join(capture, &shared).unwrap_or_default();
+    let counts = worker::join(capture).unwrap_or_default();
     shared.newest.close();
-    worker::join(analysis, &shared);
+    worker::join(analysis);
     shared.say(Severity::Info, "daemon.stop", stop.to_string());
 
     let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
@@ -217,9 +215,9 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
             let calibration = map.describe();
             shared.recorder.plane_calibration(&pb::PlaneCalibration {
                 timestamp: Some(timestamp(now_ns)),
-                method: calibration.method().to_owned(),
-                medium: calibration.medium().to_owned(),
-                toml: calibration.to_toml(),
+                method: calibration.map.method().to_owned(),
+                medium: calibration.medium.name().to_owned(),
+                toml: calibration.to_toml().unwrap_or_default(),
             });
         }
         None => shared.say(

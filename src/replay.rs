@@ -5,13 +5,10 @@
 
 use crate::analysis::Analyst;
 use crate::frame::Frame;
-use crate::log::LogError;
-use crate::log::account::{LogOutcome, SummaryInput};
-use crate::log::entry::Entry;
 use crate::log::messages::{self, pb::StripeProfile, unix_ns};
-use crate::log::part::MetadataMap;
-use crate::log::reader::{LogMessage, LogReader, Record};
-use crate::log::writer::{FileRecorder, Head, WriteSettings};
+use crate::log::{
+    Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record, SummaryInput, WriteSettings,
+};
 use crate::stripe::ExtractorConfig;
 use hydroline_calib::plane::PlaneMap;
 use prost::Message;

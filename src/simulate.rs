@@ -5,12 +5,8 @@
 
 use crate::capture::{CaptureError, NegotiatedFormat, SourceDescription};
 use crate::frame::{Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource};
-use crate::log::LogError;
-use crate::log::account::{LogOutcome, SummaryInput};
-use crate::log::entry::Entry;
 use crate::log::messages::{self, pb, timestamp};
-use crate::log::part::MetadataMap;
-use crate::log::writer::{FileRecorder, Head, WriteSettings};
+use crate::log::{Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings};
 use crate::simulated::motion_message;
 use crate::setpoint::{Setpoint, SetpointError, setpoint};
 use bytes::Bytes;

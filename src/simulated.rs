@@ -6,7 +6,7 @@
 use crate::capture::CaptureError;
 use crate::capture::sim::Scene;
 use crate::log::messages::{pb::VehicleMotion, timestamp};
-use crate::log::recorder::Recorder;
+use crate::log::Recorder;
 use hydroline_rigs::Rig;
 use hydroline_sim::{Renderer, SimError, VehicleState, World};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};

@@ -164,6 +164,15 @@ pub fn lshpi_rig() -> Rig {
         tank: Tank {
             n_water: 1.0,
             start_pose: [0.0, 0.0, -0.83, 0.0, 0.0, -4f64.to_radians()],
+            x_m: [-2.0, 8.0],
+            y_m: [-2.0, 2.0],
+            depth_m: 1.5,
+        },
+        limits: hydroline_rigs::Limits {
+            x_m: [-1.0, 7.0],
+            y_m: [-1.5, 1.5],
+            z_m: [-1.3, -0.35],
+            attitude_rad: 25f64.to_radians(),
         },
         physics: Vec::new(),
         tolerance: Tolerance {

@@ -71,6 +71,16 @@ impl Entry {
         Self::encode(Topic::Event, &messages::event_message(event), None)
     }
 
+    /// `/daemon/event`, as another log holds it.
+    pub fn event_message(message: &pb::Event) -> Self {
+        Self::encode(Topic::Event, message, None)
+    }
+
+    /// `/camera/frame` without its image, as another log holds it.
+    pub fn frame_info(message: &pb::FrameInfo) -> Self {
+        Self::encode(Topic::FrameInfo, message, Some(message.sequence))
+    }
+
     /// `/laser/profile`
     pub fn profile(message: &pb::StripeProfile) -> Self {
         Self::encode(Topic::Profile, message, Some(message.sequence))

@@ -10,6 +10,7 @@ use crate::shutdown::StopReason;
 use crate::thruster::NeutralHandle;
 use crate::thruster::safety::NeutralReason;
 use hydroline_calib::plane::PlaneMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -17,15 +18,23 @@ use std::time::Duration;
 /// Longest wait in either thread before it looks at the shutdown again.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// Starts a thread. Should it panic, the run ends at once (and with it the thrusters), with words.
 fn spawn<T: Send + 'static>(
     what: &'static str,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<JoinHandle<T>, RecordError> {
+    shared: Arc<Shared>,
+    work: impl FnOnce(&Shared) -> T + Send + 'static,
+) -> Result<JoinHandle<Option<T>>, RecordError> {
     std::thread::Builder::new()
         .name(what.to_owned())
         .spawn(move || {
             block_signals();
-            work()
+            let result = catch_unwind(AssertUnwindSafe(|| work(&shared)));
+            if result.is_err() {
+                let words = format!("the {what} thread panicked: this is a bug of hydroline");
+                shared.shutdown.raise(StopReason::Failed(words.clone()));
+                shared.say(Severity::Error, "daemon.panic", words);
+            }
+            result.ok()
         })
         .map_err(|source| RecordError::Start { what, source })
 }
@@ -40,24 +49,17 @@ fn block_signals() {
     }
 }
 
-/// Waits for a thread; one that panicked ends the run with words instead of a silent gap.
-pub(super) fn join<T>(thread: JoinHandle<T>, shared: &Shared) -> Option<T> {
-    let name = thread.thread().name().unwrap_or("thread").to_owned();
-    match thread.join() {
-        Ok(value) => Some(value),
-        Err(_) => {
-            shared.say(Severity::Error, "daemon.panic", format!("the {name} thread panicked: this is a bug of hydroline"));
-            None
-        }
-    }
+/// Waits for a thread; `None` when it panicked, which it has then said itself.
+pub(super) fn join<T>(thread: JoinHandle<Option<T>>) -> Option<T> {
+    thread.join().ok().flatten()
 }
 
 /// Captures until shutdown; returns the source's account.
 pub(super) fn capture(
     shared: Arc<Shared>,
     mut source: Box<dyn FrameSource>,
-) -> Result<JoinHandle<CaptureCounts>, RecordError> {
-    spawn("capture", move || {
+) -> Result<JoinHandle<Option<CaptureCounts>>, RecordError> {
+    spawn("capture", shared, move |shared| {
         let mut index = 0;
         while !shared.shutdown.is_raised() {
             match source.next(LOOK) {
@@ -96,11 +98,11 @@ pub(super) fn analysis(
     job: &Job,
     map: Option<Arc<dyn PlaneMap>>,
     neutral: Option<NeutralHandle>,
-) -> Result<JoinHandle<()>, RecordError> {
+) -> Result<JoinHandle<Option<()>>, RecordError> {
     let mut analyst = Analyst::new(job.extractor.clone(), map);
     let mut monitor = LimitMonitor::new(job.rig.limits);
     let h_centre_m = job.rig.mounts.h_centre_m;
-    spawn("analysis", move || {
+    spawn("analysis", shared, move |shared| {
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {

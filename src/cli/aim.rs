@@ -1,0 +1,120 @@
+//! `hydroline aim`: focus, exposure and laser at a glance, twice a second.
+
+use super::{CliError, Outcome, inputs, rigging};
+use crate::analysis::Analyst;
+use crate::capture::{Captured, FrameSource};
+use crate::clock::{Clock, SystemClock};
+use crate::frame::Frame;
+use crate::log::free_bytes;
+use crate::record::glance::Gatherer;
+use crate::stripe::{Extractor, ExtractorConfig, annotate};
+use hydroline_rigs::Rig;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Between two lines.
+const WINDOW: Duration = Duration::from_millis(500);
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Rig file or built-in name
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// Ends after this time; default: until Ctrl-C
+    #[arg(long = "for", value_parser = inputs::duration, value_name = "TIME")]
+    length: Option<Duration>,
+    /// Writes the last frame with its stripe in red here, at the end
+    #[arg(long, value_name = "PNG")]
+    png: Option<PathBuf>,
+    /// One JSON object per half second
+    #[arg(long)]
+    json: bool,
+    /// Folder whose disk is to be recorded to
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    disk: PathBuf,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let rig = inputs::rig(&args.rig)?;
+    if let Some(png) = &args.png {
+        inputs::new_file(png)?;
+    }
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+    let mut rigged = rigging::open(&rig, &clock, false)?;
+    let stop = super::signals::stop_flag()?;
+    let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), &stop)?;
+    match (&args.png, last) {
+        (Some(path), Some(frame)) => save(path, &frame)?,
+        (Some(path), None) => {
+            return Err(CliError::Run(format!("no frame came: {} was not written; `hydroline check --rig {}`", path.display(), args.rig)));
+        }
+        (None, _) => {}
+    }
+    Ok(Outcome::Done)
+}
+
+fn watch(
+    args: &Args,
+    rig: &Rig,
+    source: &mut dyn FrameSource,
+    clock: &dyn Clock,
+    stop: &super::signals::StopFlag,
+) -> Result<Option<Frame>, CliError> {
+    let mut analyst = Analyst::new(ExtractorConfig::default(), None);
+    let mut gatherer = Gatherer::default();
+    let (start_ns, mut window_ns) = (clock.monotonic_ns(), clock.monotonic_ns());
+    let mut newest: Option<Frame> = None;
+    loop {
+        match source.next(Duration::from_millis(50)).map_err(CliError::run)? {
+            Captured::Frame(frame) => {
+                gatherer.frame(&frame.meta);
+                newest = Some(frame);
+            }
+            Captured::Event(event) => eprintln!("hydroline: {}", event.message),
+            Captured::Nothing => {}
+            Captured::Finished => return Ok(newest),
+        }
+        let now_ns = clock.monotonic_ns();
+        if now_ns - window_ns >= WINDOW.as_nanos() as u64 {
+            if let Some(frame) = &newest {
+                gatherer.profile(analyst.analyse(frame));
+            }
+            show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9)?;
+            window_ns = now_ns;
+        }
+        let over = args.length.is_some_and(|l| now_ns - start_ns >= l.as_nanos() as u64);
+        if over || stop.is_raised() {
+            if std::io::stdout().is_terminal() && !args.json {
+                println!();
+            }
+            return Ok(newest);
+        }
+    }
+}
+
+fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<(), CliError> {
+    let bytes_per_min = f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps * 60.0;
+    let disk_min = free_bytes(&args.disk)
+        .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
+    let glance = gatherer.glance(window_s, disk_min);
+    let mut stdout = std::io::stdout().lock();
+    let written = if args.json {
+        writeln!(stdout, "{}", serde_json::json!(glance))
+    } else {
+        let advice = glance.advice().join("; ");
+        // On a terminal one line that stays; in a pipe a line each.
+        let (begin, end) = if stdout.is_terminal() { ("\r\x1b[2K", "") } else { ("", "\n") };
+        write!(stdout, "{begin}{glance}{}{advice}{end}", if advice.is_empty() { "" } else { " | " })
+    };
+    written.and_then(|()| stdout.flush()).map_err(|e| CliError::Run(format!("stdout: {e}")))
+}
+
+fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {
+    let image = frame.to_grey().map_err(CliError::run)?;
+    let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
+    annotate(&image, &profile).save(path).map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
+    println!("{}", path.display());
+    Ok(())
+}

@@ -1,0 +1,156 @@
+//! `hydroline demo`: the main job end to end on the built-in rig, without hardware.
+
+use super::record::Recording;
+use super::{CliError, Outcome, progress};
+use crate::log::{LogReader, Record};
+use crate::record::{Conditions, Report, floor, preflight::preflight};
+use crate::replay::{Options, replay};
+use crate::stripe::{Extractor, ExtractorConfig, annotate};
+use hydroline_calib::analytic::IdealMap;
+use hydroline_rigs::{Plan, Rig};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The paper's two surge runs.
+const PLANS: [&str; 2] = ["surge-4n", "surge-8n"];
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Takes about 40 s: the two runs are recorded in real time, as the daemon would at the tank, with a
+simulated camera and a simulated controller on a pseudo-terminal. `hydroline simulate` does not wait.")]
+pub struct Args {
+    /// Folder for the logs; it must not exist yet
+    #[arg(long, value_name = "DIR", default_value = "hydroline-demo")]
+    out: PathBuf,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    if args.out.exists() {
+        return Err(CliError::Config(format!("{} exists; name another --out or remove it", args.out.display())));
+    }
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
+    let rig = Rig::builtin("lshpi").map_err(CliError::config)?;
+    let mut lossy = false;
+    for name in PLANS {
+        let plan = Plan::builtin(name).map_err(CliError::config)?;
+        lossy |= one_run(args, &rig, &plan, name)?;
+    }
+    println!();
+    println!("Everything is in {}. Look closer:", args.out.display());
+    println!("  hydroline info {}", args.out.join("surge-4n.mcap").display());
+    println!("  hydroline doctor {}", args.out.join("surge-4n.mcap").display());
+    println!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
+    Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
+}
+
+/// Records, replays and describes one run; true when something was lost.
+fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliError> {
+    let check = preflight(rig, plan).map_err(CliError::config)?;
+    println!("{name}: {:.1} s, recorded in real time ...", check.duration_s);
+    let log = args.out.join(format!("{name}.mcap"));
+    let stripes = args.out.join(format!("{name}-stripes.mcap"));
+    let recording = Recording {
+        rig,
+        plan: Some(plan),
+        conditions: &Conditions { note: Some("hydroline demo".to_owned()), ..Conditions::default() },
+        run: (1, 1),
+        length: None,
+        ready_within: Duration::from_secs(10),
+        with_thrusters: true,
+    };
+    let report = recording.record(&log)?;
+    print_recording(&report);
+    if let crate::shutdown::StopReason::Failed(words) = &report.stop {
+        return Err(CliError::Run(words.clone()));
+    }
+    let bar = progress::bar(report.capture.received, "replaying");
+    let options = Options { map: Some(Arc::new(IdealMap::of(rig))), rig_toml: Some(rig.effective_toml.clone()), ..Options::default() };
+    let result = replay(&log, &stripes, &options, &mut |frames| bar.set_position(frames));
+    bar.finish_and_clear();
+    let (replayed, _) = result.map_err(CliError::run)?;
+    println!(
+        "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same",
+        replayed.frames, replayed.with_stripe, replayed.points, replayed.live_identical, replayed.live
+    );
+    describe(rig, &stripes)?;
+    let picture = args.out.join(format!("{name}.png"));
+    draw_middle_frame(&log, replayed.frames / 2, &picture)?;
+    for path in [&log, &stripes, &picture] {
+        println!("  {}", path.display());
+    }
+    Ok(report.lost_anything())
+}
+
+fn print_recording(report: &Report) {
+    let capture = &report.capture;
+    println!(
+        "  recorded: {} frames received + {} lost = {} expected, {} extracted live, {:.1} MB",
+        capture.received,
+        capture.lost.total(),
+        capture.expected,
+        report.analysed,
+        report.log.counts.bytes as f64 / 1e6
+    );
+    if let Some(stats) = report.thrusters {
+        println!("  thrusters: {} command sets sent, {} echoed by the simulated controller", stats.sets, stats.echoed);
+    }
+}
+
+/// What the run shows at this stage: the vehicle's height and roll over the floor, and the links' timing.
+fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
+    let (mut heights_m, mut rolls_rad, mut round_trips_s, mut clock) = (Vec::new(), Vec::new(), Vec::new(), None);
+    for message in LogReader::open(stripes).map_err(CliError::run)? {
+        match message.map_err(CliError::run)?.record {
+            Record::Profile(profile) => {
+                let points: Vec<(f64, f64)> =
+                    profile.xi_m.iter().zip(&profile.eta_m).map(|(x, e)| (f64::from(*x), f64::from(*e))).filter(|p| p.0.is_finite()).collect();
+                if let Some(found) = floor::floor(&points, rig.mounts.h_centre_m) {
+                    heights_m.push(found.height_m);
+                    rolls_rad.push(found.phi_rad);
+                }
+            }
+            Record::Echo(echo) => round_trips_s.push(echo.round_trip_s),
+            Record::Clock(pair) => clock = pair.controller.or(clock),
+            _ => {}
+        }
+    }
+    println!(
+        "  floor seen {:.2} mm (median) below the CG, roll {:.3} deg, in {} frames; the rig says {:.2} mm",
+        1e3 * median(&mut heights_m),
+        median(&mut rolls_rad).to_degrees(),
+        heights_m.len(),
+        -1e3 * rig.tank.start_pose[2],
+    );
+    if let Some(clock) = clock {
+        println!(
+            "  controller clock: drift {:.1} +- {:.1} ppm, offset known to {:.0} us, command round trip {:.2} ms (median)",
+            clock.drift_ppm,
+            clock.drift_sd_ppm,
+            clock.offset_sd_us,
+            1e3 * median(&mut round_trips_s)
+        );
+    }
+    Ok(())
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliError> {
+    let mut seen = 0;
+    for message in LogReader::open(log).map_err(CliError::run)? {
+        if let Record::Frame(frame) = message.map_err(CliError::run)?.record {
+            if seen < index {
+                seen += 1;
+                continue;
+            }
+            let image = frame.to_grey().map_err(CliError::run)?;
+            let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
+            return annotate(&image, &profile).save(picture).map_err(|e| CliError::Run(format!("{}: {e}", picture.display())));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! `hydroline extract`: stripe points of single images.
+
+use super::{CliError, Outcome, inputs};
+use crate::frame::GreyImage;
+use crate::stripe::{Extractor, ExtractorConfig, Profile, annotate, write_csv};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Images (PNG or JPEG; colour is reduced to luma)
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Prints column_px,row_px,peak,sd_px per point; with several images a block per image,
+    /// headed by a '# file' line. Without it a summary line per image
+    #[arg(long)]
+    csv: bool,
+    /// Writes the image with its stripe in red here (one image only)
+    #[arg(long, value_name = "PNG")]
+    annotate: Option<PathBuf>,
+    /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
+    #[arg(long)]
+    whole_pixel: bool,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    if args.annotate.is_some() && args.images.len() > 1 {
+        return Err(CliError::Config("--annotate takes one image; name one".to_owned()));
+    }
+    if let Some(path) = &args.annotate {
+        inputs::new_file(path)?;
+    }
+    let config = ExtractorConfig { whole_pixel: args.whole_pixel, ..ExtractorConfig::default() };
+    let mut extractor = Extractor::new(config);
+    let mut failed = 0;
+    let mut stdout = std::io::stdout().lock();
+    for path in &args.images {
+        let image = match load(path) {
+            Ok(image) => image,
+            Err(words) => {
+                eprintln!("hydroline: {words}");
+                failed += 1;
+                continue;
+            }
+        };
+        let profile = extractor.extract(&image);
+        let written = if args.csv { csv(&mut stdout, args, path, &profile) } else { summary(&mut stdout, path, &profile) };
+        written.map_err(|e| CliError::Run(format!("stdout: {e}")))?;
+        if let Some(fault) = &profile.fault {
+            eprintln!("hydroline: {}: {fault}", path.display());
+        }
+        if let Some(out) = &args.annotate {
+            annotate(&image, &profile).save(out).map_err(|e| CliError::Run(format!("{}: {e}", out.display())))?;
+        }
+    }
+    match failed {
+        0 => Ok(Outcome::Done),
+        n => Err(CliError::Run(format!("{n} of {} images could not be read", args.images.len()))),
+    }
+}
+
+/// An image file as grey levels.
+fn load(path: &Path) -> Result<GreyImage, String> {
+    let image = image::open(path).map_err(|e| format!("{}: {e}; PNG and JPEG are read", path.display()))?.into_luma8();
+    Ok(GreyImage { width_px: image.width() as usize, height_px: image.height() as usize, pixels: image.into_raw() })
+}
+
+fn csv(out: &mut impl Write, args: &Args, path: &Path, profile: &Profile) -> std::io::Result<()> {
+    if args.images.len() > 1 {
+        writeln!(out, "# {}", path.display())?;
+    }
+    write_csv(profile, out)
+}
+
+fn summary(out: &mut impl Write, path: &Path, profile: &Profile) -> std::io::Result<()> {
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    writeln!(
+        out,
+        "{}: {} points in {} columns, peak {:.0}, width {:.2} px sd, row sd {:.3} px, noise {:.1}, haze {:.1} %",
+        path.display(),
+        profile.points.len(),
+        profile.size_px.0,
+        median(profile.points.iter().map(|p| p.peak).collect()),
+        median(profile.points.iter().map(|p| p.sigma_px).collect()),
+        median(profile.points.iter().map(|p| p.sd_px).collect()),
+        profile.noise_sd,
+        100.0 * profile.haze_level,
+    )
+}

@@ -1,0 +1,314 @@
+//! `hydroline record`: the daemon on the command line.
+
+use super::rigging::{self, Rigged};
+use super::{CliError, Outcome, inputs, progress};
+use crate::clock::{Clock, SystemClock};
+use crate::log::{FileParts, Recorder, WriteSettings, check_space};
+use crate::record::{self, Conditions, Job, Parts, Report, SessionInput, Status, preflight::preflight};
+use crate::shutdown::{Shutdown, StopReason};
+use crate::stripe::ExtractorConfig;
+use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::{Plan, Rig};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly.
+A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
+
+  hydroline record --rig lshpi --plan surge-4n --dry-run
+  hydroline record --rig lshpi --plan surge-4n --out run.mcap
+  hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap")]
+pub struct Args {
+    /// Rig file or built-in name
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// Plan to run, file or built-in name; without one the thrusters stay at neutral
+    #[arg(long, value_name = "PLAN")]
+    plan: Option<String>,
+    /// Length of the recording; default: the plan and one second, or until stopped
+    #[arg(long = "for", value_parser = inputs::duration, value_name = "TIME")]
+    length: Option<Duration>,
+    /// Repeats the plan N times, each into its own log (LOG-1.mcap, LOG-2.mcap, ...)
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
+    runs: u32,
+    /// Pause between runs, so that the water comes to rest
+    #[arg(long, value_parser = inputs::duration, default_value = "0s", value_name = "TIME")]
+    settle: Duration,
+    /// Leaves the thrusters alone: no line is opened
+    #[arg(long, conflicts_with = "plan")]
+    no_thrusters: bool,
+    /// Free text for the log
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+    /// Water temperature [degC], for the log and the refractive index
+    #[arg(long, value_name = "DEGC", allow_negative_numbers = true)]
+    water_temp: Option<f64>,
+    /// Salinity [g/kg]
+    #[arg(long, value_name = "GPKG")]
+    salinity: Option<f64>,
+    /// Ballast on the vehicle [kg]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
+    ballast: Option<f64>,
+    /// Shows what the plan will do and starts nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Prints the report as one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Longest wait for the first good frame and the controller
+    #[arg(long, value_parser = inputs::duration, default_value = "10s", value_name = "TIME")]
+    ready_within: Duration,
+    /// Log to write
+    #[arg(long, value_name = "LOG.mcap", required_unless_present = "dry_run")]
+    out: Option<PathBuf>,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let rig = inputs::rig(&args.rig)?;
+    let plan = args.plan.as_deref().map(|p| inputs::plan(p, &rig)).transpose()?;
+    let conditions = Conditions {
+        note: args.note.clone(),
+        water_temperature_c: args.water_temp,
+        salinity_gpkg: args.salinity,
+        ballast_kg: args.ballast,
+    };
+    conditions.n_water().map_err(CliError::Config)?;
+    if let Some(plan) = &plan {
+        check_plan(&rig, plan, args)?;
+    }
+    if args.dry_run {
+        if plan.is_none() {
+            eprintln!("hydroline: --dry-run without --plan: the rig file is sound, there is nothing to simulate");
+        }
+        return Ok(Outcome::Done);
+    }
+    let Some(out) = &args.out else { return Err(CliError::Config("--out is missing".to_owned())) };
+    let outs: Vec<PathBuf> = (1..=args.runs).map(|k| run_path(out, k, args.runs)).collect();
+    for out in &outs {
+        inputs::new_file(out)?;
+    }
+    let mut outcome = Outcome::Done;
+    for (k, out) in outs.iter().enumerate() {
+        let run = (k as u32 + 1, args.runs);
+        let recording = Recording {
+            rig: &rig,
+            plan: plan.as_ref(),
+            conditions: &conditions,
+            run,
+            length: args.length,
+            ready_within: args.ready_within,
+            with_thrusters: !args.no_thrusters,
+        };
+        let report = recording.record(out)?;
+        print_report(out, &report, args.json);
+        match &report.stop {
+            StopReason::Failed(words) => return Err(CliError::Run(words.clone())),
+            StopReason::Limit(_) => return Err(CliError::Run(report.stop.to_string())),
+            StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
+            StopReason::LogStopped(_) => return Ok(Outcome::Lossy),
+            StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
+        }
+        if run.0 < run.1 && !settle(args.settle)? {
+            eprintln!("hydroline: stopped while settling; {} of {} runs are recorded", run.0, run.1);
+            return Ok(outcome);
+        }
+    }
+    Ok(outcome)
+}
+
+fn lossy(report: &Report, before: Outcome) -> Outcome {
+    if report.lost_anything() { Outcome::Lossy } else { before }
+}
+
+/// Simulates the plan; shows it on --dry-run, refuses a bad one always.
+fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<(), CliError> {
+    let report = preflight(rig, plan).map_err(CliError::config)?;
+    if args.dry_run {
+        if args.json {
+            println!("{}", serde_json::json!(report));
+        } else {
+            print!("{report}");
+        }
+    }
+    match report.violations.first() {
+        None => Ok(()),
+        Some(first) => Err(CliError::Config(format!(
+            "plan '{}' is refused: at {:.2} s {}{}; --dry-run shows the whole check, change the plan or the rig's start and limits",
+            plan.name,
+            first.at_s,
+            first.what,
+            if report.violations.len() > 1 { format!(" (and {} more)", report.violations.len() - 1) } else { String::new() },
+        ))),
+    }
+}
+
+/// LOG.mcap for one run, LOG-k.mcap for several.
+fn run_path(out: &Path, k: u32, runs: u32) -> PathBuf {
+    if runs == 1 {
+        return out.to_owned();
+    }
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = out.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
+    out.with_file_name(format!("{stem}-{k}{extension}"))
+}
+
+/// Waits between runs; false when Ctrl-C or SIGTERM ended the wait.
+fn settle(pause: Duration) -> Result<bool, CliError> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CliError::run)?;
+    let bar = progress::bar(pause.as_secs(), "settling [s]");
+    runtime.block_on(async {
+        use tokio::signal::unix::{SignalKind, signal};
+        let mut terminate = signal(SignalKind::terminate()).map_err(CliError::run)?;
+        let mut second = tokio::time::interval(Duration::from_secs(1));
+        let end = tokio::time::sleep(pause);
+        tokio::pin!(end);
+        loop {
+            tokio::select! {
+                () = &mut end => { bar.finish_and_clear(); return Ok(true) }
+                _ = second.tick() => bar.inc(1),
+                _ = tokio::signal::ctrl_c() => return Ok(false),
+                _ = terminate.recv() => return Ok(false),
+            }
+        }
+    })
+}
+
+/// One run: everything opened, recorded, closed.
+pub(super) struct Recording<'a> {
+    pub rig: &'a Rig,
+    pub plan: Option<&'a Plan>,
+    pub conditions: &'a Conditions,
+    /// Run k of n, from 1.
+    pub run: (u32, u32),
+    /// `None` = the plan and a second and a half, or until stopped.
+    pub length: Option<Duration>,
+    pub ready_within: Duration,
+    pub with_thrusters: bool,
+}
+
+impl Recording<'_> {
+    fn length(&self) -> Option<Duration> {
+        // A second before the plan (lead) and one after it, so that the log shows rest, motion and coasting's begin.
+        let plan = self.plan.map(|p| Duration::from_secs_f64(p.duration_s() + 1.5));
+        self.length.or(plan)
+    }
+
+    pub fn record(&self, out: &Path) -> Result<Report, CliError> {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        let camera = &self.rig.camera;
+        let length = self.length();
+        if let Some(length) = length {
+            // Bytes as they come from the camera: what compression saves is not promised.
+            let bytes_per_s = f64::from(camera.width_px * camera.height_px) * camera.rate_fps * bytes_per_px(self.rig);
+            check_space(out, length.as_secs_f64(), bytes_per_s, self.rig.log.min_free_bytes).map_err(CliError::config)?;
+        }
+        let Rigged { source, line, vehicle, controller } = rigging::open(self.rig, &clock, self.with_thrusters)?;
+        let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(self.rig));
+        let description = source.describe();
+        let head = record::head(&SessionInput {
+            rig: self.rig,
+            plan: self.plan,
+            planned_s: length.map(|l| l.as_secs_f64()),
+            source: &description,
+            conditions: self.conditions,
+            calibration_toml: map.describe().to_toml().ok(),
+            run: self.run,
+        })
+        .map_err(CliError::Config)?;
+        let opener = Box::new(FileParts { path: out.to_owned(), replace: false });
+        let settings = WriteSettings::live(&self.rig.log, Some(camera.pixel_format));
+        let recorder = Recorder::start(opener, head, settings, clock.clone()).map_err(CliError::run)?;
+        if let Some((vehicle, start_ns)) = &vehicle {
+            vehicle.log_truth(recorder.clone(), clock.triple().monotonic_to_unix_ns(*start_ns));
+        }
+        let _log_lines = crate::diagnostics::into_log(&recorder);
+        let job = Job {
+            rig: self.rig.clone(),
+            plan: self.plan.cloned(),
+            length,
+            ready_within: self.ready_within,
+            extractor: ExtractorConfig::default(),
+        };
+        let bar = progress::bar(length.map_or(0, |l| l.as_secs()), "recording [s]");
+        let parts = Parts { source, line, recorder, clock, map: Some(map) };
+        let result = record::run(parts, &job, &Shutdown::new(), &mut |status| show(&bar, status));
+        bar.finish_and_clear();
+        drop(controller);
+        result.map_err(CliError::run)
+    }
+}
+
+fn bytes_per_px(rig: &Rig) -> f64 {
+    match rig.camera.pixel_format {
+        hydroline_rigs::PixelFormat::Grey => 1.0,
+        hydroline_rigs::PixelFormat::Yuyv => 2.0,
+        hydroline_rigs::PixelFormat::Mjpg => 0.5, // at most: 3.4 bits per pixel is a very good JPEG
+    }
+}
+
+fn show(bar: &indicatif::ProgressBar, status: &Status) {
+    bar.set_position(status.elapsed_s.unwrap_or(0.0) as u64);
+    let state = if status.elapsed_s.is_some() { "recording" } else { "waiting for the camera" };
+    bar.set_message(format!(
+        "{state}: {} frames, {} lost, {} dropped, stripe {} points, {:.0} MB |",
+        status.frames,
+        status.lost,
+        status.dropped,
+        status.points,
+        status.bytes as f64 / 1e6,
+    ));
+}
+
+fn print_report(out: &Path, report: &Report, json: bool) {
+    let capture = &report.capture;
+    if json {
+        let object = serde_json::json!({
+            "log": out,
+            "files": report.log.files,
+            "stop": report.stop.to_string(),
+            "lost": report.lost_anything(),
+            "capture": capture,
+            "frames_dropped": report.log.counts.frames_dropped,
+            "frames_analysed": report.analysed,
+            "frames_not_analysed": report.skipped,
+            "command_sets": report.thrusters.map(|t| t.sets),
+            "command_sets_echoed": report.thrusters.map(|t| t.echoed),
+            "bytes": report.log.counts.bytes,
+        });
+        println!("{object}");
+        return;
+    }
+    println!("{}: {}", out.display(), report.stop);
+    println!(
+        "  frames: {} received + {} lost = {} expected; {} dropped by the log, {} extracted live",
+        capture.received,
+        capture.lost.total(),
+        capture.expected,
+        report.log.counts.frames_dropped,
+        report.analysed,
+    );
+    if capture.disagreement != 0 {
+        println!("  the count by time differs by {} frames: see the log's events", capture.disagreement);
+    }
+    if let Some(stats) = &report.thrusters {
+        println!("  commands: {} sets sent, {} echoed, {} link losses", stats.sets, stats.echoed, stats.losses);
+    }
+    for file in report.log.files.iter().filter(|f| f.as_path() != out) {
+        println!("  and {}", file.display());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn several_runs_get_a_number_each() {
+        assert_eq!(run_path(Path::new("/a/run.mcap"), 1, 1), Path::new("/a/run.mcap"));
+        assert_eq!(run_path(Path::new("/a/run.mcap"), 2, 3), Path::new("/a/run-2.mcap"));
+    }
+}

@@ -1,0 +1,104 @@
+//! `hydroline replay`: every frame of a log extracted again.
+
+use super::{CliError, Outcome, inputs, progress};
+use crate::log::LogReader;
+use crate::replay::{Options, Report, replay};
+use hydroline_calib::analytic::IdealMap;
+use hydroline_rigs::Rig;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Logs with images
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Rig to use instead of the one in the log
+    #[arg(long, value_name = "RIG")]
+    rig: Option<String>,
+    /// New log; with several logs a folder, which is created
+    #[arg(long, value_name = "LOG.mcap")]
+    out: PathBuf,
+    /// Copies the images too, so that the new log can be viewed on its own
+    #[arg(long)]
+    keep_images: bool,
+    /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
+    #[arg(long)]
+    whole_pixel: bool,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    let targets = targets(args)?;
+    let mut reports = Vec::new();
+    for (log, out) in &targets {
+        let options = options(args, log, rig.as_ref())?;
+        let length = std::fs::metadata(log).map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?.len();
+        tracing::debug!(bytes = length, "replaying {}", log.display());
+        let bar = progress::bar(0, "frames");
+        let result = replay(log, out, &options, &mut |frames| {
+            bar.set_length(frames.max(bar.length().unwrap_or(0)));
+            bar.set_position(frames);
+        });
+        bar.finish_and_clear();
+        let (report, _) = result.map_err(CliError::run)?;
+        if !args.json {
+            print_report(log, out, &report);
+        }
+        reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
+    }
+    if args.json {
+        println!("{}", serde_json::json!({ "replays": reports }));
+    }
+    Ok(Outcome::Done)
+}
+
+fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
+    if let [log] = args.logs.as_slice() {
+        inputs::new_file(&args.out)?;
+        return Ok(vec![(log.clone(), args.out.clone())]);
+    }
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
+    let named = args.logs.iter().map(|log| {
+        let name = log.file_name().ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
+        let out = args.out.join(name);
+        inputs::new_file(&out)?;
+        Ok((log.clone(), out))
+    });
+    named.collect()
+}
+
+/// Rig: from --rig, else from the log's head. A log without either is extracted without plane coordinates.
+fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliError> {
+    let own = match rig {
+        Some(_) => None,
+        None => {
+            let reader = LogReader::open(log).map_err(CliError::run)?;
+            let name = format!("rig in {}", log.display());
+            reader.rig_toml().map(|text| Rig::from_toml(text, &name, None)).transpose().map_err(CliError::config)?
+        }
+    };
+    let rig = rig.or(own.as_ref());
+    if rig.is_none() {
+        eprintln!("hydroline: {}: no rig in the log and no --rig: profiles get no laser-plane coordinates", log.display());
+    }
+    let mut options = Options { keep_images: args.keep_images, ..Options::default() };
+    options.extractor.whole_pixel = args.whole_pixel;
+    options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
+    options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
+    Ok(options)
+}
+
+fn print_report(log: &Path, out: &Path, report: &Report) {
+    println!("{} -> {}", log.display(), out.display());
+    println!("  {} frames, {} with a stripe, {} points, {} commands", report.frames, report.with_stripe, report.points, report.commands);
+    for (reason, n) in &report.without_stripe {
+        println!("  {n} frames without: {reason}");
+    }
+    if report.live > 0 {
+        println!("  {} of {} frames extracted live came out bit for bit the same", report.live_identical, report.live);
+    }
+}

@@ -1,0 +1,45 @@
+//! `hydroline rig new`: a commented rig for one's own vehicle.
+
+use super::{CliError, Outcome, inputs};
+use clap::Subcommand;
+use hydroline_rigs::{Plan, Rig};
+use std::path::PathBuf;
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Writes a complete, commented rig file to fill in
+    New {
+        /// File to write
+        #[arg(long, value_name = "RIG.toml")]
+        out: PathBuf,
+    },
+    /// Checks a rig file and prints it as the daemon reads it, defaults written out
+    Show {
+        /// File or built-in name
+        rig: String,
+    },
+    /// Names of the built-in rigs and plans
+    List,
+}
+
+pub fn run(command: &Command) -> Result<Outcome, CliError> {
+    match command {
+        Command::New { out } => {
+            inputs::new_file(out)?;
+            std::fs::write(out, Rig::template())
+                .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", out.display())))?;
+            println!("{}", out.display());
+            eprintln!("edit it, then: hydroline rig show {0}; hydroline check --rig {0}", out.display());
+        }
+        Command::Show { rig } => print!("{}", inputs::rig(rig)?.effective_toml),
+        Command::List => {
+            for name in Rig::builtin_names() {
+                println!("rig  {name}");
+            }
+            for name in Plan::builtin_names() {
+                println!("plan {name}");
+            }
+        }
+    }
+    Ok(Outcome::Done)
+}

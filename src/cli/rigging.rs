@@ -1,0 +1,74 @@
+//! From a checked rig to the real or simulated parts that a recording is made of.
+
+use super::CliError;
+use crate::capture::FrameSource;
+use crate::capture::sim::SimCamera;
+use crate::clock::Clock;
+use crate::simulated::{CameraView, SimulatedVehicle};
+use crate::thruster::controller::{ControllerConfig, PtyController, SimController};
+use crate::thruster::ports::Roots;
+use crate::thruster::service::{Opener, serial_opener};
+use hydroline_rigs::{CameraBackend, LinkPort, Rig};
+use hydroline_sim::Renderer;
+use std::sync::Arc;
+
+/// The parts, opened.
+pub struct Rigged {
+    /// The camera.
+    pub source: Box<dyn FrameSource>,
+    /// Opens the thruster line; `None` when the rig has no thrusters or they were left out.
+    pub line: Option<Opener>,
+    /// The simulated vehicle behind simulated parts, and CLOCK_MONOTONIC of its t = 0 \[ns\].
+    pub vehicle: Option<(Arc<SimulatedVehicle>, u64)>,
+    /// Keeps the simulated controller's pseudo-terminal open.
+    pub controller: Option<PtyController>,
+}
+
+/// Opens what the rig names. `with_thrusters = false` leaves the line closed.
+pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<Rigged, CliError> {
+    let simulated_line = with_thrusters && rig.thrusters.link.port == LinkPort::Sim;
+    let simulated_camera = matches!(rig.camera.backend, CameraBackend::Sim);
+    let vehicle = if simulated_camera || simulated_line {
+        Some(SimulatedVehicle::new(rig).map_err(CliError::config)?)
+    } else {
+        None
+    };
+    let controller = match &vehicle {
+        Some(vehicle) if simulated_line => Some(start_controller(rig, vehicle)?),
+        _ => None,
+    };
+    let line = with_thrusters.then(|| opener(rig, clock, controller.as_ref())).transpose()?;
+    let (source, start_ns) = match (&rig.camera.backend, &vehicle) {
+        (CameraBackend::Sim, Some(vehicle)) => {
+            let renderer = Renderer::new(rig).map_err(CliError::config)?;
+            let camera = SimCamera::new(CameraView::new(vehicle.clone(), renderer), &rig.camera, clock.clone());
+            let start_ns = camera.start_ns();
+            (Box::new(camera) as Box<dyn FrameSource>, start_ns)
+        }
+        _ => (crate::capture::open_camera(&rig.camera, clock.clone()).map_err(CliError::run)?, clock.monotonic_ns()),
+    };
+    if let Some(vehicle) = &vehicle {
+        vehicle.start(start_ns);
+    }
+    Ok(Rigged { source, line, vehicle: vehicle.map(|v| (v, start_ns)), controller })
+}
+
+fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyController, CliError> {
+    let controller = SimController::new(ControllerConfig::for_rig(&rig.thrusters));
+    let vehicle = vehicle.clone();
+    let on_pulses = Box::new(move |event: crate::thruster::controller::ControllerEvent| {
+        if let Err(error) = vehicle.pulse(event.host_monotonic_ns, event.channel, event.pulse_us) {
+            tracing::error!("simulated vehicle: {error}");
+        }
+    });
+    PtyController::start(controller, None, on_pulses).map_err(CliError::run)
+}
+
+fn opener(rig: &Rig, clock: &Arc<dyn Clock>, controller: Option<&PtyController>) -> Result<Opener, CliError> {
+    let mut set = rig.thrusters.clone();
+    if let Some(controller) = controller {
+        let path = controller.path().ok_or_else(|| CliError::Run("the simulated controller has no pseudo-terminal".to_owned()))?;
+        set.link.port = LinkPort::Node(path.to_owned());
+    }
+    Ok(serial_opener(&set, Roots::default(), clock.clone()))
+}

@@ -1,0 +1,271 @@
+//! The plan, simulated before it runs: refused when it leaves the tank, the limits, the lit target,
+//! or the range and slew of the pulses. `--dry-run` shows the same report.
+
+use crate::setpoint::{SetpointError, setpoint};
+use hydroline_rigs::{Plan, Rig, SlabOutline, Target};
+use hydroline_sim::{SimError, World};
+use serde::Serialize;
+
+/// Grid of the check \[s\]: at 0.3 m/s the vehicle goes 6 mm from point to point.
+const STEP_S: f64 = 0.02;
+/// Coasting after the plan's last step that is still watched \[s\].
+const COAST_S: f64 = 5.0;
+
+/// Smallest and largest value of something over the plan.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Range {
+    /// What, with its unit in the name.
+    pub name: String,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// Something a plan does that it must not.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Violation {
+    /// When it first happens \[s\].
+    pub at_s: f64,
+    /// What, with value and allowed range.
+    pub what: String,
+}
+
+/// What a plan will do, by the rig's model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Preflight {
+    /// Length of the plan \[s\].
+    pub duration_s: f64,
+    /// Ranges of pose, rates, pulses.
+    pub ranges: Vec<Range>,
+    /// From when to when the stripe lies on the target \[s\]; `None` = no target, or never.
+    pub on_target_s: Option<(f64, f64)>,
+    /// What must not be.
+    pub violations: Vec<Violation>,
+}
+
+/// Why a plan could not even be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum PreflightError {
+    /// The rig's model.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// A load that cannot be commanded.
+    #[error(transparent)]
+    Setpoint(#[from] SetpointError),
+}
+
+/// Runs the plan through the rig's model from the rig's start pose.
+///
+/// # Errors
+/// [`PreflightError`]; what the plan does wrong is in [`Preflight::violations`].
+pub fn preflight(rig: &Rig, plan: &Plan) -> Result<Preflight, PreflightError> {
+    let mut world = World::new(rig, rig.tank.start_pose)?;
+    let mut check = Check::new(rig, plan);
+    let period_s = 1.0 / rig.thrusters.link.rate_hz;
+    let mut next_command = 0u64;
+    let steps = ((plan.duration_s() + COAST_S) / STEP_S).ceil() as u64;
+    for k in 0..=steps {
+        let t_s = k as f64 * STEP_S;
+        while next_command as f64 * period_s <= t_s {
+            let command_s = next_command as f64 * period_s;
+            let set = setpoint(rig, world.allocation(), plan, command_s)?;
+            check.pulses(command_s, period_s, &set.pulses_us);
+            world.command_pulses(command_s, &set.pulses_us)?;
+            next_command += 1;
+        }
+        let state = world.state_at(t_s)?;
+        check.state(t_s, &state.eta, &state.nu);
+    }
+    Ok(check.done())
+}
+
+struct Check<'a> {
+    rig: &'a Rig,
+    plan: &'a Plan,
+    ranges: Vec<Range>,
+    violations: Vec<Violation>,
+    last_pulses_us: Vec<f64>,
+    target_x_m: Option<(f64, f64)>,
+    on_target_s: Option<(f64, f64)>,
+}
+
+const CHANNELS: [&str; 12] = [
+    "x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad", "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
+];
+
+impl<'a> Check<'a> {
+    fn new(rig: &'a Rig, plan: &'a Plan) -> Self {
+        let empty = |name: String| Range { name, min: f64::INFINITY, max: f64::NEG_INFINITY };
+        let pulses = rig.thrusters.thrusters.iter().map(|t| format!("{}.pulse_us", t.name));
+        Self {
+            rig,
+            plan,
+            ranges: CHANNELS.iter().map(|c| (*c).to_owned()).chain(pulses).map(empty).collect(),
+            violations: Vec::new(),
+            last_pulses_us: vec![rig.thrusters.neutral_us; rig.thrusters.thrusters.len()],
+            target_x_m: rig.target.as_ref().and_then(extent_x_m),
+            on_target_s: None,
+        }
+    }
+
+    fn widen(&mut self, index: usize, value: f64) {
+        if let Some(range) = self.ranges.get_mut(index) {
+            range.min = range.min.min(value);
+            range.max = range.max.max(value);
+        }
+    }
+
+    /// The first time of each kind of violation is enough to act on.
+    fn violate(&mut self, at_s: f64, kind: &str, what: impl FnOnce() -> String) {
+        if !self.violations.iter().any(|v| v.what.starts_with(kind)) {
+            self.violations.push(Violation { at_s, what: format!("{kind}: {}", what()) });
+        }
+    }
+
+    fn pulses(&mut self, t_s: f64, period_s: f64, pulses_us: &[f64]) {
+        let set = &self.rig.thrusters;
+        for (i, &pulse_us) in pulses_us.iter().enumerate() {
+            self.widen(CHANNELS.len() + i, pulse_us);
+            let name = set.thrusters.get(i).map_or("?", |t| t.name.as_str());
+            if !(set.min_us..=set.max_us).contains(&pulse_us) {
+                self.violate(t_s, &format!("pulse of {name}"), || {
+                    format!("{pulse_us:.1} us, allowed {} .. {} us", set.min_us, set.max_us)
+                });
+            }
+            let slew = (pulse_us - self.last_pulses_us[i]).abs() / period_s;
+            if slew > set.max_slew_us_per_s {
+                self.violate(t_s, &format!("slew of {name}"), || {
+                    format!("{slew:.0} us/s, allowed {} us/s: use shape = \"ramp\"", set.max_slew_us_per_s)
+                });
+            }
+        }
+        self.last_pulses_us.copy_from_slice(pulses_us);
+    }
+
+    fn state(&mut self, t_s: f64, eta: &[f64; 6], nu: &[f64; 6]) {
+        for (i, value) in eta.iter().chain(nu).enumerate() {
+            self.widen(i, *value);
+        }
+        let (tank, limits) = (self.rig.tank, self.rig.limits);
+        let inside = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
+        let boxes = [
+            ("x against the tank", eta[0], tank.x_m),
+            ("y against the tank", eta[1], tank.y_m),
+            ("z against the tank", eta[2], [-tank.depth_m, 0.0]),
+            ("x against [limits]", eta[0], limits.x_m),
+            ("y against [limits]", eta[1], limits.y_m),
+            ("z against [limits]", eta[2], limits.z_m),
+        ];
+        for (kind, value, range) in boxes {
+            if !inside(value, range) {
+                self.violate(t_s, kind, || format!("{value:.3} m, allowed {} .. {} m", range[0], range[1]));
+            }
+        }
+        for (kind, value) in [("roll against [limits]", eta[3]), ("pitch against [limits]", eta[4])] {
+            if value.abs() > limits.attitude_rad {
+                self.violate(t_s, kind, || {
+                    format!("{:.1} deg, allowed +-{:.1} deg", value.to_degrees(), limits.attitude_rad.to_degrees())
+                });
+            }
+        }
+        self.on_target(t_s, eta);
+    }
+
+    /// Whether the sheet's foot, l_laser ahead of the CG, lies between the target's ends.
+    fn on_target(&mut self, t_s: f64, eta: &[f64; 6]) {
+        let (Some((x0, x1)), Some(target)) = (self.target_x_m, self.rig.target.as_ref()) else { return };
+        let [origin_x, origin_y, heading] = target.origin;
+        let l_laser_m = self.rig.mounts.l_laser_m;
+        let (x, y) = (eta[0] + l_laser_m * eta[5].cos() - origin_x, eta[1] + l_laser_m * eta[5].sin() - origin_y);
+        let along = x * heading.cos() + y * heading.sin();
+        if (x0..=x1).contains(&along) {
+            self.on_target_s = Some(self.on_target_s.map_or((t_s, t_s), |(from, _)| (from, t_s)));
+        } else if t_s <= self.plan.duration_s() {
+            self.violate(t_s, "stripe off the lit target", || {
+                format!("at {along:.3} m along it, it reaches from {x0:.3} to {x1:.3} m")
+            });
+        }
+    }
+
+    fn done(self) -> Preflight {
+        Preflight {
+            duration_s: self.plan.duration_s(),
+            ranges: self.ranges,
+            on_target_s: self.on_target_s,
+            violations: self.violations,
+        }
+    }
+}
+
+/// From where to where a target reaches along its own X \[m\].
+fn extent_x_m(target: &Target) -> Option<(f64, f64)> {
+    let of = |outline: &SlabOutline| match outline {
+        SlabOutline::Rectangle { x0_m, x1_m, .. } => (*x0_m, *x1_m),
+        // A regular hexagon with its joints across X is sqrt(3) sides long (geometry.md).
+        SlabOutline::HexagonChain { x0_m, side_m, count } => (*x0_m, x0_m + f64::from(*count) * 3f64.sqrt() * side_m),
+        SlabOutline::Polygon { points_m } => points_m
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[0]), high.max(p[0]))),
+    };
+    target.slabs.iter().map(|s| of(&s.outline)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+impl std::fmt::Display for Preflight {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "plan of {:.2} s, simulated with the rig's model (and {COAST_S} s of coasting):", self.duration_s)?;
+        for range in &self.ranges {
+            writeln!(f, "  {:<24} {:>10.4} .. {:>10.4}", range.name, range.min, range.max)?;
+        }
+        if let Some((from, to)) = self.on_target_s {
+            writeln!(f, "  stripe on the target from {from:.2} to {to:.2} s")?;
+        }
+        for violation in &self.violations {
+            writeln!(f, "  REFUSED at {:.2} s: {}", violation.at_s, violation.what)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> Rig {
+        Rig::builtin("lshpi").unwrap()
+    }
+
+    fn plan(text: &str) -> Plan {
+        Plan::from_toml(text, "test.toml").unwrap()
+    }
+
+    #[test]
+    fn the_papers_surge_run_passes_and_goes_one_metre() {
+        let report = preflight(&rig(), &Plan::builtin("surge-4n").unwrap()).unwrap();
+        assert_eq!(report.violations, Vec::new());
+        let x = &report.ranges[0];
+        assert!(x.max - x.min > 1.0, "{x:?}");
+    }
+
+    #[test]
+    fn a_plan_that_leaves_the_target_is_refused_with_time_and_place() {
+        let report = preflight(&rig(), &plan("[[step]]\nfor_s = 60\nwrench = { surge_n = 8 }\n")).unwrap();
+        let words: Vec<_> = report.violations.iter().map(|v| v.what.as_str()).collect();
+        assert!(words.iter().any(|w| w.starts_with("stripe off the lit target")), "{words:?}");
+        assert!(words.iter().any(|w| w.starts_with("x against")), "{words:?}");
+    }
+
+    #[test]
+    fn diving_to_the_floor_is_refused() {
+        let report = preflight(&rig(), &plan("[[step]]\nfor_s = 20\nwrench = { heave_n = 8 }\n")).unwrap();
+        assert!(report.violations.iter().any(|v| v.what.starts_with("z against")), "{:?}", report.violations);
+    }
+
+    #[test]
+    fn slamming_the_thrusters_is_refused_with_the_cure() {
+        let mut rig = rig();
+        rig.thrusters.max_slew_us_per_s = 300.0;
+        let report = preflight(&rig, &Plan::builtin("surge-4n").unwrap()).unwrap();
+        assert!(report.violations.iter().any(|v| v.what.contains("slew of h_") && v.what.contains("ramp")), "{report}");
+    }
+}
