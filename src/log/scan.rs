@@ -25,6 +25,8 @@ pub(super) enum Step {
         channel: Arc<ChannelRecord>,
         message: MessageRecord,
     },
+    /// Metadata of the data section.
+    Metadata { name: String },
     /// Damage. Further steps may follow: a bad chunk does not spoil the next one.
     Damage { offset: u64, damage: Damage },
     /// The record at the end of the file is torn inside a chunk: what is there of it.
@@ -60,6 +62,7 @@ pub(super) struct Scan<R> {
     torn: Option<ChunkRecord>,
     past_data: bool,
     damaged: bool,
+    cut: bool,
     done: bool,
 }
 
@@ -92,6 +95,7 @@ impl<R: BufRead> Scan<R> {
             torn: None,
             past_data: false,
             damaged: false,
+            cut: false,
             done: false,
         }))
     }
@@ -101,6 +105,17 @@ impl<R: BufRead> Scan<R> {
         let step = self.next_inner();
         self.damaged |= matches!(step, Some(Step::Damage { .. }));
         step
+    }
+
+    /// Bytes after the last record that was read whole, when the file has no end.
+    pub fn unread_bytes(&self, file_bytes: u64) -> u64 {
+        file_bytes.saturating_sub(self.records.offset())
+    }
+
+    /// Whether the file ends inside a record that holds data: indexes and summaries hold none.
+    pub fn cut_in_data(&self) -> bool {
+        let data = !matches!(self.records.opcode(), op::MESSAGE_INDEX | op::DATA_END);
+        self.cut && data && !self.past_data
     }
 
     fn next_inner(&mut self) -> Option<Step> {
@@ -140,6 +155,7 @@ impl<R: BufRead> Scan<R> {
                 },
                 Some(Err(located)) => {
                     self.done = true;
+                    self.cut = true;
                     self.torn = self.records.take_torn();
                     self.pending = Some(located);
                 }
@@ -170,7 +186,8 @@ impl<R: BufRead> Scan<R> {
                 if self.learnt.messages == 0 {
                     self.learnt.head_metadata.push(name.clone());
                 }
-                self.learnt.metadata.insert(name, map);
+                self.learnt.metadata.insert(name.clone(), map);
+                return Ok(Some(Step::Metadata { name }));
             }
             op::ATTACHMENT => self.learnt.attachments += 1,
             op::DATA_END => {
