@@ -9,6 +9,8 @@
 //!
 //! Stripe points carry `quality` bits: 1 saturated, 2 haze corrected, 4 second candidate, 8 near step.
 
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
 use std::path::{Path, PathBuf};
 
 mod account;

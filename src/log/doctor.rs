@@ -30,7 +30,7 @@ pub struct Finding {
     /// How bad.
     pub grade: Grade,
     /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
-    /// `command_gap`, `ledger`, `clock`, `schema`, `decode`, `image`, `event`.
+    /// `command_gap`, `ledger`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
     pub check: &'static str,
     /// One sentence with the numbers.
     pub message: String,
@@ -80,7 +80,7 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
         }
     }
     let mut findings = checks.conclude(&scan.learnt);
-    findings.sort_by(|a, b| b.grade.cmp(&a.grade));
+    findings.sort_by_key(|f| std::cmp::Reverse(f.grade));
     let sound = findings.iter().all(|f| f.grade == Grade::Note);
     Ok(Diagnosis {
         path: path.to_owned(),

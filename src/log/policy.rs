@@ -6,7 +6,7 @@
 use hydroline_rigs::LogSettings;
 
 /// Part of the command flush time after which the chunk is closed.
-const CLOSE_SHARE: f64 = 0.6;
+const CLOSE_SHARE: f64 = 0.5;
 
 /// Limits of the policy.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -44,6 +44,8 @@ pub(super) struct Learnt {
     pub head_metadata: Vec<String>,
     pub messages: u64,
     pub chunks: u64,
+    /// Chunks whose writer stated no checksum: damage in them cannot be noticed.
+    pub chunks_unchecked: u64,
     pub attachments: u64,
     pub statistics: Option<StatisticsRecord>,
     pub compressions: BTreeMap<String, u64>,
@@ -174,6 +176,8 @@ impl<R: BufRead> Scan<R> {
             op::CHUNK if !self.past_data => {
                 self.learnt.chunks += 1;
                 let chunk = records::chunk(body, false)?;
+                self.learnt.chunks_unchecked +=
+                    u64::from(chunk.crc == 0 && chunk.uncompressed_bytes > 0);
                 *self
                     .learnt
                     .compressions

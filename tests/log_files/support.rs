@@ -78,6 +78,7 @@ pub fn head() -> Head {
 pub fn small_log(path: &Path, n: u32, chunk_bytes: u64, zstd_level: u32) {
     let mut settings = WriteSettings::offline(Some(PixelFormat::Grey));
     settings.limits.chunk_bytes = chunk_bytes;
+    settings.limits.chunk_age_ns = u64::MAX;
     settings.encoding.zstd_level = zstd_level;
     let mut log = FileRecorder::create(path, false, head(), settings).unwrap();
     for i in 0..n {

@@ -261,11 +261,13 @@ impl Checks {
                 "`hydroline recover` writes one with an index, if a viewer wants it",
             );
         }
-        if learnt.ended && !learnt.data_crc_stated && !ours {
-            let message =
-                "the file states no checksum over its data section; chunks have their own"
-                    .to_owned();
-            self.add(Grade::Note, "damage", None, message, "nothing to do");
+        if learnt.chunks_unchecked > 0 && !learnt.data_crc_stated {
+            let message = format!(
+                "{} of {} chunks carry no checksum: damage inside them cannot be noticed",
+                learnt.chunks_unchecked, learnt.chunks
+            );
+            let next = "have the writer state chunk checksums, or keep a checksum of the file";
+            self.add(Grade::Note, "unchecked", None, message, next);
         }
         for (check, n) in std::mem::take(&mut self.suppressed) {
             let message = format!("{n} more findings of `{check}`");
