@@ -9,10 +9,15 @@
 //!
 //! Stripe points carry `quality` bits: 1 saturated, 2 haze corrected, 4 second candidate, 8 near step.
 
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
 use std::path::{Path, PathBuf};
 
 mod account;
+pub mod doctor;
 mod entry;
+pub mod export;
+pub mod info;
 pub mod messages;
 mod part;
 pub mod policy;
@@ -20,11 +25,13 @@ pub mod queue;
 mod reader;
 mod recorder;
 mod records;
+pub mod recover;
 mod scan;
 mod sink;
 #[cfg(test)]
 pub(crate) mod testing;
 mod topic;
+pub mod trace;
 mod writer;
 
 pub use account::{Counts, FrameLedger, LogOutcome, SummaryInput};
@@ -32,7 +39,7 @@ pub use entry::Entry;
 pub use part::{Encoding, MetadataMap};
 pub use policy::Limits;
 pub use reader::{LogMessage, LogReader, Record};
-pub use recorder::{LogTime, Recorder};
+pub use recorder::{LogTime, Recorder, WeakRecorder};
 pub use sink::{FileSink, LogSink, free_bytes};
 pub use topic::{SchemaText, Topic};
 pub use writer::{
@@ -136,6 +143,28 @@ pub enum LogError {
         offset: u64,
         /// What is wrong.
         damage: records::Damage,
+    },
+    /// The new file is there already.
+    #[error("{}: exists already; recover writes a new file and replaces none: choose another --out", path.display())]
+    OutputExists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file beside the log cannot be written.
+    #[error("{}: cannot be written: {reason}", path.display())]
+    Output {
+        /// The file.
+        path: PathBuf,
+        /// What failed.
+        reason: String,
+    },
+    /// A recovered file that does not read back as it was written.
+    #[error("{}: the recovered file does not read back ({reason}) and was removed; the original is untouched", path.display())]
+    Verify {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
     },
     /// A message does not decode as its schema says.
     #[error("{}: at byte {offset}: a message of {topic} ({schema}) does not decode: {reason}", path.display())]

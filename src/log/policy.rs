@@ -5,6 +5,9 @@
 
 use hydroline_rigs::LogSettings;
 
+/// Part of the command flush time after which the chunk is closed.
+const CLOSE_SHARE: f64 = 0.5;
+
 /// Limits of the policy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
@@ -12,7 +15,7 @@ pub struct Limits {
     pub chunk_bytes: u64,
     /// Oldest open chunk \[ns\].
     pub chunk_age_ns: u64,
-    /// Longest wait of a command or event in an open chunk \[ns\]; `None` = no such hurry (offline).
+    /// Longest wait of a command or event in an open chunk before it is closed \[ns\]; `None` = no such hurry (offline).
     pub command_flush_ns: Option<u64>,
     /// Interval between syncs \[ns\]; `None` = only at the end (offline).
     pub sync_ns: Option<u64>,
@@ -26,10 +29,12 @@ impl Limits {
     /// For a live recording, from the rig's `[log]`.
     pub fn live(settings: &LogSettings) -> Self {
         let ns = |s: f64| (s.max(0.0) * 1e9) as u64;
+        // `command_flush_s` is when a command is to be in the file; compressing and writing the
+        // chunk that holds it takes its share of that.
         Self {
             chunk_bytes: settings.chunk_bytes,
             chunk_age_ns: ns(settings.chunk_age_s),
-            command_flush_ns: Some(ns(settings.command_flush_s)),
+            command_flush_ns: Some(ns(settings.command_flush_s * CLOSE_SHARE)),
             sync_ns: Some(ns(settings.sync_s)),
             rotate_bytes: settings.rotate_bytes,
             min_free_bytes: settings.min_free_bytes,
@@ -51,10 +56,10 @@ impl Limits {
 }
 
 impl Default for Limits {
-    /// The defaults of capture-and-log.md: 1 MiB, 1 s, 40 ms, 2 s, no rotation, 256 MiB kept free.
+    /// The defaults of capture-and-log.md: 1 MiB, 1 s, commands on file within 40 ms, 2 s, no rotation, 256 MiB kept free.
     fn default() -> Self {
         Self {
-            command_flush_ns: Some(40_000_000),
+            command_flush_ns: Some((40e6 * CLOSE_SHARE) as u64),
             sync_ns: Some(2_000_000_000),
             min_free_bytes: 256 << 20,
             ..Self::offline()

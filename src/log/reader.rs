@@ -117,7 +117,12 @@ impl<R: BufRead> LogReader<R> {
     }
 
     fn over(path: &Path, mut scan: Scan<R>) -> Self {
-        let peeked = scan.next();
+        let peeked = loop {
+            match scan.next() {
+                Some(Step::Metadata { .. }) => {}
+                step => break step,
+            }
+        };
         Self {
             path: path.to_owned(),
             scan,
@@ -211,7 +216,7 @@ impl<R: BufRead> Iterator for LogReader<R> {
                     }));
                 }
                 // Unchecked bytes: only `recover` looks at them.
-                Step::Torn { .. } => {}
+                Step::Torn { .. } | Step::Metadata { .. } => {}
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The live log: a cheap handle for every producer, one queue, one writer thread.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -55,6 +55,19 @@ struct Shared {
 #[derive(Clone)]
 pub struct Recorder {
     shared: Arc<Shared>,
+}
+
+/// A handle that does not keep the recording alive.
+#[derive(Clone)]
+pub struct WeakRecorder {
+    shared: Weak<Shared>,
+}
+
+impl WeakRecorder {
+    /// The recording, if it still runs.
+    pub fn upgrade(&self) -> Option<Recorder> {
+        self.shared.upgrade().map(|shared| Recorder { shared })
+    }
 }
 
 impl Recorder {
@@ -200,6 +213,18 @@ impl Recorder {
                 }
             }
         });
+    }
+
+    /// A handle that does not keep the recording alive.
+    pub fn downgrade(&self) -> WeakRecorder {
+        WeakRecorder {
+            shared: Arc::downgrade(&self.shared),
+        }
+    }
+
+    /// Host realtime of the recording's clock, UNIX \[ns\].
+    pub fn now_unix_ns(&self) -> u64 {
+        self.shared.clock.triple().realtime_ns
     }
 
     /// Live counters.

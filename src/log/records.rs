@@ -82,6 +82,7 @@ pub(super) struct Records<R> {
     offset: u64,
     hasher: crc32fast::Hasher,
     torn: Option<ChunkRecord>,
+    opcode: u8,
     done: bool,
 }
 
@@ -109,6 +110,7 @@ impl<R: BufRead> Records<R> {
             offset: magic.len() as u64,
             hasher,
             torn: None,
+            opcode: op::HEADER,
             done: false,
         }))
     }
@@ -148,13 +150,14 @@ impl<R: BufRead> Records<R> {
         if have == 0 {
             return Ok(None);
         }
+        let opcode = prefix[0];
+        self.opcode = opcode;
         if have < PREFIX_BYTES {
             return Err(Damage::Cut {
                 need: PREFIX_BYTES,
                 have,
             });
         }
-        let opcode = prefix[0];
         let len = (&prefix[1..]).get_u64_le();
         let hashed = opcode != op::DATA_END && opcode != op::FOOTER;
         if hashed {
@@ -193,6 +196,11 @@ impl<R: BufRead> Records<R> {
             opcode,
             body,
         }))
+    }
+
+    /// Opcode of the record read last, or of the one in which the file ends.
+    pub fn opcode(&self) -> u8 {
+        self.opcode
     }
 
     /// What there is of the chunk in which the file ends.

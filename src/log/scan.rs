@@ -25,6 +25,8 @@ pub(super) enum Step {
         channel: Arc<ChannelRecord>,
         message: MessageRecord,
     },
+    /// Metadata of the data section.
+    Metadata { name: String },
     /// Damage. Further steps may follow: a bad chunk does not spoil the next one.
     Damage { offset: u64, damage: Damage },
     /// The record at the end of the file is torn inside a chunk: what is there of it.
@@ -42,6 +44,8 @@ pub(super) struct Learnt {
     pub head_metadata: Vec<String>,
     pub messages: u64,
     pub chunks: u64,
+    /// Chunks whose writer stated no checksum: damage in them cannot be noticed.
+    pub chunks_unchecked: u64,
     pub attachments: u64,
     pub statistics: Option<StatisticsRecord>,
     pub compressions: BTreeMap<String, u64>,
@@ -60,6 +64,7 @@ pub(super) struct Scan<R> {
     torn: Option<ChunkRecord>,
     past_data: bool,
     damaged: bool,
+    cut: bool,
     done: bool,
 }
 
@@ -92,6 +97,7 @@ impl<R: BufRead> Scan<R> {
             torn: None,
             past_data: false,
             damaged: false,
+            cut: false,
             done: false,
         }))
     }
@@ -101,6 +107,17 @@ impl<R: BufRead> Scan<R> {
         let step = self.next_inner();
         self.damaged |= matches!(step, Some(Step::Damage { .. }));
         step
+    }
+
+    /// Bytes after the last record that was read whole, when the file has no end.
+    pub fn unread_bytes(&self, file_bytes: u64) -> u64 {
+        file_bytes.saturating_sub(self.records.offset())
+    }
+
+    /// Whether the file ends inside a record that holds data: indexes and summaries hold none.
+    pub fn cut_in_data(&self) -> bool {
+        let data = !matches!(self.records.opcode(), op::MESSAGE_INDEX | op::DATA_END);
+        self.cut && data && !self.past_data
     }
 
     fn next_inner(&mut self) -> Option<Step> {
@@ -140,6 +157,7 @@ impl<R: BufRead> Scan<R> {
                 },
                 Some(Err(located)) => {
                     self.done = true;
+                    self.cut = true;
                     self.torn = self.records.take_torn();
                     self.pending = Some(located);
                 }
@@ -158,6 +176,8 @@ impl<R: BufRead> Scan<R> {
             op::CHUNK if !self.past_data => {
                 self.learnt.chunks += 1;
                 let chunk = records::chunk(body, false)?;
+                self.learnt.chunks_unchecked +=
+                    u64::from(chunk.crc == 0 && chunk.uncompressed_bytes > 0);
                 *self
                     .learnt
                     .compressions
@@ -170,7 +190,8 @@ impl<R: BufRead> Scan<R> {
                 if self.learnt.messages == 0 {
                     self.learnt.head_metadata.push(name.clone());
                 }
-                self.learnt.metadata.insert(name, map);
+                self.learnt.metadata.insert(name.clone(), map);
+                return Ok(Some(Step::Metadata { name }));
             }
             op::ATTACHMENT => self.learnt.attachments += 1,
             op::DATA_END => {

@@ -1,0 +1,129 @@
+//! Is a log sound? Every check that can be made from the file alone, with what to do next.
+
+mod checks;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::LogError;
+use super::reader::decode;
+use super::scan::{self, Step};
+use checks::Checks;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grade {
+    /// Worth knowing.
+    Note,
+    /// Use with care.
+    Warning,
+    /// Something is damaged or missing.
+    Error,
+}
+
+/// One thing found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// How bad.
+    pub grade: Grade,
+    /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
+    /// `command_gap`, `ledger`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
+    pub check: &'static str,
+    /// One sentence with the numbers.
+    pub message: String,
+    /// What to do about it.
+    pub next_step: String,
+    /// Where in the file.
+    pub offset: Option<u64>,
+}
+
+/// Everything found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// File.
+    pub path: PathBuf,
+    /// Messages read.
+    pub messages: u64,
+    /// Worst first.
+    pub findings: Vec<Finding>,
+    /// No finding worse than a note.
+    pub sound: bool,
+}
+
+/// Examines a log. Damage is a finding, not an error.
+///
+/// # Errors
+/// [`LogError::Read`], [`LogError::NotMcap`].
+pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
+    let mut scan = scan::open(path)?;
+    let mut checks = Checks::default();
+    let mut info = None;
+    while let Some(step) = scan.next() {
+        match step {
+            Step::Message {
+                offset,
+                channel,
+                message,
+            } => {
+                let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+                checks.message(offset, &channel, &schema, message.log_ns);
+                match decode(&channel, &schema, message, &mut info) {
+                    Ok(record) => checks.record(offset, &record),
+                    Err(reason) => checks.undecodable(offset, &channel.topic, &schema, &reason),
+                }
+            }
+            Step::Damage { offset, damage } => checks.damage(offset, &damage),
+            Step::Torn { .. } | Step::Metadata { .. } => {}
+        }
+    }
+    let mut findings = checks.conclude(&scan.learnt);
+    findings.sort_by_key(|f| std::cmp::Reverse(f.grade));
+    let sound = findings.iter().all(|f| f.grade == Grade::Note);
+    Ok(Diagnosis {
+        path: path.to_owned(),
+        messages: scan.learnt.messages,
+        findings,
+        sound,
+    })
+}
+
+impl Diagnosis {
+    /// Whether a check found something at least this bad.
+    pub fn found(&self, check: &str, at_least: Grade) -> bool {
+        self.findings
+            .iter()
+            .any(|f| f.check == check && f.grade >= at_least)
+    }
+}
+
+impl fmt::Display for Diagnosis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = if self.sound { "sound" } else { "NOT sound" };
+        writeln!(
+            f,
+            "{}: {} messages, {verdict}",
+            self.path.display(),
+            self.messages
+        )?;
+        for finding in &self.findings {
+            let grade = match finding.grade {
+                Grade::Note => "note",
+                Grade::Warning => "WARNING",
+                Grade::Error => "ERROR",
+            };
+            let place = finding
+                .offset
+                .map_or_else(String::new, |o| format!(" (byte {o})"));
+            writeln!(
+                f,
+                "  {grade}: {}: {}{place}",
+                finding.check, finding.message
+            )?;
+            writeln!(f, "      -> {}", finding.next_step)?;
+        }
+        Ok(())
+    }
+}

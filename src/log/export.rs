@@ -1,0 +1,307 @@
+//! A log as CSV per topic and PNG per frame, for tools that read no MCAP.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::LogError;
+use super::messages::{Stamped, pb};
+use super::reader::{LogReader, Record};
+use crate::frame::Frame;
+
+/// What to write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ExportOptions {
+    /// CSV per topic.
+    pub tables: bool,
+    /// PNG per frame (8-bit luma).
+    pub frames: bool,
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Exported {
+    /// Rows by file.
+    pub rows: BTreeMap<PathBuf, u64>,
+    /// PNG files.
+    pub frames: u64,
+    /// Frames without an image (marked faulty or not decodable).
+    pub frames_skipped: u64,
+}
+
+/// Writes the tables and frames of `log` into the directory `into`, which is made if need be.
+///
+/// # Errors
+/// Damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
+pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
+    let output = |path: &Path, reason: String| LogError::Output {
+        path: path.to_owned(),
+        reason,
+    };
+    std::fs::create_dir_all(into).map_err(|e| output(into, e.to_string()))?;
+    let mut tables = Tables {
+        into,
+        open: BTreeMap::new(),
+        rows: BTreeMap::new(),
+    };
+    let mut done = Exported::default();
+    let mut row = String::new();
+    for message in LogReader::open(log)? {
+        let message = message?;
+        if let (Record::Frame(frame), true) = (&message.record, options.frames) {
+            match save(frame, into) {
+                Ok(true) => done.frames += 1,
+                Ok(false) => done.frames_skipped += 1,
+                Err((path, reason)) => return Err(output(&path, reason)),
+            }
+        }
+        if options.tables
+            && let Some((name, header)) = table(&message.record)
+        {
+            row.clear();
+            if rows(&message.record, message.log_ns, &mut row) {
+                tables.write(name, header, &row)?;
+            }
+        }
+    }
+    done.rows = tables.finish()?;
+    Ok(done)
+}
+
+struct Tables<'a> {
+    into: &'a Path,
+    open: BTreeMap<&'static str, BufWriter<File>>,
+    rows: BTreeMap<PathBuf, u64>,
+}
+
+impl Tables<'_> {
+    fn write(&mut self, name: &'static str, header: &str, rows: &str) -> Result<(), LogError> {
+        let path = self.into.join(name);
+        let failed = |e: std::io::Error| LogError::Output {
+            path: path.clone(),
+            reason: e.to_string(),
+        };
+        if !self.open.contains_key(name) {
+            let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
+            writeln!(file, "{header}").map_err(failed)?;
+            self.open.insert(name, file);
+        }
+        if let Some(file) = self.open.get_mut(name) {
+            file.write_all(rows.as_bytes()).map_err(failed)?;
+        }
+        *self.rows.entry(path).or_default() += rows.lines().count() as u64;
+        Ok(())
+    }
+
+    fn finish(self) -> Result<BTreeMap<PathBuf, u64>, LogError> {
+        for (name, mut file) in self.open {
+            let path = self.into.join(name);
+            file.flush().map_err(|e| LogError::Output {
+                path,
+                reason: e.to_string(),
+            })?;
+        }
+        Ok(self.rows)
+    }
+}
+
+const COMMANDS: &str =
+    "log_ns,timestamp_ns,sequence,thruster,thrust_n,pulse_us,due_ns,plan_step,cause";
+const ECHOES: &str =
+    "log_ns,timestamp_ns,sequence,thruster,pulse_us,controller_time_us,round_trip_s,errors";
+const MOTION: &str = "log_ns,timestamp_ns,x_m,y_m,z_m,phi_rad,theta_rad,psi_rad,\
+u_mps,v_mps,w_mps,p_radps,q_radps,r_radps,covariance";
+const PROFILES: &str = "log_ns,timestamp_ns,sequence,column_px,row_px,peak,sd_px,sigma_px,quality,\
+xi_m,eta_m,xi_sd_m,eta_sd_m";
+const CLOCK: &str = "log_ns,monotonic_ns,realtime_ns,boottime_ns,bracket_ns,offset_us,offset_sd_us,\
+drift_ppm,drift_sd_ppm,round_trip_us,round_trip_spread_us,samples,host_epoch_ns,controller_epoch_us";
+const EVENTS: &str = "log_ns,timestamp_ns,severity,kind,message,values";
+const FRAMES: &str = "log_ns,timestamp_ns,sequence,frame_index,driver_stamp_ns,driver_clock,stamp_source,\
+v4l2_flags,received_monotonic_ns,exposure_s,fault,sequence_gap_before,time_gap_before,bytes_used";
+
+fn table(record: &Record) -> Option<(&'static str, &'static str)> {
+    Some(match record {
+        Record::Command(_) => ("commands.csv", COMMANDS),
+        Record::Echo(_) => ("echoes.csv", ECHOES),
+        Record::Motion(_) => ("motion.csv", MOTION),
+        Record::Truth(_) => ("truth.csv", MOTION),
+        Record::Profile(_) => ("profiles.csv", PROFILES),
+        Record::Clock(_) => ("clock.csv", CLOCK),
+        Record::Event(_) => ("events.csv", EVENTS),
+        Record::FrameInfo(_) => ("frames.csv", FRAMES),
+        _ => return None,
+    })
+}
+
+/// Cells of a row, separated by commas.
+struct Row<'a>(&'a mut String);
+
+impl Row<'_> {
+    fn cell(&mut self, value: impl std::fmt::Display) -> &mut Self {
+        let _ = write!(self.0, "{value},");
+        self
+    }
+    fn maybe(&mut self, value: Option<impl std::fmt::Display>) -> &mut Self {
+        match value {
+            Some(v) => self.cell(v),
+            None => self.cell(""),
+        }
+    }
+    /// RFC 4180: quoted where it must be.
+    fn text(&mut self, value: &str) -> &mut Self {
+        // Line breaks inside a cell are legal but break line-based tools.
+        let value = value.replace(['\n', '\r'], " ");
+        if value.contains([',', '"']) {
+            self.cell(format_args!("\"{}\"", value.replace('"', "\"\"")))
+        } else {
+            self.cell(value)
+        }
+    }
+    fn end(&mut self) {
+        self.0.pop();
+        self.0.push('\n');
+    }
+}
+
+/// Appends the rows of a record; one per message, one per point for a profile.
+fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
+    let stamp = |t: Option<u64>| t.unwrap_or(log_ns);
+    let before = out.len();
+    let mut row = Row(out);
+    match record {
+        Record::Command(c) => {
+            row.cell(log_ns)
+                .cell(stamp(c.stamp_ns()))
+                .cell(c.sequence)
+                .text(&c.thruster);
+            row.cell(c.thrust_n)
+                .cell(c.pulse_us)
+                .cell(c.due_ns)
+                .cell(c.plan_step)
+                .text(&c.cause);
+            row.end();
+        }
+        Record::Echo(e) => {
+            row.cell(log_ns)
+                .cell(stamp(e.stamp_ns()))
+                .cell(e.sequence)
+                .text(&e.thruster);
+            row.cell(e.pulse_us)
+                .cell(e.controller_time_us)
+                .cell(e.round_trip_s)
+                .cell(e.errors);
+            row.end();
+        }
+        Record::Motion(m) | Record::Truth(m) => motion(m, log_ns, stamp(m.stamp_ns()), &mut row),
+        Record::Profile(p) => profile(p, log_ns, stamp(p.stamp_ns()), &mut row),
+        Record::Clock(c) => {
+            row.cell(log_ns)
+                .cell(c.monotonic_ns)
+                .cell(c.realtime_ns)
+                .cell(c.boottime_ns)
+                .cell(c.bracket_ns);
+            let k = c.controller.as_ref();
+            row.maybe(k.map(|k| k.offset_us))
+                .maybe(k.map(|k| k.offset_sd_us));
+            row.maybe(k.map(|k| k.drift_ppm))
+                .maybe(k.map(|k| k.drift_sd_ppm));
+            row.maybe(k.map(|k| k.round_trip_us))
+                .maybe(k.map(|k| k.round_trip_spread_us));
+            row.maybe(k.map(|k| k.samples))
+                .maybe(k.map(|k| k.host_epoch_ns));
+            row.maybe(k.map(|k| k.controller_epoch_us));
+            row.end();
+        }
+        Record::Event(e) => {
+            let severity = format!("{:?}", super::messages::event_severity(e)).to_lowercase();
+            let values: Vec<String> = e.values.iter().map(|(k, v)| format!("{k}={v}")).collect();
+            row.cell(log_ns)
+                .cell(stamp(e.stamp_ns()))
+                .cell(severity)
+                .text(&e.kind);
+            row.text(&e.message).text(&values.join(" "));
+            row.end();
+        }
+        Record::FrameInfo(f) => {
+            row.cell(log_ns)
+                .cell(stamp(f.stamp_ns()))
+                .cell(f.sequence)
+                .cell(f.frame_index);
+            row.cell(f.driver_stamp_ns)
+                .text(&f.driver_clock)
+                .text(&f.stamp_source)
+                .cell(f.v4l2_flags);
+            row.cell(f.received_monotonic_ns)
+                .cell(f.exposure_s)
+                .text(&f.fault);
+            row.cell(f.sequence_gap_before)
+                .cell(f.time_gap_before)
+                .cell(f.bytes_used);
+            row.end();
+        }
+        _ => {}
+    }
+    out.len() > before
+}
+
+fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
+    row.cell(log_ns).cell(stamp_ns);
+    for value in [
+        m.x_m,
+        m.y_m,
+        m.z_m,
+        m.phi_rad,
+        m.theta_rad,
+        m.psi_rad,
+        m.u_mps,
+        m.v_mps,
+        m.w_mps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
+    ] {
+        row.maybe(value);
+    }
+    let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();
+    row.text(&covariance.join(" "));
+    row.end();
+}
+
+fn profile(p: &pb::StripeProfile, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
+    for (i, column) in p.column_px.iter().enumerate() {
+        row.cell(log_ns)
+            .cell(stamp_ns)
+            .cell(p.sequence)
+            .cell(column);
+        for values in [&p.row_px, &p.peak, &p.sd_px, &p.sigma_px] {
+            row.maybe(values.get(i));
+        }
+        row.maybe(p.quality.get(i));
+        for values in [&p.xi_m, &p.eta_m, &p.xi_sd_m, &p.eta_sd_m] {
+            row.maybe(values.get(i));
+        }
+        row.end();
+    }
+}
+
+/// `frame_<sequence>_<mid-exposure, UNIX ns>.png`; false when the frame holds no image.
+fn save(frame: &Frame, into: &Path) -> Result<bool, (PathBuf, String)> {
+    let Ok(grey) = frame.to_grey() else {
+        return Ok(false);
+    };
+    let meta = &frame.meta;
+    let path = into.join(format!(
+        "frame_{:08}_{}.png",
+        meta.sequence, meta.mid_exposure_ns
+    ));
+    let (w, h) = (grey.width_px as u32, grey.height_px as u32);
+    if w == 0 || h == 0 {
+        return Ok(false);
+    }
+    let saved = image::save_buffer(&path, &grey.pixels, w, h, image::ColorType::L8);
+    saved.map(|()| true).map_err(|e| (path, e.to_string()))
+}

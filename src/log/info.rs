@@ -1,0 +1,214 @@
+//! What is in a log.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::LogError;
+use super::part::MetadataMap;
+use super::scan::{self, Step};
+
+/// How the file ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Whole, and its summary says the recording was stopped in order.
+    Clean,
+    /// Whole, but its summary says that something ended the recording.
+    Stopped,
+    /// Whole; made elsewhere, without a hydroline summary.
+    Whole,
+    /// Cut or without footer: the writer did not get to the end.
+    Cut,
+}
+
+/// One topic.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TopicInfo {
+    /// Topic.
+    pub topic: String,
+    /// Schema name, "" without one.
+    pub schema: String,
+    /// Message encoding.
+    pub encoding: String,
+    /// Messages.
+    pub messages: u64,
+    /// First log time, UNIX \[ns\].
+    pub first_ns: u64,
+    /// Last log time, UNIX \[ns\].
+    pub last_ns: u64,
+    /// Mean rate between first and last \[1/s\]; `None` with fewer than two times.
+    pub rate_hz: Option<f64>,
+    /// Bytes of the messages themselves.
+    pub bytes: u64,
+}
+
+/// A log in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Info {
+    /// File.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// Library that wrote it.
+    pub library: String,
+    /// MCAP profile.
+    pub profile: String,
+    /// How it ends.
+    pub ending: Ending,
+    /// Messages read.
+    pub messages: u64,
+    /// Chunks.
+    pub chunks: u64,
+    /// Attachments.
+    pub attachments: u64,
+    /// Chunks by compression ("" = none).
+    pub compression: BTreeMap<String, u64>,
+    /// First log time, UNIX \[ns\]; 0 without messages.
+    pub start_ns: u64,
+    /// Last log time, UNIX \[ns\]; 0 without messages.
+    pub end_ns: u64,
+    /// Their difference \[s\].
+    pub duration_s: f64,
+    /// Topics with messages, by name.
+    pub topics: Vec<TopicInfo>,
+    /// All metadata.
+    pub metadata: BTreeMap<String, MetadataMap>,
+    /// What is damaged, with its offset.
+    pub damage: Vec<(u64, String)>,
+}
+
+/// Reads the whole file and counts. Damage is reported in the result, not as an error.
+///
+/// # Errors
+/// [`LogError::Read`], [`LogError::NotMcap`].
+pub fn info(path: &Path) -> Result<Info, LogError> {
+    let mut scan = scan::open(path)?;
+    let bytes = std::fs::metadata(path)
+        .map_err(|source| LogError::Read {
+            path: path.to_owned(),
+            source,
+        })?
+        .len();
+    let mut topics: BTreeMap<(String, u16), TopicInfo> = BTreeMap::new();
+    let (mut damage, mut cut) = (Vec::new(), false);
+    while let Some(step) = scan.next() {
+        match step {
+            Step::Message {
+                channel, message, ..
+            } => {
+                let schema = scan.learnt.declared.schema_name(&channel);
+                let key = (channel.topic.clone(), channel.schema_id);
+                let t = topics.entry(key).or_insert_with(|| TopicInfo {
+                    topic: channel.topic.clone(),
+                    schema: schema.to_owned(),
+                    encoding: channel.message_encoding.clone(),
+                    messages: 0,
+                    first_ns: message.log_ns,
+                    last_ns: message.log_ns,
+                    rate_hz: None,
+                    bytes: 0,
+                });
+                t.messages += 1;
+                t.bytes += message.data.len() as u64;
+                t.first_ns = t.first_ns.min(message.log_ns);
+                t.last_ns = t.last_ns.max(message.log_ns);
+            }
+            Step::Damage { offset, damage: d } => {
+                cut |= d.is_missing_end();
+                damage.push((offset, d.to_string()));
+            }
+            Step::Torn { .. } | Step::Metadata { .. } => {}
+        }
+    }
+    let mut topics: Vec<TopicInfo> = topics.into_values().collect();
+    for t in &mut topics {
+        let span_s = (t.last_ns - t.first_ns) as f64 / 1e9;
+        t.rate_hz = (t.messages > 1 && span_s > 0.0).then(|| (t.messages - 1) as f64 / span_s);
+    }
+    let start_ns = topics.iter().map(|t| t.first_ns).min().unwrap_or(0);
+    let end_ns = topics.iter().map(|t| t.last_ns).max().unwrap_or(0);
+    let learnt = scan.learnt;
+    let stop_clean = learnt
+        .metadata
+        .get("summary")
+        .and_then(|m| m.get("stop.clean"));
+    let ending = match stop_clean.map(String::as_str) {
+        _ if cut || !learnt.ended => Ending::Cut,
+        Some("true") => Ending::Clean,
+        Some(_) => Ending::Stopped,
+        None => Ending::Whole,
+    };
+    Ok(Info {
+        path: path.to_owned(),
+        bytes,
+        library: learnt.library,
+        profile: learnt.profile,
+        ending,
+        messages: learnt.messages,
+        chunks: learnt.chunks,
+        attachments: learnt.attachments,
+        compression: learnt.compressions,
+        start_ns,
+        end_ns,
+        duration_s: (end_ns - start_ns) as f64 / 1e9,
+        topics,
+        metadata: learnt.metadata,
+        damage,
+    })
+}
+
+impl fmt::Display for Info {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.path.display())?;
+        writeln!(f, "  written by   {}", self.library)?;
+        if !self.profile.is_empty() {
+            writeln!(f, "  profile      {}", self.profile)?;
+        }
+        writeln!(
+            f,
+            "  size         {:.3} MB in {} chunks",
+            self.bytes as f64 / 1e6,
+            self.chunks
+        )?;
+        writeln!(
+            f,
+            "  duration     {:.3} s from {} ns (UNIX)",
+            self.duration_s, self.start_ns
+        )?;
+        writeln!(f, "  messages     {}", self.messages)?;
+        let ending = match self.ending {
+            Ending::Clean => "clean",
+            Ending::Stopped => "whole, but the recording was stopped (see summary)",
+            Ending::Whole => "whole",
+            Ending::Cut => "CUT: the writer did not get to the end; see `hydroline doctor`",
+        };
+        writeln!(f, "  end          {ending}")?;
+        let wide = self.topics.iter().map(|t| t.topic.len()).max().unwrap_or(0);
+        for t in &self.topics {
+            let rate = t
+                .rate_hz
+                .map_or_else(|| "-".to_owned(), |r| format!("{r:.2}/s"));
+            writeln!(
+                f,
+                "  {:wide$}  {:>8}  {rate:>10}  {} [{}]",
+                t.topic, t.messages, t.schema, t.encoding
+            )?;
+        }
+        for (name, map) in &self.metadata {
+            writeln!(f, "  metadata `{name}`")?;
+            for (key, value) in map {
+                match value.lines().count() {
+                    0 | 1 => writeln!(f, "    {key} = {value}")?,
+                    lines => writeln!(f, "    {key}: {lines} lines")?,
+                }
+            }
+        }
+        for (offset, damage) in &self.damage {
+            writeln!(f, "  DAMAGE at byte {offset}: {damage}")?;
+        }
+        Ok(())
+    }
+}

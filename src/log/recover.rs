@@ -1,0 +1,382 @@
+//! Mends a cut or damaged log into a new file and proves that it did.
+//!
+//! The original is opened for reading only. What is sound is copied: closed chunks whose checksum
+//! holds, records outside chunks, and, from a chunk in which the file ends, every message whose
+//! last byte was still decompressed. The new file is then read again and compared.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, op};
+use serde::Serialize;
+
+use super::LogError;
+use super::part::MetadataMap;
+use super::reader::decode;
+use super::records::{self, ChannelRecord, ChunkRecord, MessageRecord};
+use super::scan::{self, FileScan, Step};
+
+/// What was recovered and what was not.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recovery {
+    /// The original, untouched.
+    pub input: PathBuf,
+    /// The new file.
+    pub output: PathBuf,
+    /// Size of the original.
+    pub input_bytes: u64,
+    /// Size of the new file.
+    pub output_bytes: u64,
+    /// Messages in the new file by topic.
+    pub messages: BTreeMap<String, u64>,
+    /// Their sum.
+    pub messages_total: u64,
+    /// How many of them come from the torn last chunk.
+    pub from_torn_chunk: u64,
+    /// What was damaged, with its offset.
+    pub damage: Vec<(u64, String)>,
+    /// Bytes at the end that gave nothing.
+    pub unread_bytes: u64,
+    /// Attachments, which are not copied.
+    pub attachments_left: u64,
+    /// Whether the original had its end and nothing was damaged.
+    pub was_whole: bool,
+    /// Whether data that was in the original is not in the new file (exit code 3).
+    pub lossy: bool,
+}
+
+/// Recovers `input` into the new file `output`.
+///
+/// # Errors
+/// [`LogError::OutputExists`]; [`LogError::Read`] and [`LogError::NotMcap`] for the input;
+/// [`LogError::Output`]; [`LogError::Verify`] when the result does not read back (it is removed).
+pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
+    let read = |source| LogError::Read {
+        path: input.to_owned(),
+        source,
+    };
+    let scan = scan::open(input)?;
+    let input_bytes = std::fs::metadata(input).map_err(read)?.len();
+    let file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(output)
+        .map_err(|e| match e.kind() {
+            std::io::ErrorKind::AlreadyExists => LogError::OutputExists {
+                path: output.to_owned(),
+            },
+            _ => LogError::Output {
+                path: output.to_owned(),
+                reason: e.to_string(),
+            },
+        })?;
+    let result = copy(scan, input, output, file, input_bytes).and_then(|(recovery, digest)| {
+        verify(output, recovery.messages_total, digest)?;
+        Ok(recovery)
+    });
+    if result.is_err() {
+        // Made by this call, so nobody else's; half a recovery is worse than none.
+        std::fs::remove_file(output).ok();
+    }
+    result
+}
+
+/// Order-dependent checksum over all messages, names and times.
+#[derive(Default)]
+struct Digest(crc32fast::Hasher);
+
+impl Digest {
+    fn add(&mut self, channel: &ChannelRecord, schema: &str, m: &MessageRecord) {
+        for text in [
+            channel.topic.as_str(),
+            schema,
+            channel.message_encoding.as_str(),
+        ] {
+            self.0.update(text.as_bytes());
+            self.0.update(&[0]);
+        }
+        self.0.update(&m.sequence.to_le_bytes());
+        self.0.update(&m.log_ns.to_le_bytes());
+        self.0.update(&m.publish_ns.to_le_bytes());
+        self.0.update(&(m.data.len() as u64).to_le_bytes());
+        self.0.update(&m.data);
+    }
+}
+
+struct Copy {
+    writer: mcap::Writer<BufWriter<File>>,
+    channels: BTreeMap<u16, u16>,
+    digest: Digest,
+    messages: BTreeMap<String, u64>,
+    total: u64,
+}
+
+impl Copy {
+    fn message(
+        &mut self,
+        scan: &FileScan,
+        channel: &ChannelRecord,
+        m: &MessageRecord,
+    ) -> Result<(), mcap::McapError> {
+        let id = match self.channels.get(&channel.id) {
+            Some(id) => *id,
+            None => {
+                let schema = match scan.learnt.declared.schemas.get(&channel.schema_id) {
+                    Some(s) => self.writer.add_schema(&s.name, &s.encoding, &s.data)?,
+                    None => 0,
+                };
+                let (topic, encoding) = (&channel.topic, &channel.message_encoding);
+                let id = self
+                    .writer
+                    .add_channel(schema, topic, encoding, &channel.metadata)?;
+                self.channels.insert(channel.id, id);
+                id
+            }
+        };
+        let header = MessageHeader {
+            channel_id: id,
+            sequence: m.sequence,
+            log_time: m.log_ns,
+            publish_time: m.publish_ns,
+        };
+        self.writer.write_to_known_channel(&header, &m.data)?;
+        self.digest
+            .add(channel, scan.learnt.declared.schema_name(channel), m);
+        *self.messages.entry(channel.topic.clone()).or_default() += 1;
+        self.total += 1;
+        Ok(())
+    }
+
+    fn metadata(&mut self, name: &str, metadata: MetadataMap) -> Result<(), mcap::McapError> {
+        let name = name.to_owned();
+        self.writer
+            .write_metadata(&mcap::write::Metadata { name, metadata })
+    }
+}
+
+fn copy(
+    mut scan: FileScan,
+    input: &Path,
+    output: &Path,
+    file: File,
+    input_bytes: u64,
+) -> Result<(Recovery, u32), LogError> {
+    let out = |e: mcap::McapError| LogError::Output {
+        path: output.to_owned(),
+        reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
+    };
+    // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
+    let mut head = Vec::new();
+    let first = loop {
+        match scan.next() {
+            Some(Step::Metadata { name }) if scan.learnt.chunks == 0 => head.push(name),
+            step => break step,
+        }
+    };
+    let compressed = scan.learnt.compressions.keys().any(|c| !c.is_empty());
+    let writer = mcap::WriteOptions::new()
+        .profile(scan.learnt.profile.clone())
+        .library(concat!("hydroline ", env!("CARGO_PKG_VERSION"), " recover"))
+        .compression(compressed.then_some(mcap::Compression::Zstd))
+        .compression_level(1)
+        .compression_threads(0)
+        .create(BufWriter::with_capacity(1 << 20, file))
+        .map_err(out)?;
+    let (channels, messages) = (BTreeMap::new(), BTreeMap::new());
+    let mut copy = Copy {
+        writer,
+        channels,
+        digest: Digest::default(),
+        messages,
+        total: 0,
+    };
+    for name in head {
+        let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
+        copy.metadata(&name, map).map_err(out)?;
+    }
+    let mut damage = Vec::new();
+    let (mut from_torn, mut spoilt) = (0, false);
+    let mut step = first;
+    while let Some(now) = step {
+        match now {
+            Step::Message {
+                channel, message, ..
+            } => copy.message(&scan, &channel, &message).map_err(out)?,
+            Step::Metadata { name } => {
+                let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
+                copy.metadata(&name, map).map_err(out)?;
+            }
+            Step::Torn { chunk } => {
+                from_torn += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
+            }
+            Step::Damage { offset, damage: d } => {
+                spoilt |= !d.is_missing_end();
+                damage.push((offset, d.to_string()));
+            }
+        }
+        step = scan.next();
+    }
+    let was_whole = scan.learnt.ended && damage.is_empty();
+    let unread_bytes = if was_whole {
+        0
+    } else {
+        scan.unread_bytes(input_bytes)
+    };
+    let mut note = MetadataMap::from([
+        ("from".to_owned(), input.display().to_string()),
+        ("input_bytes".to_owned(), input_bytes.to_string()),
+        ("messages".to_owned(), copy.total.to_string()),
+        ("messages_from_torn_chunk".to_owned(), from_torn.to_string()),
+        ("unread_bytes".to_owned(), unread_bytes.to_string()),
+    ]);
+    for (n, (offset, text)) in damage.iter().take(100).enumerate() {
+        note.insert(format!("damage.{n:03}"), format!("byte {offset}: {text}"));
+    }
+    copy.metadata("recovered", note).map_err(out)?;
+    copy.writer.finish().map_err(out)?;
+    let io = |e: std::io::Error| LogError::Output {
+        path: output.to_owned(),
+        reason: e.to_string(),
+    };
+    let mut buffered = copy.writer.into_inner();
+    buffered.flush().map_err(io)?;
+    buffered.get_ref().sync_all().map_err(io)?;
+    let output_bytes = buffered.get_ref().metadata().map_err(io)?.len();
+    let recovery = Recovery {
+        input: input.to_owned(),
+        output: output.to_owned(),
+        input_bytes,
+        output_bytes,
+        messages: copy.messages,
+        messages_total: copy.total,
+        from_torn_chunk: from_torn,
+        damage,
+        unread_bytes,
+        attachments_left: scan.learnt.attachments,
+        was_whole,
+        lossy: spoilt || scan.cut_in_data() || scan.learnt.attachments > 0,
+    };
+    Ok((recovery, copy.digest.0.finalize()))
+}
+
+/// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
+/// compressed or not, so a record whose last byte is there is as it was; ours must decode, too.
+fn salvage(
+    chunk: &ChunkRecord,
+    scan: &mut FileScan,
+    copy: &mut Copy,
+) -> Result<u64, mcap::McapError> {
+    let (mut content, _) = chunk.decompress();
+    let (mut info, mut salvaged) = (None, 0);
+    while let Some(Ok((opcode, body))) = records::next_inner(&mut content) {
+        match opcode {
+            op::SCHEMA => {
+                if let Ok(schema) = records::schema(&body) {
+                    scan.learnt.declared.add_schema(schema).ok();
+                }
+            }
+            op::CHANNEL => {
+                if let Ok(channel) = records::channel(&body) {
+                    scan.learnt.declared.add_channel(channel).ok();
+                }
+            }
+            op::MESSAGE => {
+                let Ok(message) = records::message(&body) else {
+                    continue;
+                };
+                let Some(channel) = scan
+                    .learnt
+                    .declared
+                    .channels
+                    .get(&message.channel_id)
+                    .cloned()
+                else {
+                    continue;
+                };
+                let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+                if decode(&channel, &schema, message.clone(), &mut info).is_ok() {
+                    copy.message(scan, &channel, &message)?;
+                    salvaged += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(salvaged)
+}
+
+fn verify(output: &Path, messages: u64, digest: u32) -> Result<(), LogError> {
+    let failed = |reason: String| LogError::Verify {
+        path: output.to_owned(),
+        reason,
+    };
+    let mut scan = scan::open(output)?;
+    let mut again = Digest::default();
+    while let Some(step) = scan.next() {
+        match step {
+            Step::Message {
+                channel, message, ..
+            } => {
+                again.add(
+                    &channel,
+                    scan.learnt.declared.schema_name(&channel),
+                    &message,
+                );
+            }
+            Step::Damage { offset, damage } => {
+                return Err(failed(format!("at byte {offset}: {damage}")));
+            }
+            Step::Torn { .. } | Step::Metadata { .. } => {}
+        }
+    }
+    if scan.learnt.messages != messages {
+        return Err(failed(format!(
+            "{messages} messages written, {} read",
+            scan.learnt.messages
+        )));
+    }
+    if again.0.finalize() != digest {
+        return Err(failed(
+            "the messages read differ from those written".to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+impl fmt::Display for Recovery {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} -> {}", self.input.display(), self.output.display())?;
+        writeln!(
+            f,
+            "  {} messages recovered and verified, {} of them from the torn last chunk",
+            self.messages_total, self.from_torn_chunk
+        )?;
+        for (topic, n) in &self.messages {
+            writeln!(f, "  {topic}  {n}")?;
+        }
+        for (offset, damage) in &self.damage {
+            writeln!(f, "  at byte {offset}: {damage}")?;
+        }
+        if self.unread_bytes > 0 {
+            writeln!(
+                f,
+                "  {} bytes from the damage on gave no message",
+                self.unread_bytes
+            )?;
+        }
+        if self.attachments_left > 0 {
+            writeln!(f, "  {} attachments were not copied", self.attachments_left)?;
+        }
+        let verdict = match (self.was_whole, self.lossy) {
+            (true, _) => "the original was whole",
+            (_, false) => {
+                "nothing that was in the file is lost; what was still in memory when the writer died was never in it"
+            }
+            (_, true) => "something that was in the file is lost",
+        };
+        writeln!(f, "  {verdict}; the original is untouched")
+    }
+}
