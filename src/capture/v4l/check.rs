@@ -1,0 +1,109 @@
+//! Is a buffer a frame? Damaged ones are kept, marked, and excluded from analysis.
+
+use hydroline_rigs::PixelFormat;
+
+use super::device::{BufferInfo, PixFormat};
+use super::setup::bytes_per_px;
+use super::stamp::flags;
+use crate::frame::FrameFault;
+
+/// A buffer that the driver gave back without a frame in it (EPIPE on the endpoint): no bytes, no stamp, no number.
+pub fn is_void(info: &BufferInfo) -> bool {
+    info.flags & flags::ERROR != 0 && info.bytes_used == 0 && info.stamp_ns == 0
+}
+
+/// What is wrong with this frame, the gravest first.
+pub fn fault(
+    kind: PixelFormat,
+    format: &PixFormat,
+    info: &BufferInfo,
+    data: &[u8],
+    stale: bool,
+) -> Option<FrameFault> {
+    if info.flags & flags::ERROR != 0 {
+        return Some(FrameFault::DriverError);
+    }
+    if kind == PixelFormat::Mjpg {
+        if !is_whole_jpeg(data) {
+            return Some(FrameFault::BrokenJpeg);
+        }
+    } else {
+        let last_row = u64::from(format.width_px) * u64::from(bytes_per_px(kind));
+        let rows_before = u64::from(format.height_px.saturating_sub(1));
+        if (data.len() as u64) < u64::from(format.stride_bytes) * rows_before + last_row {
+            return Some(FrameFault::Truncated);
+        }
+    }
+    stale.then_some(FrameFault::Stale)
+}
+
+/// SOI at the start and EOI at the end (ITU-T T.81, B.1.1.3). Some cameras pad with zeros behind it.
+fn is_whole_jpeg(data: &[u8]) -> bool {
+    let end = data.iter().rposition(|b| *b != 0).map_or(0, |i| i + 1);
+    data.len() >= 4 && data.starts_with(&[0xff, 0xd8]) && data[..end].ends_with(&[0xff, 0xd9])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GREY: PixFormat = PixFormat {
+        fourcc: *b"GREY",
+        width_px: 4,
+        height_px: 2,
+        stride_bytes: 6,
+        size_bytes: 12,
+        field: 1,
+    };
+
+    fn info(flag_bits: u32) -> BufferInfo {
+        BufferInfo {
+            flags: flag_bits,
+            stamp_ns: 1,
+            ..BufferInfo::default()
+        }
+    }
+
+    #[test]
+    fn raw_frames_need_their_last_pixel_but_not_the_padding_behind_it() {
+        let whole = |n: usize| fault(PixelFormat::Grey, &GREY, &info(0), &vec![0; n], false);
+        assert_eq!(
+            (whole(9), whole(10), whole(12)),
+            (Some(FrameFault::Truncated), None, None)
+        );
+    }
+
+    #[test]
+    fn jpegs_need_both_markers() {
+        let of = |data: &[u8]| fault(PixelFormat::Mjpg, &GREY, &info(0), data, false);
+        assert_eq!(of(&[0xff, 0xd8, 1, 2, 0xff, 0xd9]), None);
+        assert_eq!(of(&[0xff, 0xd8, 1, 2, 0xff, 0xd9, 0, 0]), None);
+        for bad in [
+            &[][..],
+            &[0xff, 0xd8],
+            &[0xff, 0xd8, 1, 2],
+            &[0xff, 0xd9],
+            &[0, 0xff, 0xd8, 0xff, 0xd9],
+            &[0, 0, 0, 0],
+        ] {
+            assert_eq!(of(bad), Some(FrameFault::BrokenJpeg), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn the_drivers_word_comes_first() {
+        assert_eq!(
+            fault(PixelFormat::Grey, &GREY, &info(flags::ERROR), &[], true),
+            Some(FrameFault::DriverError)
+        );
+        assert_eq!(
+            fault(PixelFormat::Grey, &GREY, &info(0), &[0; 12], true),
+            Some(FrameFault::Stale)
+        );
+        assert!(is_void(&BufferInfo {
+            flags: flags::ERROR,
+            ..BufferInfo::default()
+        }));
+        assert!(!is_void(&info(flags::ERROR)) && !is_void(&BufferInfo::default()));
+    }
+}
