@@ -280,18 +280,23 @@ pub fn permission_problem(node: &Path) -> Option<String> {
         name_of("/etc/passwd", meta.uid()),
         name_of("/etc/group", meta.gid()),
     );
-    let fix = if meta.mode() & 0o060 == 0o060 && group != "root" {
+    Some(explain_permission(node, &owner, &group, meta.mode()))
+}
+
+fn explain_permission(node: &Path, owner: &str, group: &str, mode: u32) -> String {
+    let fix = if mode & 0o060 == 0o060 && group != "root" {
         format!("run `sudo usermod -aG {group} $USER` and log in again")
     } else {
         format!(
-            "its group {group} may not read and write either: a udev rule with GROUP=\"dialout\", MODE=\"0660\" helps, then `sudo usermod -aG dialout $USER`"
+            "its group {group} may not read and write either: a udev rule with GROUP=\"dialout\", MODE=\"0660\" helps, \
+             then `sudo usermod -aG dialout $USER`"
         )
     };
-    Some(format!(
+    format!(
         "no permission for {} (owner {owner}, group {group}, mode {:04o}): {fix}",
         node.display(),
-        meta.mode() & 0o7777
-    ))
+        mode & 0o7777
+    )
 }
 
 #[cfg(test)]

@@ -95,6 +95,36 @@ impl StampedProtocol {
         }
     }
 
+    /// A reset shows in the very next Ack, half a second before the next clock exchange would tell.
+    ///
+    /// The stamp has to lie between the command's departure and the answer's arrival: a host that was asleep
+    /// in between is no reset.
+    fn check_time(&mut self, time_us: u32, sent_ns: u64, at_ns: u64, events: &mut Vec<LinkEvent>) {
+        let Some(estimate) = self.clock.estimate() else {
+            return;
+        };
+        let ahead_us = |host_ns: u64| {
+            let expected_us = estimate.controller_at_us(host_ns).max(0.0) as u64 as u32;
+            f64::from(time_us.wrapping_sub(expected_us) as i32)
+        };
+        let allowed_us = self.settings.sync.reset_us + 5.0 * estimate.sd_at_us(at_ns);
+        let (early_us, late_us) = (ahead_us(sent_ns), ahead_us(at_ns));
+        let jump_us = if early_us < -allowed_us {
+            early_us
+        } else {
+            late_us
+        };
+        if early_us < -allowed_us || late_us > allowed_us {
+            self.clock.restart();
+            self.boot_id = None;
+            self.exchange = None;
+            self.configure = true;
+            events.push(LinkEvent::Reset {
+                reason: format!("its clock jumped by {:.3} s", jump_us * 1e-6),
+            });
+        }
+    }
+
     fn handle(&mut self, message: ControllerMessage, at_ns: u64, events: &mut Vec<LinkEvent>) {
         match message {
             ControllerMessage::Ack {
@@ -117,6 +147,7 @@ impl StampedProtocol {
                 }
                 let sent_ns = self.sets[at].1;
                 self.sets.drain(..=at);
+                self.check_time(time_us, sent_ns, at_ns, events);
                 events.push(LinkEvent::Echo(Echo {
                     sequence,
                     pulses,

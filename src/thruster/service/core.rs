@@ -24,8 +24,10 @@ const STEP_NS: u64 = 5_000_000;
 const REOPEN_NS: u64 = 200_000_000;
 /// Sleep while there is no line.
 const AWAY_NS: u64 = 20_000_000;
-/// An unconfirmed neutral is repeated this often.
+/// An unconfirmed neutral is repeated this often ...
 const REPEAT_NEUTRAL_NS: u64 = 50_000_000;
+/// ... and this often while nobody answers at all: a dead line must not fill the log.
+const REPEAT_LOST_NS: u64 = 250_000_000;
 /// How long a shutdown waits for the neutral's echo at most.
 const FAREWELL_NS: u64 = 300_000_000;
 
@@ -390,7 +392,13 @@ impl Core {
             .send(&pulses_us, &thrust_n, 0, 0, reason.word(), true)
             .is_some()
         {
-            self.neutral_open = Some((self.sequence, self.now() + REPEAT_NEUTRAL_NS));
+            let lost = self.safety.state() == State::Lost;
+            let wait_ns = if lost {
+                REPEAT_LOST_NS
+            } else {
+                REPEAT_NEUTRAL_NS
+            };
+            self.neutral_open = Some((self.sequence, self.now() + wait_ns));
         }
     }
 

@@ -596,3 +596,29 @@ fn a_line_too_slow_for_the_rate_is_refused_with_the_arithmetic() {
         Err(ServiceError::Channels { .. })
     ));
 }
+
+#[test]
+fn a_controller_reset_while_running_is_noticed_by_its_next_ack() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.plan(60.0, constant(10.0));
+    b.run_ms(3000);
+    assert!(b.running());
+    let now_ns = b.now();
+    b.cable.with(|c| c.reset(now_ns, &mut |_| {}));
+    b.run_ms(60);
+    assert_eq!(b.events("thruster.reset").len(), 1);
+    assert!(b.at_neutral());
+    b.run_ms(3000);
+    assert_eq!(b.events("thruster.reset").len(), 1, "told once");
+    // The controller's stamps keep rising within the new generation.
+    b.plan(1.0, constant(10.0));
+    b.run_ms(900);
+    let stamps: Vec<_> = b
+        .echoes()
+        .iter()
+        .rev()
+        .take(40)
+        .map(|e| e.controller_time_us)
+        .collect();
+    assert!(stamps.windows(2).all(|w| w[0] >= w[1]));
+}
