@@ -124,6 +124,7 @@ mod tests {
     use super::*;
     use crate::Rig;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     fn curve() -> ThrustCurve {
         let rig = Rig::builtin("lshpi").unwrap();
@@ -131,6 +132,8 @@ mod tests {
     }
 
     proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
         /// Thrust to pulse and back, over the whole curve; the pulse lies on neutral's
         /// side of the deadband that the thrust asks for.
         #[test]

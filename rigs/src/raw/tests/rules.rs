@@ -3,7 +3,7 @@
 use toml::Value;
 
 use super::{changed, full_rig, tells};
-use crate::Rig;
+use crate::{ParameterValue, PhysicsEntry, Rig};
 
 #[test]
 fn rules_between_keys() {
@@ -141,4 +141,46 @@ fn rules_between_keys() {
     table["camera"]["width_px"] = Value::Integer(721);
     let error = Rig::from_toml(&table.to_string(), "a", None).expect_err("odd");
     tells(&error, &["camera.width_px", "721 is odd", "pairs"]);
+}
+
+#[test]
+fn physics_entries_keep_their_order_and_kinds() {
+    let text = format!(
+        "{}\n[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n\n[[physics]]\neffect = \"cubic_damping\"\nd3 = 40\ndof = \"surge\"\na_b-c = -1e-3\n",
+        include_str!("../../../lshpi.toml")
+    );
+    let rig = Rig::from_toml(&text, "my.toml", None).unwrap();
+    let number = |name: &str, value| (name.to_owned(), ParameterValue::Number(value));
+    let want = [
+        PhysicsEntry {
+            effect: "thruster_lag".into(),
+            parameters: vec![number("lag_s", 0.25)],
+        },
+        PhysicsEntry {
+            effect: "cubic_damping".into(),
+            parameters: vec![
+                number("d3", 40.0),
+                ("dof".into(), ParameterValue::Word("surge".into())),
+                number("a_b-c", -1e-3),
+            ],
+        },
+    ];
+    assert_eq!(rig.physics, want);
+    assert_eq!(Rig::from_toml(&rig.effective_toml, "e", None).unwrap(), rig);
+    for (wrong, words) in [
+        ("effect = 3", &["physics[2].effect"][..]),
+        ("lag_s = 1", &["physics[2].effect: missing"]),
+        ("effect = \"x\"\nlag_s = nan", &["physics[2].lag_s", "nan"]),
+        (
+            "effect = \"x\"\non = true",
+            &["physics[2].on", "a number or a word"],
+        ),
+        (
+            "effect = \"x\"\n\"a b\" = 1",
+            &["physics[2].a b", "parameter name"],
+        ),
+    ] {
+        let error = Rig::from_toml(&format!("{text}[[physics]]\n{wrong}\n"), "my.toml", None);
+        tells(&error.expect_err(wrong), words);
+    }
 }
