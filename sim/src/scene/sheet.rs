@@ -16,15 +16,24 @@ impl Code {
     pub const NONE: Code = Code(255);
     /// Rays of one pixel disagree.
     pub const MIXED: Code = Code(254);
-    /// Within the sheet's reach, but hidden, outside the fan, in shadow or a vertical face: an edge of the light.
-    pub const HIDDEN: Code = Code(253);
     /// Nothing there within the sheet's reach: the light has faded out, no edge.
     pub const FAR: Code = Code(252);
 
-    /// Whether two neighbours with these codes have an edge of the light between them.
+    /// Whether two neighbours with these codes have an edge of the light between them: two lit
+    /// surfaces, or a lit one and the same one hidden. A surface hidden below another's fading
+    /// light is no edge.
     pub fn differs(self, other: Code) -> bool {
-        let silent = |c| c == Code::NONE || c == Code::FAR;
-        self != other && !silent(self) && !silent(other)
+        let silent = |c: Code| c == Code::NONE || c == Code::FAR;
+        if self == other || silent(self) || silent(other) {
+            return false;
+        }
+        let hidden = |c: Code| (c.0 & 0x80 != 0 && c != Code::MIXED).then_some(c.0 & 0x7f);
+        match (hidden(self), hidden(other)) {
+            (Some(_), Some(_)) => false,
+            (Some(level), None) => other.0 == level || other == Code::MIXED,
+            (None, Some(level)) => self.0 == level || self == Code::MIXED,
+            (None, None) => true,
+        }
     }
 
     /// Code of a pixel from those of two of its rays.
@@ -36,6 +45,11 @@ impl Code {
         } else {
             self
         }
+    }
+
+    /// The top at this level lies within the sheet's reach but is dark: hidden, outside the fan, in shadow.
+    fn hidden(level: usize) -> Self {
+        Code(0x80 | level.min(super::solid::SLABS_MAX) as u8)
     }
 
     /// Lit top of the prism at this level.
@@ -111,14 +125,14 @@ impl<'a> Light<'a> {
             if !(off_m.abs() <= self.reach_m && t > 0.0) {
                 continue;
             }
-            dark = Code::HIDDEN;
+            dark = Code::hidden(level);
             if !self.solid.sees(&line, level, t) {
                 continue;
             }
             let at = |form: &super::rays::Form| form.at_eye + t * form.rate(u, v);
             let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
             if !self.reaches(at(&self.view.fan_y), at(&self.view.fan_z), point) {
-                return (Code::HIDDEN, 0.0);
+                return (Code::hidden(level), 0.0);
             }
             let albedo = prism.map_or(1.0, |p| p.albedo);
             let light = self.peak * albedo * (off_m * off_m * self.exponent).exp();
