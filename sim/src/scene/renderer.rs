@@ -325,13 +325,10 @@ impl Renderer {
 fn gauss(light: &Light<'_>, u: f64, v: f64) -> (Code, f32) {
     let mut sum = 0.0;
     let mut code = Code::NONE;
-    for (i, (du, dv)) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
-        .into_iter()
-        .enumerate()
-    {
-        let (c, light) = light.shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
+    for (du, dv) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+        let (ray, light) = light.shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
         sum += light;
-        code = if i == 0 || c == code { c } else { Code::MIXED };
+        code = code.joined(ray);
     }
     (code, (sum / 4.0) as f32)
 }
@@ -355,7 +352,7 @@ fn is_edge(codes: &[Code], at: usize, rows: usize) -> bool {
     let row = at % rows;
     let differs = |i: Option<usize>| {
         i.and_then(|i| codes.get(i))
-            .is_some_and(|&c| c != Code::NONE && c != own)
+            .is_some_and(|&c| c.differs(own))
     };
     own == Code::MIXED
         || differs(at.checked_sub(rows))

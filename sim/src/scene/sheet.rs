@@ -16,8 +16,41 @@ impl Code {
     pub const NONE: Code = Code(255);
     /// Rays of one pixel disagree.
     pub const MIXED: Code = Code(254);
-    /// No laser light: beyond the sheet, hidden, outside the fan, in shadow, a vertical face, the horizon.
-    pub const DARK: Code = Code(253);
+    /// Nothing there within the sheet's reach: the light has faded out, no edge.
+    pub const FAR: Code = Code(252);
+
+    /// Whether two neighbours with these codes have an edge of the light between them: two lit
+    /// surfaces, or a lit one and the same one hidden. A surface hidden below another's fading
+    /// light is no edge.
+    pub fn differs(self, other: Code) -> bool {
+        let silent = |c: Code| c == Code::NONE || c == Code::FAR;
+        if self == other || silent(self) || silent(other) {
+            return false;
+        }
+        let hidden = |c: Code| (c.0 & 0x80 != 0 && c != Code::MIXED).then_some(c.0 & 0x7f);
+        match (hidden(self), hidden(other)) {
+            (Some(_), Some(_)) => false,
+            (Some(level), None) => other.0 == level || other == Code::MIXED,
+            (None, Some(level)) => self.0 == level || self == Code::MIXED,
+            (None, None) => true,
+        }
+    }
+
+    /// Code of a pixel from those of two of its rays.
+    pub fn joined(self, other: Code) -> Code {
+        if self.differs(other) {
+            Code::MIXED
+        } else if self == Code::FAR || self == Code::NONE {
+            other
+        } else {
+            self
+        }
+    }
+
+    /// The top at this level lies within the sheet's reach but is dark: hidden, outside the fan, in shadow.
+    fn hidden(level: usize) -> Self {
+        Code(0x80 | level.min(super::solid::SLABS_MAX) as u8)
+    }
 
     /// Lit top of the prism at this level.
     fn lit(level: usize) -> Self {
@@ -70,7 +103,7 @@ impl<'a> Light<'a> {
             .is_none_or(|hit| hit.t >= 1.0 - 1e-9)
     }
 
-    /// What the ray of (column u, row v) sees: the lit surface, or [`Code::DARK`], and the grey level of laser light.
+    /// What the ray of (column u, row v) sees: the lit surface, or why it is dark, and the grey level of laser light.
     ///
     /// Only heights at which the ray meets the sheet can be lit; usually that is one or none, so visibility is
     /// asked for that one alone. Vertical faces occlude but are not lit (geometry.md).
@@ -79,26 +112,32 @@ impl<'a> Light<'a> {
         let [.., h0] = line.origin;
         let down = line.direction[2];
         if down >= -1e-9 {
-            return (Code::DARK, 0.0);
+            return (Code::FAR, 0.0);
         }
+        let mut dark = Code::FAR;
         let sheet_rate = self.view.sheet.rate(u, v);
         let per_height = 1.0 / down;
         for level in 0..=self.solid.prisms.len() {
             let prism = self.solid.prisms.get(level);
             let t = (prism.map_or(0.0, |p| p.top_m) - h0) * per_height;
             let off_m = self.view.sheet.at_eye + t * sheet_rate;
-            if off_m.abs() > self.reach_m || t <= 0.0 || !self.solid.sees(&line, level, t) {
+            // Written so that NaN is far.
+            if !(off_m.abs() <= self.reach_m && t > 0.0) {
+                continue;
+            }
+            dark = Code::hidden(level);
+            if !self.solid.sees(&line, level, t) {
                 continue;
             }
             let at = |form: &super::rays::Form| form.at_eye + t * form.rate(u, v);
             let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
             if !self.reaches(at(&self.view.fan_y), at(&self.view.fan_z), point) {
-                return (Code::DARK, 0.0);
+                return (Code::hidden(level), 0.0);
             }
             let albedo = prism.map_or(1.0, |p| p.albedo);
             let light = self.peak * albedo * (off_m * off_m * self.exponent).exp();
             return (Code::lit(level), light);
         }
-        (Code::DARK, 0.0)
+        (dark, 0.0)
     }
 }

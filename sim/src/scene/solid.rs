@@ -283,7 +283,8 @@ impl Prism {
             side - (along - along.floor() - 0.5).abs() * length / 3f64.sqrt()
         };
         let slope = 1.0 / 3f64.sqrt();
-        let widest = (half_width(p[0]).min(half_width(q[0])) + slope * (q[0] - p[0]).abs()).min(side);
+        let widest =
+            (half_width(p[0]).min(half_width(q[0])) + slope * (q[0] - p[0]).abs()).min(side);
         (p[1] > widest && q[1] > widest) || (p[1] < -widest && q[1] < -widest)
     }
 

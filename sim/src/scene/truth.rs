@@ -39,24 +39,28 @@ impl Renderer {
         let light = self.light(&view);
         let mut points = Vec::with_capacity(self.width_px + 16);
         let levels: Vec<(f64, Surface)> = self.solid.levels().collect();
-        for column in 0..self.width_px {
+        // A fan that ends just outside the image still cuts the stripe's oblique end inside it:
+        // look beyond the borders, keep what is inside.
+        let margin = NEAR_STEP_PX.ceil() as i64 + 2;
+        for column in -margin..self.width_px as i64 + margin {
             let first = points.len();
             for &(height_m, surface) in &levels {
                 if let Some(point) = self.point(&view, &light, column, height_m, surface) {
-                    points.push(point);
+                    points.push((column, point));
                 }
             }
-            points[first..].sort_by(|a, b| a.row_px.total_cmp(&b.row_px));
+            points[first..].sort_by(|a: &(i64, ColumnTruth), b| a.1.row_px.total_cmp(&b.1.row_px));
         }
-        self.mark_steps(&mut points);
-        points
+        self.mark_steps(&mut points, margin);
+        let inside = |p: &(i64, ColumnTruth)| (0..self.width_px as i64).contains(&p.0);
+        points.into_iter().filter(inside).map(|p| p.1).collect()
     }
 
     fn point(
         &self,
         view: &View,
         light: &Light<'_>,
-        column: usize,
+        column: i64,
         height_m: f64,
         surface: Surface,
     ) -> Option<ColumnTruth> {
@@ -93,41 +97,29 @@ impl Renderer {
         })
     }
 
-    /// Distance along each surface's unbroken run of columns to its ends; the image's border is no step.
-    fn mark_steps(&self, points: &mut [ColumnTruth]) {
-        let has = |points: &[ColumnTruth], column: i64, surface: Surface| {
-            let from = points.partition_point(|p| i64::from(p.column_px) < column);
-            points[from..]
-                .iter()
-                .take_while(|p| i64::from(p.column_px) == column)
-                .any(|p| p.surface == surface)
+    /// Distance along each surface's unbroken run of columns to its ends; where the search itself ends is no step.
+    fn mark_steps(&self, points: &mut [(i64, ColumnTruth)], margin: i64) {
+        let searched = -margin..self.width_px as i64 + margin;
+        let beside = |points: &[(i64, ColumnTruth)], column: i64, surface: Surface| {
+            let from = points.partition_point(|p| p.0 < column);
+            let there = points[from..].iter().take_while(|p| p.0 == column);
+            there.map(|p| p.1).find(|p| p.surface == surface)
         };
-        let last = self.width_px as i64 - 1;
-        // Sweep in both directions, carrying the distance from the last break per surface.
+        // Sweep in both directions, carrying the distance from the last break of the same surface.
         for forward in [true, false] {
             for n in 0..points.len() {
                 let i = if forward { n } else { points.len() - 1 - n };
-                let p = points[i];
-                let before = i64::from(p.column_px) + if forward { -1 } else { 1 };
-                let distance = if before < 0 || before > last {
+                let (column, own) = points[i];
+                let before = column + if forward { -1 } else { 1 };
+                let distance = if !searched.contains(&before) {
                     f64::INFINITY
-                } else if !has(points, before, p.surface) {
-                    0.5
                 } else {
-                    let from = points.partition_point(|q| i64::from(q.column_px) < before);
-                    let beside = points[from..].iter().find(|q| q.surface == p.surface);
-                    beside.map_or(f64::INFINITY, |q| q.step_distance_px + 1.0)
+                    beside(points, before, own.surface).map_or(0.5, |p| p.step_distance_px + 1.0)
                 };
-                // A forward sweep must not read what only a backward one may set, hence min on the way back.
-                let best = if forward {
-                    distance
-                } else {
-                    distance.min(p.step_distance_px)
-                };
-                points[i].step_distance_px = best;
+                points[i].1.step_distance_px = distance.min(own.step_distance_px);
             }
         }
-        for p in points {
+        for (_, p) in points {
             p.near_step |= p.step_distance_px < NEAR_STEP_PX;
         }
     }
