@@ -22,6 +22,8 @@ mod kernel;
 mod noise;
 mod output;
 mod path;
+#[cfg(test)]
+mod robustness;
 mod segments;
 pub mod synthetic;
 

@@ -321,6 +321,11 @@ impl Extractor {
             self.tracks.retain(|_| kept.next().unwrap_or(false));
             segments::split(self.tracks.iter().map(places), &mut self.stretches);
         }
+        self.mark_ends(columns);
+    }
+
+    /// Marks the columns near the ends of each stretch.
+    fn mark_ends(&mut self, columns: usize) {
         let reach = self.config.step_reach_columns;
         for stretch in &self.stretches {
             let tracks = &mut self.tracks[stretch.clone()];
@@ -330,7 +335,7 @@ impl Extractor {
             let (first, last) = (first.column, last.column);
             for t in tracks {
                 // The frame's own edge cuts no profile.
-                t.near_step = (first > 0 && t.column < first + reach)
+                t.near_step |= (first > 0 && t.column < first + reach)
                     || (last + 1 < columns && t.column + reach > last);
             }
         }
@@ -391,7 +396,7 @@ impl Extractor {
             let mismatch = (self.pooled_sigma[i] / first_sigma_px - 1.0).abs();
             // With nothing new to tell it, a second fit would only repeat the first.
             if haze.is_none() && !track.fit.saturated && mismatch < WIDTH_TOLERANCE {
-                kept = self.keep(kept, i, track.fit);
+                kept = self.keep(kept, i, track.fit, noise_sd);
                 continue;
             }
             let index = self.kernels.index(self.pooled_sigma[i]);
@@ -424,7 +429,7 @@ impl Extractor {
                 width: Some(width),
             };
             if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known) {
-                kept = self.keep(kept, i, fit);
+                kept = self.keep(kept, i, fit, noise_sd);
             }
         }
         self.tracks.truncate(kept);
@@ -433,12 +438,18 @@ impl Extractor {
 
     /// Moves track `i` with its final fit to place `kept` if it looks like a stripe; returns the
     /// next place.
-    fn keep(&mut self, kept: usize, i: usize, fit: Fit) -> usize {
+    fn keep(&mut self, kept: usize, i: usize, fit: Fit, noise_sd: f64) -> usize {
         if !self.is_stripe(&fit, self.pooled_sigma[i]) {
             return kept;
         }
         let track = self.tracks[i];
-        let cut = fit.peak < 0.75 * self.pooled_peak[i] && !fit.saturated;
+        // A profile cut by a step, or two on top of each other: too low, or of another width
+        // (whose sd is about that of the row).
+        let noise = fit.variance.sqrt().min(2.0 * noise_sd);
+        let sigma_sd = noise * fit.row_variance.sqrt() / fit.peak;
+        let odd_width =
+            (fit.sigma_px - self.pooled_sigma[i]).abs() > (4.5 * sigma_sd).max(0.06 * fit.sigma_px);
+        let cut = !fit.saturated && (fit.peak < 0.75 * self.pooled_peak[i] || odd_width);
         self.tracks[kept] = Track {
             fit,
             near_step: track.near_step || cut,
@@ -462,6 +473,8 @@ impl Extractor {
     fn report(&mut self, image: &GreyImage, haze: Option<Haze>, profile: &mut Profile) {
         let places = |t: &Track| (t.column, t.fit.row_px);
         segments::split(self.tracks.iter().map(places), &mut self.stretches);
+        // Again: fits that did not stand have left new ends.
+        self.mark_ends(image.width_px);
         let reach = self.config.pool_reach_columns;
         let floor = noise::ROUNDING_SD * noise::ROUNDING_SD;
         let tracks = &self.tracks;
