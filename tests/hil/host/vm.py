@@ -174,7 +174,7 @@ class Guest:
         version = (self.cache / "KV").read_text().strip()
         started = time.monotonic()
         qemu = subprocess.Popen(
-            ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "1024",
+            ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "1536",
              "-nodefaults", "-no-reboot", "-display", "none", "-serial", "stdio",
              "-kernel", str(self.cache / f"k/boot/vmlinuz-{version}"), "-initrd", str(initrd),
              "-append", "console=ttyS0 quiet panic=-1",
