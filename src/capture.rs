@@ -16,6 +16,7 @@ pub mod error;
 pub mod fake;
 pub mod gaps;
 pub mod queue;
+pub mod sim;
 pub mod thread;
 pub mod v4l;
 
@@ -55,11 +56,4 @@ pub enum Captured {
     Nothing,
     /// No frame will ever come again (end of a log, of a simulated plan, of a script).
     Finished,
-}
-
-pub mod sim;
-
-/// placeholder
-pub fn open_camera(_: &hydroline_rigs::Camera, _: std::sync::Arc<dyn crate::clock::Clock>) -> Result<Box<dyn FrameSource>, CaptureError> {
-    Err(CaptureError::Source { source_name: "v4l".into(), reason: "not merged".into() })
 }

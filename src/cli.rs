@@ -4,12 +4,12 @@
 //! arguments or config; 3 done, but something was lost.
 
 mod aim;
-// mod check;
+mod check;
 mod demo;
-// mod devices;
+mod devices;
 mod extract;
 mod inputs;
-// mod log_tools;
+mod log_tools;
 mod outcome;
 mod progress;
 mod record;
@@ -47,7 +47,9 @@ enum Command {
     /// Main job end to end on the built-in rig: simulate, record, extract, replay
     Demo(demo::Args),
     /// Cameras by stable id, serial ports, and what keeps you from using them
+    Devices(devices::Args),
     /// Is everything a rig needs there and usable? Says what to fix
+    Check(check::Args),
     /// Focus, exposure and laser at a glance, before a run
     Aim(aim::Args),
     /// The daemon: camera and thrusters into one log
@@ -62,9 +64,13 @@ enum Command {
     #[command(subcommand)]
     Rig(rig::Command),
     /// What is in a log
+    Info(log_tools::InfoArgs),
     /// Is a log sound? Every finding with its next step
+    Doctor(log_tools::DoctorArgs),
     /// Mends a cut or damaged log into a new file; the original stays as it is
+    Recover(log_tools::RecoverArgs),
     /// CSV or frames out of a log
+    Export(log_tools::ExportArgs),
     /// A simulated thruster controller on a socket or pseudo-terminal (for tests of real drivers)
     #[command(hide = true)]
     SimController(sim_controller::Args),
@@ -78,6 +84,12 @@ impl Cli {
     pub fn run(self) -> Result<Outcome, CliError> {
         match self.command {
             Command::Demo(args) => demo::run(&args),
+            Command::Devices(args) => devices::run(&args),
+            Command::Check(args) => check::run(&args),
+            Command::Info(args) => log_tools::info(&args),
+            Command::Doctor(args) => log_tools::doctor(&args),
+            Command::Recover(args) => log_tools::recover(&args),
+            Command::Export(args) => log_tools::export(&args),
             Command::Aim(args) => aim::run(&args),
             Command::Record(args) => record::run(&args),
             Command::Replay(args) => replay::run(&args),

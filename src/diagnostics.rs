@@ -5,8 +5,7 @@
 //! RUST_LOG says otherwise; the log gets info and worse.
 
 use crate::log::Recorder;
-#[derive(Clone)] struct LogLayer; impl LogLayer { fn new()->Self{LogLayer} fn attach(&self,_:&Recorder){} fn detach(&self){} }
-impl<S: tracing::Subscriber> Layer<S> for LogLayer {}
+use crate::log::trace::LogLayer;
 use std::sync::OnceLock;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Layer, SubscriberExt};

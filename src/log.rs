@@ -11,7 +11,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 mod account;
 pub mod doctor;
@@ -183,22 +183,10 @@ pub enum LogError {
 }
 
 impl LogError {
-    /// Puts the file's name where a part number stands alone.
-    fn at(self, path: &Path) -> Self {
-        match self {
-            LogError::Exists { part, .. } => LogError::Exists {
-                part,
-                reason: path.display().to_string(),
-            },
-            LogError::Create { part, source } => {
-                let named = format!("{}: {source}", path.display());
-                LogError::Create {
-                    part,
-                    source: std::io::Error::new(source.kind(), named),
-                }
-            }
-            other => other,
-        }
+    /// Everything that is in the file is sound, only its end is missing: a tool that can do with
+    /// a part may go on with what it has read.
+    pub fn is_missing_end(&self) -> bool {
+        matches!(self, LogError::Damaged { damage, .. } if damage.is_missing_end())
     }
 }
 

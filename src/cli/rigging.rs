@@ -1,7 +1,8 @@
 //! From a checked rig to the real or simulated parts that a recording is made of.
 
 use super::CliError;
-use crate::capture::FrameSource;
+use crate::capture::v4l::system::KernelSystem;
+use crate::capture::{FrameSource, OpenOptions, V4lSource};
 use crate::capture::sim::SimCamera;
 use crate::clock::Clock;
 use crate::simulated::{CameraView, SimulatedVehicle};
@@ -45,7 +46,13 @@ pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<R
             let start_ns = camera.start_ns();
             (Box::new(camera) as Box<dyn FrameSource>, start_ns)
         }
-        _ => (crate::capture::open_camera(&rig.camera, clock.clone()).map_err(CliError::run)?, clock.monotonic_ns()),
+        _ => {
+            // The rig's check has already refused a bare /dev/videoN unless the rig says so itself.
+            let options = OpenOptions { allow_unstable_node: true, ..OpenOptions::default() };
+            let system = Box::new(KernelSystem::default());
+            let camera = V4lSource::open(&rig.camera, options, system, clock.clone()).map_err(CliError::run)?;
+            (Box::new(camera) as Box<dyn FrameSource>, clock.monotonic_ns())
+        }
     };
     if let Some(vehicle) = &vehicle {
         vehicle.start(start_ns);

@@ -102,6 +102,7 @@ mod tests {
     use super::super::*;
     use super::*;
     use crate::clock::SystemClock;
+    use std::path::Path;
     use tracing_subscriber::prelude::*;
 
     #[test]

@@ -61,7 +61,9 @@ impl FileParts {
 impl PartOpener for FileParts {
     fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
         let path = self.part_path(part);
-        Ok((Box::new(FileSink::create(&path, self.replace)?), path))
+        let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", path.display()));
+        let sink = FileSink::create(&path, self.replace).map_err(named)?;
+        Ok((Box::new(sink), path))
     }
 }
 
@@ -539,7 +541,7 @@ impl FileRecorder {
             path: path.to_owned(),
             replace,
         };
-        Self::with_opener(Box::new(parts), head, settings).map_err(|e| e.at(path))
+        Self::with_opener(Box::new(parts), head, settings)
     }
 
     /// The same over any sink.
@@ -596,5 +598,56 @@ impl FileRecorder {
             }),
             None => Ok(outcome),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_named_after_the_first() {
+        let parts = FileParts {
+            path: "/logs/run.7.mcap".into(),
+            replace: false,
+        };
+        assert_eq!(parts.part_path(0), Path::new("/logs/run.7.mcap"));
+        assert_eq!(parts.part_path(12), Path::new("/logs/run.7_0012.mcap"));
+    }
+
+    #[test]
+    fn what_will_not_fit_is_refused_with_the_arithmetic() {
+        let path = Path::new("/logs/a.mcap");
+        // 720 x 576 mono8 at 25/s for an hour: 37 GB.
+        let rate = 720.0 * 576.0 * 25.0;
+        assert!(check_space_in(path, 40_000_000_000, 3600.0, rate, 256 << 20).is_ok());
+        let text = check_space_in(path, 37_000_000_000, 3600.0, rate, 256 << 20)
+            .unwrap_err()
+            .to_string();
+        for number in [
+            "/logs/a.mcap",
+            "3600 s",
+            "10.4 MB/s",
+            "37325 MB",
+            "268 MB",
+            "37000 MB",
+            "3543 s",
+        ] {
+            assert!(text.contains(number), "{number} is not in: {text}");
+        }
+    }
+
+    #[test]
+    fn an_existing_file_is_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        std::fs::write(&path, "precious").unwrap();
+        let settings = WriteSettings::offline(None);
+        let error = FileRecorder::create(&path, false, Head::default(), settings)
+            .err()
+            .unwrap();
+        assert!(matches!(error, LogError::Exists { .. }));
+        assert!(error.to_string().contains("a.mcap"), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"precious");
     }
 }

@@ -165,3 +165,52 @@ fn beyond_the_bound_frames_are_dropped_and_counted() {
         "{diagnosis}"
     );
 }
+
+/// A real disk that fills up: give a directory on a small file system of its own, e.g.
+/// `mount -t tmpfs -o size=16m none /mnt/small`, then
+/// `HYDROLINE_SMALL_DISK=/mnt/small cargo test -p hydroline --test log_files -- --ignored real_full_disk`
+#[test]
+#[ignore = "needs a small file system"]
+fn a_real_full_disk_ends_in_a_readable_file() {
+    let Some(root) = std::env::var_os("HYDROLINE_SMALL_DISK") else {
+        println!("SKIPPED: HYDROLINE_SMALL_DISK is not set");
+        return;
+    };
+    let dir = tempfile::tempdir_in(root).unwrap();
+    let path = dir.path().join("a.mcap");
+    let free = free_bytes(&path).unwrap();
+    let log = recorder(&Gate::default(), path.clone(), 1 << 30);
+    let frames = 2 * free / (720 * 576);
+    let pixels: Vec<_> = (0..3).map(|i| noise(i, 720 * 576)).collect();
+    // Twice what fits uncompressed, at a compression of about two: give four times that.
+    for i in 0..(frames * 2) as u32 {
+        log.frame(
+            &frame(i, 720, 576, pixels[i as usize % 3].clone()),
+            u64::from(i),
+        );
+        log.command(&command(i));
+    }
+    let outcome = log.finish(&SummaryInput::clean("done")).unwrap();
+    assert!(outcome.lost && outcome.stopped.is_some(), "{outcome:?}");
+    let mut reader = LogReader::open(&path).unwrap();
+    let messages: Vec<LogMessage> = reader.by_ref().collect::<Result<_, _>>().unwrap();
+    let kept = messages
+        .iter()
+        .filter(|m| matches!(m.record, Record::Frame(_)))
+        .count() as u64;
+    let summary = &reader.metadata()["summary"];
+    println!(
+        "{kept} of {} frames in {} bytes on {free} free; {}",
+        frames * 2,
+        std::fs::metadata(&path).unwrap().len(),
+        summary["stop.reason"]
+    );
+    assert!(kept > 0);
+    assert_eq!(kept + outcome.counts.unwritten["/camera/image"], frames * 2);
+    assert_eq!(summary["frames.logged"], kept.to_string());
+    let report = info::info(&path).unwrap();
+    assert!(
+        report.damage.is_empty() && report.ending == info::Ending::Stopped,
+        "{report}"
+    );
+}

@@ -1,0 +1,74 @@
+//! `hydroline devices`: cameras and serial ports by stable id, and what stands in the way.
+
+use super::{CliError, Outcome};
+use crate::capture::devices::{CameraListing, cameras};
+use crate::thruster::ports::{Port, Roots};
+use std::path::Path;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Put the printed 'device' or 'port' line into the rig file. Names under by-id follow the device from
+socket to socket; by-path follows the socket; /dev/videoN and /dev/ttyUSBN follow nothing.")]
+pub struct Args {
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Also every format, size and rate, and every control
+    #[arg(long)]
+    long: bool,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let cameras = cameras();
+    let ports = Roots::default().ports();
+    if args.json {
+        println!("{}", serde_json::json!({ "cameras": cameras, "serial": ports }));
+        return Ok(Outcome::Done);
+    }
+    if cameras.is_empty() {
+        println!("no camera (no /dev/video*); plug one in, or use backend = \"sim\"");
+    }
+    for camera in &cameras {
+        print_camera(camera, args.long);
+    }
+    if ports.is_empty() {
+        println!("no serial port; plug the controller in, or use port = \"sim\"");
+    }
+    for port in &ports {
+        print_port(port);
+    }
+    Ok(Outcome::Done)
+}
+
+fn print_camera(camera: &CameraListing, long: bool) {
+    println!("camera {} ({}, driver {}, {})", camera.node.display(), camera.card, camera.driver, camera.bus_info);
+    for (folder, names) in [("by-id", &camera.by_id), ("by-path", &camera.by_path)] {
+        for name in names {
+            println!("  device = \"{}\"", Path::new("/dev/v4l").join(folder).join(name).display());
+        }
+    }
+    if !camera.problem.is_empty() {
+        println!("  PROBLEM: {}", camera.problem);
+    }
+    if long {
+        for offer in &camera.offers {
+            println!("  {offer}");
+        }
+        for control in &camera.controls {
+            let value = control.value.map_or_else(|| "-".to_owned(), |v| v.to_string());
+            println!("  {} = {value} ({} .. {} step {}, default {})", control.name, control.min, control.max, control.step, control.default);
+        }
+    }
+}
+
+fn print_port(port: &Port) {
+    println!("serial {} ({}, driver {})", port.node.display(), port.description, port.driver);
+    for (folder, name) in [("by-id", &port.by_id), ("by-path", &port.by_path)] {
+        if let Some(name) = name {
+            println!("  port = \"{}\"", Path::new("/dev/serial").join(folder).join(name).display());
+        }
+    }
+    if let Some(problem) = &port.problem {
+        println!("  PROBLEM: {problem}");
+    }
+}

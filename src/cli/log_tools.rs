@@ -1,0 +1,108 @@
+//! `hydroline info | doctor | recover | export`: what is in a log, whether it is sound, mending, getting things out.
+
+use super::{CliError, Outcome, inputs};
+use crate::log::export::ExportOptions;
+use crate::log::{self, LogError};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    /// Log
+    log: PathBuf,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Exit code 0: sound; 3: data is lost or damaged, as the findings say.")]
+pub struct DoctorArgs {
+    /// Log
+    log: PathBuf,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Exit code 0: everything is in the new file; 3: something that was in the original is not.")]
+pub struct RecoverArgs {
+    /// Cut or damaged log; it is only read
+    log: PathBuf,
+    /// New file
+    #[arg(long, value_name = "NEW.mcap")]
+    out: PathBuf,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ExportArgs {
+    /// Log
+    log: PathBuf,
+    /// Folder to write to; made if need be
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Only the tables (CSV per topic)
+    #[arg(long, conflicts_with = "frames_only")]
+    tables_only: bool,
+    /// Only the frames (PNG each)
+    #[arg(long)]
+    frames_only: bool,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// A file that is not there or not a log is a bad argument; damage inside is a failed run.
+fn failed(error: LogError) -> CliError {
+    match error {
+        LogError::NotMcap { .. } | LogError::OutputExists { .. } => CliError::config(error),
+        other => CliError::run(other),
+    }
+}
+
+fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Result<(), CliError> {
+    if json {
+        println!("{}", serde_json::to_string(value).map_err(CliError::run)?);
+    } else {
+        print!("{value}");
+    }
+    Ok(())
+}
+
+pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
+    let info = log::info::info(&args.log).map_err(failed)?;
+    print(args.json, &info)?;
+    Ok(Outcome::Done)
+}
+
+pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
+    let diagnosis = log::doctor::doctor(&args.log).map_err(failed)?;
+    print(args.json, &diagnosis)?;
+    Ok(if diagnosis.sound { Outcome::Done } else { Outcome::Lossy })
+}
+
+pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
+    inputs::new_file(&args.out)?;
+    let recovery = log::recover::recover(&args.log, &args.out).map_err(failed)?;
+    print(args.json, &recovery)?;
+    Ok(if recovery.lossy { Outcome::Lossy } else { Outcome::Done })
+}
+
+pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
+    let options = ExportOptions { tables: !args.frames_only, frames: !args.tables_only };
+    let exported = log::export::export(&args.log, &args.out, options).map_err(failed)?;
+    if args.json {
+        println!("{}", serde_json::to_string(&exported).map_err(CliError::run)?);
+        return Ok(Outcome::Done);
+    }
+    for (file, rows) in &exported.rows {
+        println!("{}: {rows} rows", file.display());
+    }
+    if options.frames {
+        println!("{}: {} frames as PNG, {} without an image", args.out.display(), exported.frames, exported.frames_skipped);
+    }
+    Ok(Outcome::Done)
+}
