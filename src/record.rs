@@ -311,6 +311,7 @@ fn summary(
     if let Some(stats) = thrusters {
         put("commands.sets", stats.sets.to_string());
         put("commands.echoed", stats.echoed.to_string());
+        put("commands.skipped", stats.skipped.to_string());
         put("commands.link_losses", stats.losses.to_string());
     }
     summary
