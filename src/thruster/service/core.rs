@@ -133,6 +133,11 @@ impl Core {
     }
 
     #[cfg(test)]
+    pub(super) fn replace_opener(&mut self, opener: Opener) {
+        self.opener = opener;
+    }
+
+    #[cfg(test)]
     pub(super) fn replace_sink(&mut self, sink: Sink) {
         self.sink = sink;
     }
