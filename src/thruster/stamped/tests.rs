@@ -1,4 +1,5 @@
 use super::*;
+use crate::thruster::ChannelPulse;
 use proptest::prelude::*;
 
 fn pulses(list: &[(u8, u16)]) -> Vec<ChannelPulse> {
