@@ -13,12 +13,10 @@ impl Core {
     pub(super) fn connected(&mut self) -> Flow {
         self.run_plan();
         let now_ns = self.now();
-        if self.feed_until_ns.is_some_and(|until| now_ns > until) {
-            let period_ns = (1e9 / self.config.set.link.rate_hz) as u64;
+        if let Some(until_ns) = self.feed_until_ns.filter(|until_ns| now_ns > *until_ns) {
+            // The set-point was due one period after the last: later than that by the deadline and this.
             let deadline_ns = (self.config.set.link.deadline_s * 1e9) as u64;
-            let since_ns = now_ns - self.feed_until_ns.unwrap_or(now_ns) + deadline_ns;
-            debug_assert!(period_ns > 0);
-            self.missed(since_ns);
+            self.missed(now_ns - until_ns + deadline_ns);
         }
         if let Some((_, again_ns)) = self.neutral_open
             && now_ns >= again_ns
