@@ -1,7 +1,7 @@
 //! One [`ThrusterLink`] for every controller: sets of pulses out, echoes in.
 //!
 //! [`Protocol`] is the part without I/O (bytes to events and back); [`WireLink`] drives one over a byte
-//! [`Transport`](super::transport::Transport). Both protocols answer every command: `stamped` with its Ack,
+//! [`Transport`]. Both protocols answer every command: `stamped` with its Ack,
 //! the Maestro with the positions that are asked for right behind the targets.
 
 mod maestro;

@@ -1,5 +1,6 @@
 use super::*;
 use crate::thruster::stamped::{ControllerMessage, Deframer, HostMessage};
+use hydroline_rigs::LinkKind;
 use proptest::prelude::*;
 
 const MS: u64 = 1_000_000;

@@ -260,3 +260,36 @@ fn an_old_handle_does_not_work_on_a_new_cable() {
     assert!(link.send(1, &pulses(1500.0), false).is_err());
     assert!(cable.open().is_ok());
 }
+
+#[test]
+fn delayed_answers_are_still_answers_and_only_the_round_trip_grows() {
+    for kind in KINDS {
+        let (mut link, cable, clock) = link(kind, |_| {});
+        poll_for(&mut link, &clock, 100);
+        cable.with(|c| {
+            c.set_faults(Faults {
+                delay_ns: 60 * MS,
+                ..Faults::default()
+            })
+        });
+        let mut heard = Vec::new();
+        for k in 1..=50u32 {
+            link.send(k, &pulses(1500.0 + f64::from(k)), false).unwrap();
+            heard.extend(poll_for(&mut link, &clock, 20));
+        }
+        heard.extend(poll_for(&mut link, &clock, 100));
+        let echoes = echoes(&heard);
+        assert_eq!(
+            echoes.iter().map(|e| e.sequence).collect::<Vec<_>>(),
+            (1..=50).collect::<Vec<_>>(),
+            "{kind:?}"
+        );
+        assert!(
+            echoes
+                .iter()
+                .all(|e| e.round_trip_ns >= 60 * MS && e.round_trip_ns < 70 * MS),
+            "{kind:?}"
+        );
+        assert!(!heard.iter().any(|e| !e.is_sound()), "{kind:?}");
+    }
+}

@@ -1,5 +1,10 @@
 //! The service's core on a manual clock and the in-memory controller: every promise about neutral, both protocols.
 
+mod line;
+mod neutral;
+mod wild;
+
+use super::error::check;
 use super::*;
 use crate::clock::ManualClock;
 use crate::event::Event;
@@ -8,6 +13,7 @@ use crate::thruster::controller::{
 };
 use crate::thruster::record::{CommandRecord, EchoRecord};
 use crate::thruster::scheduler::PlannedLoad;
+use crate::thruster::transport::Sent;
 use hydroline_rigs::{Link, LinkKind, LinkPort, ThrustCurve, Thruster};
 use std::sync::atomic::AtomicU32;
 use std::time::Duration;
@@ -48,6 +54,37 @@ fn set(kind: LinkKind) -> ThrusterSet {
     }
 }
 
+/// Counts the lines that are open.
+struct Held(Loopback, Arc<AtomicU32>);
+
+impl Held {
+    fn new(line: Loopback, alive: &Arc<AtomicU32>) -> Self {
+        alive.fetch_add(1, Ordering::Relaxed);
+        Self(line, alive.clone())
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.1.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Transport for Held {
+    fn now_ns(&self) -> u64 {
+        self.0.now_ns()
+    }
+    fn write(&mut self, bytes: &[u8], timeout: Duration) -> std::io::Result<Sent> {
+        self.0.write(bytes, timeout)
+    }
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> std::io::Result<usize> {
+        self.0.read(buffer, timeout)
+    }
+    fn unsent_bytes(&mut self) -> Option<usize> {
+        self.0.unsent_bytes()
+    }
+}
+
 struct Bench {
     core: Core,
     cable: Loopback,
@@ -70,13 +107,20 @@ fn bench(kind: LinkKind, change: impl FnOnce(&mut ServiceConfig)) -> Bench {
         clock.clone(),
     );
     let opens = Arc::new(AtomicU32::new(0));
-    let (line, counted) = (cable.clone(), opens.clone());
+    let (line, counted, alive) = (cable.clone(), opens.clone(), Arc::new(AtomicU32::new(0)));
     let opener: Opener = Box::new(move || {
         counted.fetch_add(1, Ordering::Relaxed);
+        // An open descriptor would make the replugged node another one (ttyUSB0 -> ttyUSB1).
+        assert_eq!(
+            alive.load(Ordering::Relaxed),
+            0,
+            "the old line must be closed before the new one is looked for"
+        );
         let transport = line.open().map_err(|e| OpenError::Other {
             path: "loopback".into(),
             reason: e.to_string(),
         })?;
+        let transport = Held::new(transport, &alive);
         Ok(Opened {
             transport: Box::new(transport),
             name: "loopback".into(),
@@ -255,106 +299,6 @@ fn a_plan_is_sent_echoed_in_order_and_ends_at_neutral() {
 }
 
 #[test]
-fn shutdown_sends_neutral_and_waits_for_its_echo() {
-    for kind in KINDS {
-        let mut b = bench(kind, |_| {});
-        b.plan(60.0, constant(10.0));
-        b.run_ms(500);
-        assert!(b.running());
-        b.shared.stop.store(true, Ordering::Release);
-        b.run_ms(1000);
-        assert!(b.at_neutral(), "{kind:?}");
-        let last = b.commands().last().cloned().unwrap();
-        assert_eq!((last.cause, last.pulse_us), ("exit", 1500.0));
-        assert_eq!(b.echoes().last().unwrap().sequence, last.sequence);
-        assert!(
-            b.cable
-                .take_events()
-                .iter()
-                .any(|e: &ControllerEvent| e.pulse_us > 1500.0)
-        );
-    }
-}
-
-#[test]
-fn a_request_from_a_signal_handler_stops_within_milliseconds() {
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    b.plan(60.0, constant(10.0));
-    b.run_ms(500);
-    b.cable.take_events();
-    let asked_ns = b.now();
-    NeutralHandle(b.shared.clone()).request(NeutralReason::Limit);
-    b.run_ms(100);
-    let stopped = b
-        .cable
-        .take_events()
-        .iter()
-        .find(|e| e.pulse_us == 1500.0)
-        .unwrap()
-        .host_monotonic_ns;
-    assert!(stopped - asked_ns < 10 * MS, "{}", stopped - asked_ns);
-    assert_eq!(b.core.state(), State::Neutral(NeutralReason::Limit));
-    assert_eq!(b.commands().last().unwrap().cause, "limit");
-    // And stays there.
-    b.run_ms(500);
-    assert!(b.at_neutral());
-}
-
-#[test]
-fn a_stalled_plan_misses_its_deadline_and_stops() {
-    for kind in KINDS {
-        let mut b = bench(kind, |_| {});
-        let clock = b.clock.clone();
-        b.plan(60.0, move |t_s| {
-            if (t_s - 0.4).abs() < 1e-9 {
-                // The producer hangs for 100 ms; 30 are allowed.
-                clock.advance(Duration::from_millis(100));
-            }
-            PlannedLoad {
-                thrust_n: vec![10.0; 2],
-                plan_step: 1,
-            }
-        });
-        b.run_ms(1000);
-        assert!(b.at_neutral(), "{kind:?}");
-        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Deadline));
-        assert_eq!(b.events("thruster.deadline").len(), 1);
-        assert_eq!(b.events("thruster.neutral").len(), 1);
-        assert_eq!(b.commands().last().unwrap().cause, "deadline");
-    }
-}
-
-#[test]
-fn a_producer_that_falls_silent_misses_its_deadline() {
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    b.run_ms(100);
-    b.orders.try_send(Order::Arm).unwrap();
-    for _ in 0..10 {
-        let set_point = SetPoint {
-            due_ns: b.now(),
-            thrust_n: vec![10.0; 2],
-            plan_step: 0,
-        };
-        b.orders.try_send(Order::SetPoint(set_point)).unwrap();
-        b.run_ms(20);
-    }
-    assert!(b.running());
-    b.run_ms(100);
-    assert!(b.at_neutral());
-    assert_eq!(b.core.state(), State::Neutral(NeutralReason::Deadline));
-    // One that comes after that is not taken, and said so.
-    let set_point = SetPoint {
-        due_ns: 0,
-        thrust_n: vec![10.0; 2],
-        plan_step: 0,
-    };
-    b.orders.try_send(Order::SetPoint(set_point)).unwrap();
-    b.run_ms(50);
-    assert!(b.at_neutral());
-    assert_eq!(b.events("thruster.refused").len(), 1);
-}
-
-#[test]
 fn a_thrust_beyond_the_curve_is_refused_before_a_byte_goes_out() {
     for bad in [
         vec![60.0, 1.0],
@@ -406,219 +350,4 @@ fn a_steep_step_is_ramped_and_logged_as_sent() {
         first.thrust_n < 20.0,
         "the thrust logged is the one of the pulse sent"
     );
-}
-
-#[test]
-fn an_unplugged_line_is_closed_found_again_and_neutral_comes_first() {
-    for kind in KINDS {
-        let mut b = bench(kind, |_| {});
-        b.plan(60.0, constant(10.0));
-        b.run_ms(500);
-        assert!(b.running());
-        let (unplugged_ns, opens) = (
-            b.clock.triple().realtime_ns,
-            b.opens.load(Ordering::Relaxed),
-        );
-        b.cable.unplug();
-        b.run_ms(3000);
-        let lost = b.events("serial.lost");
-        assert_eq!(lost.len(), 1, "{kind:?}");
-        assert!(
-            lost[0].timestamp_ns - unplugged_ns < 1_000 * MS,
-            "noticed within a second"
-        );
-        assert_eq!(b.core.state(), State::Lost);
-        // No busy loop while it is away: five attempts a second.
-        let tried = b.opens.load(Ordering::Relaxed) - opens;
-        assert!((10..=16).contains(&tried), "{tried} attempts in 3 s");
-        // Meanwhile the controller's own watchdog has acted.
-        let trip = b
-            .cable
-            .take_events()
-            .iter()
-            .filter(|e| e.cause == OutputCause::Watchdog)
-            .count();
-        assert!(trip > 0 && b.at_neutral());
-        b.cable.replug();
-        b.run_ms(1000);
-        assert_eq!(b.events("serial.back").len(), 1);
-        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Lost));
-        let after = b.cable.take_events();
-        assert!(
-            !after.is_empty() && after.iter().all(|e| e.pulse_us == 1500.0),
-            "{kind:?}"
-        );
-        // Armed again, it runs again.
-        b.plan(10.0, constant(10.0));
-        b.run_ms(300);
-        assert!(b.running(), "{kind:?}");
-    }
-}
-
-#[test]
-fn with_resume_the_plan_goes_on_after_a_confirmed_neutral() {
-    let mut b = bench(LinkKind::Stamped, |c| c.resume_after_loss = true);
-    b.plan(60.0, constant(10.0));
-    b.run_ms(500);
-    b.cable.unplug();
-    b.run_ms(1000);
-    b.cable.take_events();
-    b.cable.replug();
-    b.run_ms(1000);
-    assert!(b.running());
-    let after = b.cable.take_events();
-    assert_eq!(after[0].pulse_us, 1500.0, "neutral first");
-    assert_eq!(b.core.state(), State::Running);
-}
-
-#[test]
-fn a_mute_controller_is_a_lost_link_and_comes_back_by_itself() {
-    for kind in KINDS {
-        let mut b = bench(kind, |_| {});
-        b.plan(60.0, constant(10.0));
-        b.run_ms(500);
-        let silent_from = b.clock.triple().realtime_ns;
-        b.cable.with(|c| {
-            c.set_faults(Faults {
-                mute: true,
-                ..Faults::default()
-            })
-        });
-        b.run_ms(1000);
-        let lost = b.events("serial.lost");
-        assert_eq!(lost.len(), 1, "{kind:?}");
-        assert!(lost[0].timestamp_ns - silent_from < 1_000 * MS);
-        // The line outwards still works, so neutral has arrived without waiting for the watchdog.
-        assert!(b.at_neutral(), "{kind:?}");
-        b.cable.with(|c| c.set_faults(Faults::default()));
-        b.run_ms(1500);
-        assert_eq!(b.events("serial.back").len(), 1, "{kind:?}");
-        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Lost));
-    }
-}
-
-#[test]
-fn a_panic_in_sink_or_plan_leaves_the_thrusters_at_neutral() {
-    for kind in KINDS {
-        let mut b = bench(kind, |_| {});
-        b.plan(60.0, |t_s| {
-            assert!(t_s < 0.4, "the plan breaks");
-            PlannedLoad {
-                thrust_n: vec![10.0; 2],
-                plan_step: 1,
-            }
-        });
-        let panic = catch_unwind(AssertUnwindSafe(|| b.run_ms(1000)));
-        assert!(panic.is_err() && b.running());
-        b.core.panicked("the plan breaks");
-        assert!(b.at_neutral(), "{kind:?}");
-        assert_eq!(b.commands().last().unwrap().cause, "panic");
-        assert!(
-            b.events("thruster.neutral")
-                .iter()
-                .any(|e| e.message.contains("the plan breaks"))
-        );
-    }
-    // A sink that panics at every record from some point on.
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    let left = AtomicU32::new(60);
-    b.core.replace_sink(Box::new(move |_| {
-        assert!(left.fetch_sub(1, Ordering::Relaxed) > 0, "disk full")
-    }));
-    b.plan(60.0, constant(10.0));
-    assert!(catch_unwind(AssertUnwindSafe(|| b.run_ms(5000))).is_err());
-    assert!(b.running());
-    b.core.panicked("disk full");
-    assert!(b.at_neutral());
-}
-
-#[test]
-fn a_lost_neutral_is_repeated_until_it_is_confirmed() {
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    b.plan(60.0, constant(10.0));
-    b.run_ms(500);
-    // The frame does not get through for 100 ms, well inside the watchdog's 300 ms.
-    b.cable.with(|c| {
-        c.set_faults(Faults {
-            deaf: true,
-            ..Faults::default()
-        })
-    });
-    NeutralHandle(b.shared.clone()).request(NeutralReason::Request);
-    b.run_ms(100);
-    assert!(b.running());
-    b.cable.with(|c| c.set_faults(Faults::default()));
-    b.cable.take_events();
-    b.run_ms(100);
-    assert!(b.at_neutral());
-    assert!(
-        b.cable
-            .take_events()
-            .iter()
-            .all(|e| e.cause == OutputCause::Neutral)
-    );
-}
-
-#[test]
-fn the_controllers_clock_is_reported_once_a_second() {
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    b.run_ms(10_000);
-    let clocks: Vec<_> = b
-        .records()
-        .into_iter()
-        .filter_map(|r| {
-            if let LinkRecord::Clock(c) = r {
-                Some(c)
-            } else {
-                None
-            }
-        })
-        .collect();
-    assert!((9..=11).contains(&clocks.len()), "{}", clocks.len());
-    let last = clocks.last().unwrap();
-    assert!((last.drift_ppm - 37.0).abs() < 5.0, "{last:?}");
-}
-
-#[test]
-fn a_line_too_slow_for_the_rate_is_refused_with_the_arithmetic() {
-    let mut slow = set(LinkKind::Maestro);
-    slow.link.baud = 9600;
-    slow.link.rate_hz = 100.0;
-    let error = check(&slow, &*protocol_for(&slow)).unwrap_err();
-    assert!(
-        matches!(error, ServiceError::TooSlow { baud: 9600, .. }),
-        "{error}"
-    );
-    let mut twice = set(LinkKind::Maestro);
-    twice.thrusters[1].channel = 0;
-    assert!(matches!(
-        check(&twice, &*protocol_for(&twice)),
-        Err(ServiceError::Channels { .. })
-    ));
-}
-
-#[test]
-fn a_controller_reset_while_running_is_noticed_by_its_next_ack() {
-    let mut b = bench(LinkKind::Stamped, |_| {});
-    b.plan(60.0, constant(10.0));
-    b.run_ms(3000);
-    assert!(b.running());
-    let now_ns = b.now();
-    b.cable.with(|c| c.reset(now_ns, &mut |_| {}));
-    b.run_ms(60);
-    assert_eq!(b.events("thruster.reset").len(), 1);
-    assert!(b.at_neutral());
-    b.run_ms(3000);
-    assert_eq!(b.events("thruster.reset").len(), 1, "told once");
-    // The controller's stamps keep rising within the new generation.
-    b.plan(1.0, constant(10.0));
-    b.run_ms(900);
-    let stamps: Vec<_> = b
-        .echoes()
-        .iter()
-        .rev()
-        .take(40)
-        .map(|e| e.controller_time_us)
-        .collect();
-    assert!(stamps.windows(2).all(|w| w[0] >= w[1]));
 }

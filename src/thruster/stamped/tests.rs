@@ -1,5 +1,8 @@
 use super::*;
+use crate::thruster::ChannelPulse;
 use proptest::prelude::*;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
 
 fn pulses(list: &[(u8, u16)]) -> Vec<ChannelPulse> {
     list.iter()
@@ -228,6 +231,35 @@ fn every_one_and_two_bit_flip_is_noticed() {
     assert_eq!(undetected, 0, "of {} damages", bits * (bits + 1) / 2);
 }
 
+#[test]
+fn random_damage_is_dropped_but_for_the_share_a_16_bit_check_must_let_pass() {
+    let good = bytes_of(&sample_ack());
+    let mut rng = StdRng::seed_from_u64(7);
+    let (mut accepted, damages) = (0, 200_000);
+    for _ in 0..damages {
+        let mut bad = good.clone();
+        for _ in 0..rng.random_range(1..12) {
+            let at = rng.random_range(0..bad.len());
+            bad[at] ^= 1 << rng.random_range(0..8);
+        }
+        if bad == good {
+            continue;
+        }
+        bad.push(0);
+        accepted += deframe(&bad)
+            .into_iter()
+            .flatten()
+            .filter(|p| ControllerMessage::parse(p).is_ok_and(|m| m != sample_ack()))
+            .count();
+    }
+    println!(
+        "{accepted} of {damages} damaged frames accepted; chance alone: {:.1}",
+        f64::from(damages) / 65536.0
+    );
+    // Exactly reproducible; a check that were not a good 16-bit one would let hundreds pass.
+    assert!(accepted <= 6, "{accepted}");
+}
+
 proptest! {
     #[test]
     fn arbitrary_bytes_never_panic_and_a_frame_after_them_is_understood(
@@ -251,23 +283,6 @@ proptest! {
         for bytes in [&payload, &sound] {
             let _ = HostMessage::parse(bytes);
             let _ = ControllerMessage::parse(bytes);
-        }
-    }
-
-    #[test]
-    fn random_damage_is_detected_or_the_frame_is_dropped(
-        flips in prop::collection::vec((0usize..23, 0u8..8), 1..12)
-    ) {
-        // CRC-16 lets 1 in 65536 of heavy damages pass; 256 cases per run stay far below that.
-        let mut bad = bytes_of(&sample_ack());
-        let good = bad.clone();
-        for (at, bit) in flips {
-            bad[at] ^= 1 << bit;
-        }
-        prop_assume!(bad != good);
-        bad.push(0);
-        for payload in deframe(&bad).into_iter().flatten() {
-            prop_assert!(ControllerMessage::parse(&payload).is_err() || payload.len() < 4);
         }
     }
 

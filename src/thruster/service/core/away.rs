@@ -1,0 +1,137 @@
+//! Without a line: closing, looking for it again, coming back with neutral first.
+
+use super::{AWAY_NS, Core, Flow, REOPEN_NS};
+use crate::event::Severity;
+use crate::thruster::link::{ThrusterLink, WireLink};
+use crate::thruster::safety::NeutralReason;
+use std::time::Duration;
+
+impl Core {
+    pub(super) fn disconnected(&mut self) -> Flow {
+        self.run_plan();
+        if self.farewell_ns.is_some() {
+            return self.farewell();
+        }
+        let now_ns = self.now();
+        if now_ns < self.next_open_ns {
+            self.clock.sleep(Duration::from_nanos(
+                AWAY_NS.min(self.next_open_ns - now_ns),
+            ));
+            return Flow::Continue;
+        }
+        self.next_open_ns = now_ns + REOPEN_NS;
+        self.shared.stats(|s| s.open_attempts += 1);
+        match (self.opener)() {
+            Ok(opened) => {
+                let Some(protocol) = self.protocol.take() else {
+                    return Flow::Continue;
+                };
+                // A write is a few hundred bytes at most: 100 ms without progress is a stuck line.
+                let mut link =
+                    WireLink::new(protocol, opened.transport, Duration::from_millis(100));
+                if let Err(error) = link.open() {
+                    self.protocol = Some(link.into_parts().0);
+                    self.noisy(Severity::Warning, "serial.open", |n| {
+                        (
+                            format!("{} opens but takes no bytes: {error}", opened.name),
+                            vec![("count", n as f64)],
+                        )
+                    });
+                    return Flow::Continue;
+                }
+                self.link = Some(link);
+                if let Some(low_latency) = opened.low_latency {
+                    let severity = if low_latency.good() {
+                        Severity::Info
+                    } else {
+                        Severity::Warning
+                    };
+                    self.event(
+                        severity,
+                        "serial.low_latency",
+                        format!("{}: {low_latency}", opened.name),
+                        &[],
+                    );
+                }
+                // Neutral is the first command on any line, new or old.
+                self.send_neutral(self.reason_after_opening());
+                self.back(&format!("{} is open", opened.name));
+            }
+            Err(error) => {
+                self.noisy(Severity::Warning, "serial.open", |n| {
+                    (error.to_string(), vec![("attempts", n as f64)])
+                });
+            }
+        }
+        Flow::Continue
+    }
+
+    pub(super) fn reason_after_opening(&self) -> NeutralReason {
+        if self.ever_open {
+            NeutralReason::Lost
+        } else {
+            NeutralReason::Idle
+        }
+    }
+
+    /// The link works (again): at neutral until armed, or on with the plan.
+    pub(super) fn back(&mut self, how: &str) {
+        self.safety.regain(self.reason_after_opening());
+        if !self.ever_open {
+            self.ever_open = true;
+            self.event(Severity::Info, "serial.open", how.to_owned(), &[]);
+        } else if let Some(lost_ns) = self.lost_ns.take() {
+            let away_s = self.now().saturating_sub(lost_ns) as f64 * 1e-9;
+            self.event(
+                Severity::Info,
+                "serial.back",
+                format!("{how} after {away_s:.3} s; neutral first"),
+                &[("away_s", away_s)],
+            );
+        }
+    }
+
+    /// The line is gone: closes it (an open descriptor would make the replugged node another one).
+    pub(super) fn lose(&mut self, why: &str) {
+        if let Some(link) = self.link.take() {
+            let (protocol, transport) = link.into_parts();
+            drop(transport);
+            self.protocol = Some(protocol);
+        }
+        self.next_open_ns = self.now() + REOPEN_NS;
+        self.neutral_open = None;
+        let now_ns = self.now();
+        // What the model says is out is logged as sent; the rest never left.
+        while self.outbox.front().is_some_and(|o| o.out_ns <= now_ns) {
+            self.emit_first();
+        }
+        let unsent = self.outbox.len();
+        self.outbox.clear();
+        self.lost(why);
+        if unsent > 0 {
+            self.event(
+                Severity::Warning,
+                "thruster.unsent",
+                format!("{unsent} sets of commands were cut off on their way out"),
+                &[("sets", unsent as f64)],
+            );
+        }
+    }
+
+    pub(super) fn lost(&mut self, why: &str) {
+        if self.safety.lose() {
+            self.lost_ns = Some(self.now());
+            self.shared.stats(|s| s.losses += 1);
+            self.feed_until_ns = None;
+            if !self.config.resume_after_loss {
+                self.plan = None;
+            }
+            self.event(
+                Severity::Error,
+                "serial.lost",
+                format!("link to the thruster controller lost: {why}; its watchdog goes to neutral, so do we when it is back"),
+                &[],
+            );
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Set-points to bytes, through the gate; neutral past it.
+
+use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS};
+use crate::event::Severity;
+use crate::thruster::ChannelPulse;
+use crate::thruster::curve::{pulse_for_thrust, thrust_for_pulse};
+use crate::thruster::link::ThrusterLink;
+use crate::thruster::record::CommandRecord;
+use crate::thruster::safety::{NeutralReason, Refused, State};
+
+impl Core {
+    pub(super) fn run_thrust(
+        &mut self,
+        thrust_n: &[f64],
+        due_ns: u64,
+        plan_step: u32,
+        cause: &'static str,
+    ) {
+        let set = &self.config.set;
+        let wanted: Result<Vec<f64>, String> = set
+            .thrusters
+            .iter()
+            .zip(thrust_n)
+            .map(|(t, thrust)| {
+                pulse_for_thrust(&t.curve, set.neutral_us, *thrust)
+                    .map_err(|e| format!("thruster {}: {e}", t.name))
+            })
+            .collect();
+        let admitted = wanted.and_then(|mut wanted_us| {
+            // A wrong number of values is the gate's to refuse, in its words.
+            wanted_us.extend(thrust_n.iter().skip(wanted_us.len()).map(|_| f64::NAN));
+            self.safety
+                .admit(self.clock.monotonic_ns(), &wanted_us)
+                .map_err(|e| match e {
+                    Refused::Range { index, .. } => {
+                        format!("{}: {e}", self.names.get(index).map_or("?", |n| n))
+                    }
+                    _ => e.to_string(),
+                })
+        });
+        let admitted = match admitted {
+            Ok(admitted) => admitted,
+            Err(why) => {
+                self.event(Severity::Error, "thruster.refused", why, &[]);
+                self.go_neutral(NeutralReason::Range, "a set-point was refused");
+                return;
+            }
+        };
+        if let Some((index, wanted_us)) = admitted.limited.filter(|_| admitted.ramp_begins) {
+            let name = self.names[index].clone();
+            let sent_us = admitted.pulses_us[index];
+            let limit = self.config.set.max_slew_us_per_s;
+            self.event(
+                Severity::Warning,
+                "thruster.slew_limited",
+                format!("{name}: {wanted_us:.2} us wanted, {sent_us:.2} us sent: ramping at {limit} us/s"),
+                &[("wanted_us", wanted_us), ("sent_us", sent_us), ("limit_us_per_s", limit)],
+            );
+        }
+        let thrust_n: Vec<f64> = self
+            .config
+            .set
+            .thrusters
+            .iter()
+            .zip(&admitted.pulses_us)
+            .zip(thrust_n)
+            .map(|((t, sent), want)| {
+                if admitted.limited.is_some() {
+                    thrust_for_pulse(&t.curve, *sent)
+                } else {
+                    *want
+                }
+            })
+            .collect();
+        if let Some(out_ns) = self.send(
+            &admitted.pulses_us,
+            &thrust_n,
+            due_ns,
+            plan_step,
+            cause,
+            false,
+        ) {
+            let late_ns = if due_ns == 0 {
+                0
+            } else {
+                out_ns.saturating_sub(due_ns)
+            };
+            if late_ns > (self.config.set.link.deadline_s * 1e9) as u64 {
+                self.missed(late_ns);
+            }
+        }
+    }
+
+    /// Writes one set; when its last byte is out \[ns\].
+    pub(super) fn send(
+        &mut self,
+        pulses_us: &[f64],
+        thrust_n: &[f64],
+        due_ns: u64,
+        plan_step: u32,
+        cause: &'static str,
+        neutral: bool,
+    ) -> Option<u64> {
+        let link = self.link.as_mut()?;
+        let pulses: Vec<ChannelPulse> = self
+            .config
+            .set
+            .thrusters
+            .iter()
+            .zip(pulses_us)
+            .map(|(t, us)| ChannelPulse::from_us(t.channel, *us))
+            .collect();
+        self.sequence = self.sequence.wrapping_add(1);
+        let sequence = self.sequence;
+        let sent = match link.send(sequence, &pulses, neutral) {
+            Ok(sent) => sent,
+            Err(error) => {
+                self.lose(&error.to_string());
+                return None;
+            }
+        };
+        let triple = self.clock.triple();
+        let records = self
+            .names
+            .iter()
+            .zip(&pulses)
+            .zip(thrust_n)
+            .map(|((name, pulse), thrust_n)| CommandRecord {
+                timestamp_ns: 0,
+                sequence,
+                thruster: name.clone(),
+                thrust_n: *thrust_n,
+                pulse_us: pulse.pulse_us(),
+                due_ns: if due_ns == 0 {
+                    0
+                } else {
+                    triple.monotonic_to_unix_ns(due_ns)
+                },
+                plan_step,
+                cause,
+            })
+            .collect();
+        self.outbox.push_back(Outgoing {
+            sequence,
+            out_ns: sent.last_byte_out_ns,
+            records,
+        });
+        self.shared.stats(|s| s.sets += 1);
+        Some(sent.last_byte_out_ns)
+    }
+
+    pub(super) fn send_neutral(&mut self, reason: NeutralReason) {
+        let set = &self.config.set;
+        let pulses_us = vec![set.neutral_us; set.thrusters.len()];
+        let thrust_n: Vec<f64> = set
+            .thrusters
+            .iter()
+            .map(|t| thrust_for_pulse(&t.curve, set.neutral_us))
+            .collect();
+        if self
+            .send(&pulses_us, &thrust_n, 0, 0, reason.word(), true)
+            .is_some()
+        {
+            let lost = self.safety.state() == State::Lost;
+            let wait_ns = if lost {
+                REPEAT_LOST_NS
+            } else {
+                REPEAT_NEUTRAL_NS
+            };
+            self.neutral_open = Some((self.sequence, self.now() + wait_ns));
+        }
+    }
+
+    pub(super) fn go_neutral(&mut self, reason: NeutralReason, why: &str) {
+        self.plan = None;
+        self.feed_until_ns = None;
+        let was = self.safety.state();
+        let (_, changed) = self.safety.neutral(reason, self.now());
+        // First the bytes, then the words.
+        self.send_neutral(reason);
+        if changed {
+            let severity = match reason {
+                NeutralReason::Idle | NeutralReason::Request | NeutralReason::Exit => {
+                    Severity::Info
+                }
+                _ if was == State::Running => Severity::Error,
+                _ => Severity::Warning,
+            };
+            self.event(
+                severity,
+                "thruster.neutral",
+                format!("thrusters to neutral ({reason}): {why}"),
+                &[],
+            );
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Lost and found: the line, the controller, its clock.
+
+use super::*;
+
+#[test]
+fn an_unplugged_line_is_closed_found_again_and_neutral_comes_first() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.plan(60.0, constant(10.0));
+        b.run_ms(500);
+        assert!(b.running());
+        let (unplugged_ns, opens) = (
+            b.clock.triple().realtime_ns,
+            b.opens.load(Ordering::Relaxed),
+        );
+        b.cable.unplug();
+        b.run_ms(3000);
+        let lost = b.events("serial.lost");
+        assert_eq!(lost.len(), 1, "{kind:?}");
+        assert!(
+            lost[0].timestamp_ns - unplugged_ns < 1_000 * MS,
+            "noticed within a second"
+        );
+        assert_eq!(b.core.state(), State::Lost);
+        // No busy loop while it is away: five attempts a second.
+        let tried = b.opens.load(Ordering::Relaxed) - opens;
+        assert!((10..=16).contains(&tried), "{tried} attempts in 3 s");
+        // Meanwhile the controller's own watchdog has acted.
+        let trip = b
+            .cable
+            .take_events()
+            .iter()
+            .filter(|e| e.cause == OutputCause::Watchdog)
+            .count();
+        assert!(trip > 0 && b.at_neutral());
+        b.cable.replug();
+        b.run_ms(1000);
+        assert_eq!(b.events("serial.back").len(), 1);
+        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Lost));
+        let after = b.cable.take_events();
+        assert!(
+            !after.is_empty() && after.iter().all(|e| e.pulse_us == 1500.0),
+            "{kind:?}"
+        );
+        // Armed again, it runs again.
+        b.plan(10.0, constant(10.0));
+        b.run_ms(300);
+        assert!(b.running(), "{kind:?}");
+    }
+}
+
+#[test]
+fn with_resume_the_plan_goes_on_after_a_confirmed_neutral() {
+    let mut b = bench(LinkKind::Stamped, |c| c.resume_after_loss = true);
+    b.plan(60.0, constant(10.0));
+    b.run_ms(500);
+    b.cable.unplug();
+    b.run_ms(1000);
+    b.cable.take_events();
+    b.cable.replug();
+    b.run_ms(1000);
+    assert!(b.running());
+    let after = b.cable.take_events();
+    assert_eq!(after[0].pulse_us, 1500.0, "neutral first");
+    assert_eq!(b.core.state(), State::Running);
+}
+
+#[test]
+fn a_mute_controller_is_a_lost_link_and_comes_back_by_itself() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.plan(60.0, constant(10.0));
+        b.run_ms(500);
+        let silent_from = b.clock.triple().realtime_ns;
+        b.cable.with(|c| {
+            c.set_faults(Faults {
+                mute: true,
+                ..Faults::default()
+            })
+        });
+        b.run_ms(1000);
+        let lost = b.events("serial.lost");
+        assert_eq!(lost.len(), 1, "{kind:?}");
+        assert!(lost[0].timestamp_ns - silent_from < 1_000 * MS);
+        // The line outwards still works, so neutral has arrived without waiting for the watchdog.
+        assert!(b.at_neutral(), "{kind:?}");
+        b.cable.with(|c| c.set_faults(Faults::default()));
+        b.run_ms(1500);
+        assert_eq!(b.events("serial.back").len(), 1, "{kind:?}");
+        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Lost));
+    }
+}
+
+#[test]
+fn the_controllers_clock_is_reported_once_a_second() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.run_ms(10_000);
+    let clocks: Vec<_> = b
+        .records()
+        .into_iter()
+        .filter_map(|r| {
+            if let LinkRecord::Clock(c) = r {
+                Some(c)
+            } else {
+                None
+            }
+        })
+        .collect();
+    assert!((9..=11).contains(&clocks.len()), "{}", clocks.len());
+    let last = clocks.last().unwrap();
+    assert!((last.drift_ppm - 37.0).abs() < 5.0, "{last:?}");
+}
+
+#[test]
+fn a_line_too_slow_for_the_rate_is_refused_with_the_arithmetic() {
+    let mut slow = set(LinkKind::Maestro);
+    slow.link.baud = 9600;
+    slow.link.rate_hz = 100.0;
+    let error = check(&slow, &*protocol_for(&slow)).unwrap_err();
+    assert!(
+        matches!(error, ServiceError::TooSlow { baud: 9600, .. }),
+        "{error}"
+    );
+    let mut twice = set(LinkKind::Maestro);
+    twice.thrusters[1].channel = 0;
+    assert!(matches!(
+        check(&twice, &*protocol_for(&twice)),
+        Err(ServiceError::Channels { .. })
+    ));
+}
+
+#[test]
+fn a_controller_reset_while_running_is_noticed_by_its_next_ack() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.plan(60.0, constant(10.0));
+    b.run_ms(3000);
+    assert!(b.running());
+    let now_ns = b.now();
+    b.cable.with(|c| c.reset(now_ns, &mut |_| {}));
+    b.run_ms(60);
+    assert_eq!(b.events("thruster.reset").len(), 1);
+    assert!(b.at_neutral());
+    b.run_ms(3000);
+    assert_eq!(b.events("thruster.reset").len(), 1, "told once");
+    // The controller's stamps keep rising within the new generation.
+    b.plan(1.0, constant(10.0));
+    b.run_ms(900);
+    let stamps: Vec<_> = b
+        .echoes()
+        .iter()
+        .rev()
+        .take(40)
+        .map(|e| e.controller_time_us)
+        .collect();
+    assert!(stamps.windows(2).all(|w| w[0] >= w[1]));
+}

@@ -1,0 +1,165 @@
+//! Every way to neutral.
+
+use super::*;
+
+#[test]
+fn shutdown_sends_neutral_and_waits_for_its_echo() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.plan(60.0, constant(10.0));
+        b.run_ms(500);
+        assert!(b.running());
+        b.shared.stop.store(true, Ordering::Release);
+        b.run_ms(1000);
+        assert!(b.at_neutral(), "{kind:?}");
+        let last = b.commands().last().cloned().unwrap();
+        assert_eq!((last.cause, last.pulse_us), ("exit", 1500.0));
+        assert_eq!(b.echoes().last().unwrap().sequence, last.sequence);
+        assert!(
+            b.cable
+                .take_events()
+                .iter()
+                .any(|e: &ControllerEvent| e.pulse_us > 1500.0)
+        );
+    }
+}
+
+#[test]
+fn a_request_from_a_signal_handler_stops_within_milliseconds() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.plan(60.0, constant(10.0));
+    b.run_ms(500);
+    b.cable.take_events();
+    let asked_ns = b.now();
+    NeutralHandle(b.shared.clone()).request(NeutralReason::Limit);
+    b.run_ms(100);
+    let stopped = b
+        .cable
+        .take_events()
+        .iter()
+        .find(|e| e.pulse_us == 1500.0)
+        .unwrap()
+        .host_monotonic_ns;
+    assert!(stopped - asked_ns < 10 * MS, "{}", stopped - asked_ns);
+    assert_eq!(b.core.state(), State::Neutral(NeutralReason::Limit));
+    assert_eq!(b.commands().last().unwrap().cause, "limit");
+    // And stays there.
+    b.run_ms(500);
+    assert!(b.at_neutral());
+}
+
+#[test]
+fn a_stalled_plan_misses_its_deadline_and_stops() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        let clock = b.clock.clone();
+        b.plan(60.0, move |t_s| {
+            if (t_s - 0.4).abs() < 1e-9 {
+                // The producer hangs for 100 ms; 30 are allowed.
+                clock.advance(Duration::from_millis(100));
+            }
+            PlannedLoad {
+                thrust_n: vec![10.0; 2],
+                plan_step: 1,
+            }
+        });
+        b.run_ms(1000);
+        assert!(b.at_neutral(), "{kind:?}");
+        assert_eq!(b.core.state(), State::Neutral(NeutralReason::Deadline));
+        assert_eq!(b.events("thruster.deadline").len(), 1);
+        assert_eq!(b.events("thruster.neutral").len(), 1);
+        assert_eq!(b.commands().last().unwrap().cause, "deadline");
+    }
+}
+
+#[test]
+fn a_producer_that_falls_silent_misses_its_deadline() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.run_ms(100);
+    b.orders.try_send(Order::Arm).unwrap();
+    for _ in 0..10 {
+        let set_point = SetPoint {
+            due_ns: b.now(),
+            thrust_n: vec![10.0; 2],
+            plan_step: 0,
+        };
+        b.orders.try_send(Order::SetPoint(set_point)).unwrap();
+        b.run_ms(20);
+    }
+    assert!(b.running());
+    b.run_ms(100);
+    assert!(b.at_neutral());
+    assert_eq!(b.core.state(), State::Neutral(NeutralReason::Deadline));
+    // One that comes after that is not taken, and said so.
+    let set_point = SetPoint {
+        due_ns: 0,
+        thrust_n: vec![10.0; 2],
+        plan_step: 0,
+    };
+    b.orders.try_send(Order::SetPoint(set_point)).unwrap();
+    b.run_ms(50);
+    assert!(b.at_neutral());
+    assert_eq!(b.events("thruster.refused").len(), 1);
+}
+
+#[test]
+fn a_panic_in_sink_or_plan_leaves_the_thrusters_at_neutral() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.plan(60.0, |t_s| {
+            assert!(t_s < 0.4, "the plan breaks");
+            PlannedLoad {
+                thrust_n: vec![10.0; 2],
+                plan_step: 1,
+            }
+        });
+        let panic = catch_unwind(AssertUnwindSafe(|| b.run_ms(1000)));
+        assert!(panic.is_err() && b.running());
+        b.core.panicked("the plan breaks");
+        assert!(b.at_neutral(), "{kind:?}");
+        assert_eq!(b.commands().last().unwrap().cause, "panic");
+        assert!(
+            b.events("thruster.neutral")
+                .iter()
+                .any(|e| e.message.contains("the plan breaks"))
+        );
+    }
+    // A sink that panics at every record from some point on.
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    let left = AtomicU32::new(60);
+    b.core.replace_sink(Box::new(move |_| {
+        assert!(left.fetch_sub(1, Ordering::Relaxed) > 0, "disk full")
+    }));
+    b.plan(60.0, constant(10.0));
+    assert!(catch_unwind(AssertUnwindSafe(|| b.run_ms(5000))).is_err());
+    assert!(b.running());
+    b.core.panicked("disk full");
+    assert!(b.at_neutral());
+}
+
+#[test]
+fn a_lost_neutral_is_repeated_until_it_is_confirmed() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.plan(60.0, constant(10.0));
+    b.run_ms(500);
+    // The frame does not get through for 100 ms, well inside the watchdog's 300 ms.
+    b.cable.with(|c| {
+        c.set_faults(Faults {
+            deaf: true,
+            ..Faults::default()
+        })
+    });
+    NeutralHandle(b.shared.clone()).request(NeutralReason::Request);
+    b.run_ms(100);
+    assert!(b.running());
+    b.cable.with(|c| c.set_faults(Faults::default()));
+    b.cable.take_events();
+    b.run_ms(100);
+    assert!(b.at_neutral());
+    assert!(
+        b.cable
+            .take_events()
+            .iter()
+            .all(|e| e.cause == OutputCause::Neutral)
+    );
+}
