@@ -278,9 +278,15 @@ impl Renderer {
         let all = -margin..self.height_px as i64 + margin;
         let reach_m = CUT_SIGMA * self.optics.sheet_sigma_m;
         let mut bands: Vec<Range<i64>> = Vec::new();
-        for (height_m, surface) in self.solid.levels() {
-            let mut near = false;
+        for (level, (height_m, surface)) in self.solid.levels().enumerate() {
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let mut area = [
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+            ];
+            let mut near = false;
             let mut open = false;
             for (du, off_m) in [
                 (-0.5, -reach_m),
@@ -293,15 +299,27 @@ impl Renderer {
                     continue;
                 };
                 let at = |f: &super::rays::Form| f.at_eye + t * f.rate(u + du, row);
-                near |= self
-                    .solid
-                    .near(surface, [at(&light.view.x), at(&light.view.y)], 0.02);
+                let (x, y) = (at(&light.view.x), at(&light.view.y));
+                near |= self.solid.near(surface, [x, y], 0.005 + 2.0 * reach_m);
+                area = [
+                    area[0].min(x),
+                    area[1].max(x),
+                    area[2].min(y),
+                    area[3].max(y),
+                ];
                 (low, high) = (low.min(row), high.max(row));
             }
+            // A millimetre more, so that a pixel beside an edge is never left out.
+            let area = [
+                area[0] - 0.001,
+                area[1] + 0.001,
+                area[2] - 0.001,
+                area[3] + 0.001,
+            ];
             if open && low.is_finite() {
                 // Part of the column looks past this height: no closed form for where the light ends.
                 bands.push(all.clone());
-            } else if near {
+            } else if near && !self.solid.buried(level, area) {
                 let band =
                     (low.floor() as i64 - 1).max(all.start)..(high.ceil() as i64 + 2).min(all.end);
                 if band.start < band.end {
