@@ -230,13 +230,14 @@ impl Renderer {
         let (low, high) = (low - margin as i64, high + margin as i64);
         let rows = (high - low).max(0) as usize;
 
+        let shade = |u: f64, v: f64| light.shade(u, v);
         let mut picture = vec![0.0f32; rows * bands.len()];
         let mut codes = vec![Code::NONE; rows * bands.len()];
         for (i, column) in bands.iter().enumerate() {
             let u = (first + i) as f64 - margin as f64;
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
-                (codes[at], picture[at]) = gauss(light, u, row as f64);
+                (codes[at], picture[at]) = gauss(&shade, u, row as f64);
             }
         }
         let mut refined: Vec<(usize, f32)> = Vec::new();
@@ -245,7 +246,7 @@ impl Renderer {
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
                 if is_edge(&codes, at, rows) && is_lit(&picture, at, rows) {
-                    refined.push((at, lattice(light, u, row as f64)));
+                    refined.push((at, lattice(&shade, u, row as f64)));
                 }
             }
         }
@@ -340,11 +341,11 @@ impl Renderer {
 }
 
 /// Mean over a pixel by 2 x 2 Gauss points; MIXED when they end at different things.
-fn gauss(light: &Light<'_>, u: f64, v: f64) -> (Code, f32) {
+pub(super) fn gauss(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) -> (Code, f32) {
     let mut sum = 0.0;
     let mut code = Code::NONE;
     for (du, dv) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-        let (ray, light) = light.shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
+        let (ray, light) = shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
         sum += light;
         code = code.joined(ray);
     }
@@ -352,20 +353,20 @@ fn gauss(light: &Light<'_>, u: f64, v: f64) -> (Code, f32) {
 }
 
 /// Mean over a pixel by the Fibonacci lattice.
-fn lattice(light: &Light<'_>, u: f64, v: f64) -> f32 {
+pub(super) fn lattice(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) -> f32 {
     let n = LATTICE as f64;
     let sum: f64 = (0..LATTICE)
         .map(|i| {
             let a = (i as f64 + 0.5) / n - 0.5;
             let b = ((i * LATTICE_STEP % LATTICE) as f64 + 0.5) / n - 0.5;
-            light.shade(u + b, v + a).1
+            shade(u + b, v + a).1
         })
         .sum();
     (sum / n) as f32
 }
 
 /// Whether a pixel or the step to one of its four neighbours crosses an edge.
-fn is_edge(codes: &[Code], at: usize, rows: usize) -> bool {
+pub(super) fn is_edge(codes: &[Code], at: usize, rows: usize) -> bool {
     let own = codes[at];
     let row = at % rows;
     let differs = |i: Option<usize>| {
