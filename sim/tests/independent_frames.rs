@@ -2,6 +2,8 @@
 //!
 //! Truth (CG pose, z down from the floor) stands in the logs and is read by this test only.
 
+#![allow(clippy::unwrap_used)] // a test
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

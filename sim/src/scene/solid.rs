@@ -155,8 +155,9 @@ impl Solid {
     pub fn first_hit(&self, line: &Line) -> Option<Hit> {
         let [.., h0] = line.origin;
         let [.., dh] = line.direction;
-        // Negated comparison: a NaN direction is no hit either.
-        if !(dh < -1e-9) || !(h0 > 0.0) {
+        // A NaN is no hit either.
+        let descends = dh < -1e-9 && h0 > 0.0;
+        if !descends {
             return None;
         }
         let floor_t = -h0 / dh;
