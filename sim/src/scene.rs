@@ -7,6 +7,7 @@
 //! All geometry is done in the affine coordinates (x, y, height above the floor) of the
 //! target frame: lines stay lines, slabs are upright prisms, and a sloping floor is h = 0.
 
+mod board;
 mod noise;
 mod psf;
 mod rays;
@@ -15,6 +16,7 @@ mod sheet;
 mod solid;
 mod truth;
 
+pub use board::{BoardLight, BoardNode, BoardPlacement};
 pub use noise::Noise;
 pub use renderer::{GreyPixels, Renderer};
 pub use solid::Surface;
@@ -91,6 +93,16 @@ pub enum SceneError {
         slab: String,
         /// What is wrong.
         reason: &'static str,
+    },
+    /// A board that is no board.
+    #[error("board \"{board}\": {what} = {value}; it must be positive and finite")]
+    Board {
+        /// Board.
+        board: String,
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
     },
     /// Too many slabs.
     #[error("the target has {slabs} slabs, at most {limit} can be rendered; merge some")]

@@ -2,6 +2,8 @@
 //!
 //! Truth (CG pose, z down from the floor) stands in the logs and is read by this test only.
 
+#![allow(clippy::unwrap_used)] // a test
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -197,6 +199,7 @@ fn stripe_and_image_match_an_independent_renderer() {
             case_rig()
         };
         let renderer = Renderer::new(&rig).unwrap();
+        let mut corners = Spread::default();
         let (mut line, mut lit, mut steps, mut dark) = (
             Spread::default(),
             Spread::default(),
@@ -216,9 +219,11 @@ fn stripe_and_image_match_an_independent_renderer() {
                 ..frame.clone()
             };
             let truth = renderer.profile_truth(pose);
-            let mut near = vec![false; 720];
-            for p in &truth {
-                near[p.column_px as usize] |= p.near_step;
+            let mut near = vec![true; 720]; // also where nothing is seen
+            for far in [true, false] {
+                for p in truth.iter().filter(|p| p.near_step != far) {
+                    near[p.column_px as usize] = !far;
+                }
             }
             for p in truth
                 .iter()
@@ -231,6 +236,8 @@ fn stripe_and_image_match_an_independent_renderer() {
                 let difference = f64::from(*theirs) - 12.0 - f64::from(*light);
                 if *light <= 0.5 {
                     dark.add(difference);
+                } else if near[i % 720] && rig.target.is_some() && at_corner(pose, i % 720) {
+                    corners.add(difference);
                 } else if near[i % 720] {
                     steps.add(difference);
                 } else {
@@ -239,13 +246,15 @@ fn stripe_and_image_match_an_independent_renderer() {
             }
         }
         println!(
-            "{name}: stripe {:.4} px rms, mean {:+.4} (ours without noise {:+.4}), {} points; grey difference rms: lit {:.3}, near steps {:.3}, dark {:.3}",
+            "{name}: stripe {:.4} px rms, mean {:+.4} (ours without noise {:+.4}), {} points; grey difference rms: lit {:.3}, near steps {:.3}, at corners {:.3} (mean {:+.3}), dark {:.3}",
             line.rms(),
             line.mean(),
             ours.mean(),
             line.2,
             lit.rms(),
             steps.rms(),
+            corners.rms(),
+            corners.mean(),
             dark.rms(),
         );
         assert!(line.2 > 2000, "{name}: {} points", line.2);
@@ -272,11 +281,32 @@ fn stripe_and_image_match_an_independent_renderer() {
             "{name}: dark pixels differ by {} rms",
             dark.rms()
         );
-        // (the edges are supersampled differently)
+        // The edges are supersampled differently; that is all.
         assert!(
-            steps.2 == 0 || steps.rms() < 2.5,
+            steps.2 == 0 || steps.rms() < 2.0,
             "{name}: pixels near steps differ by {} rms",
             steps.rms()
         );
+        // At a widest corner theirs can only be brighter (see `at_corner`).
+        assert!(
+            corners.2 == 0 || corners.mean() > -0.1,
+            "{name}: corners differ by {} on average",
+            corners.mean()
+        );
     }
+}
+
+/// Whether the sheet crosses a widest corner of a hexagon on this side of the image.
+///
+/// A few millimetres beyond such a corner the board is hidden by the corner's vertical face: the line of sight
+/// enters the hexagon below its top and leaves it again above the board. The frames show the board lit there
+/// (their renderer compares heights where the ray meets each level, not between), ours does not; the marching
+/// test in `scene/solid.rs` settles which is right.
+fn at_corner(pose: &Pose6, column: usize) -> bool {
+    let side_m = if column < 360 { -0.12 } else { 0.12 };
+    let x_m = pose.x_m + 0.27 * pose.psi_rad.cos() - side_m * pose.psi_rad.sin()
+        + 0.79 * pose.theta_rad.sin();
+    let length_m = 3f64.sqrt() * 0.12;
+    let beyond_m = (x_m - length_m / 2.0).rem_euclid(length_m);
+    (0.0..6.0).contains(&(x_m / length_m)) && (beyond_m < 0.02 || beyond_m > length_m - 0.005)
 }

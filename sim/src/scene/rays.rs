@@ -54,18 +54,7 @@ impl View {
         let to_tank = Matrix3::from_fn(|i, j| rows[i][j]);
         let cg = Vector3::new(pose.x_m, pose.y_m, pose.z_m);
 
-        // Camera axes in the body frame: Z looks forward and down, X to starboard, Y = Z x X.
-        let (sin, cos) = optics.camera_tilt_rad.sin_cos();
-        let axis = Vector3::new(sin, 0.0, cos);
-        let right = Vector3::new(0.0, 1.0, 0.0);
-        let down = axis.cross(&right);
-        let [fx, fy] = optics.focal_px;
-        let [cx, cy] = optics.centre_px;
-        // Direction A + u B + v C in the body frame.
-        let b = right / fx;
-        let c = down / fy;
-        let a = axis - b * cx - c * cy;
-        let eye = Vector3::from(optics.camera_m);
+        let (eye, [a, b, c]) = camera(optics);
 
         let body = |normal: Vector3<f64>, offset: f64| Form {
             at_eye: normal.dot(&eye) + offset,
@@ -125,6 +114,22 @@ impl View {
         let t = dh / h.rate(u, v);
         (v.is_finite() && t.is_finite() && t > 0.0).then_some((v, t))
     }
+}
+
+/// Pinhole and ray directions A + u B + v C of its pixels, in the body frame.
+pub(super) fn camera(optics: &Optics) -> (Vector3<f64>, [Vector3<f64>; 3]) {
+    // Camera axes: Z looks forward and down, X to starboard, Y = Z x X.
+    let (sin, cos) = optics.camera_tilt_rad.sin_cos();
+    let axis = Vector3::new(sin, 0.0, cos);
+    let right = Vector3::new(0.0, 1.0, 0.0);
+    let down = axis.cross(&right);
+    let [fx, fy] = optics.focal_px;
+    let [cx, cy] = optics.centre_px;
+    let (b, c) = (right / fx, down / fy);
+    (
+        Vector3::from(optics.camera_m),
+        [axis - b * cx - c * cy, b, c],
+    )
 }
 
 #[cfg(test)]

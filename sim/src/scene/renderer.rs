@@ -230,13 +230,14 @@ impl Renderer {
         let (low, high) = (low - margin as i64, high + margin as i64);
         let rows = (high - low).max(0) as usize;
 
+        let shade = |u: f64, v: f64| light.shade(u, v);
         let mut picture = vec![0.0f32; rows * bands.len()];
         let mut codes = vec![Code::NONE; rows * bands.len()];
         for (i, column) in bands.iter().enumerate() {
             let u = (first + i) as f64 - margin as f64;
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
-                (codes[at], picture[at]) = gauss(light, u, row as f64);
+                (codes[at], picture[at]) = gauss(&shade, u, row as f64);
             }
         }
         let mut refined: Vec<(usize, f32)> = Vec::new();
@@ -245,7 +246,7 @@ impl Renderer {
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
                 if is_edge(&codes, at, rows) && is_lit(&picture, at, rows) {
-                    refined.push((at, lattice(light, u, row as f64)));
+                    refined.push((at, lattice(&shade, u, row as f64)));
                 }
             }
         }
@@ -278,9 +279,15 @@ impl Renderer {
         let all = -margin..self.height_px as i64 + margin;
         let reach_m = CUT_SIGMA * self.optics.sheet_sigma_m;
         let mut bands: Vec<Range<i64>> = Vec::new();
-        for (height_m, surface) in self.solid.levels() {
-            let mut near = false;
+        for (level, (height_m, surface)) in self.solid.levels().enumerate() {
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let mut area = [
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+            ];
+            let mut near = false;
             let mut open = false;
             for (du, off_m) in [
                 (-0.5, -reach_m),
@@ -293,15 +300,27 @@ impl Renderer {
                     continue;
                 };
                 let at = |f: &super::rays::Form| f.at_eye + t * f.rate(u + du, row);
-                near |= self
-                    .solid
-                    .near(surface, [at(&light.view.x), at(&light.view.y)], 0.02);
+                let (x, y) = (at(&light.view.x), at(&light.view.y));
+                near |= self.solid.near(surface, [x, y], 0.005 + 2.0 * reach_m);
+                area = [
+                    area[0].min(x),
+                    area[1].max(x),
+                    area[2].min(y),
+                    area[3].max(y),
+                ];
                 (low, high) = (low.min(row), high.max(row));
             }
+            // A millimetre more, so that a pixel beside an edge is never left out.
+            let area = [
+                area[0] - 0.001,
+                area[1] + 0.001,
+                area[2] - 0.001,
+                area[3] + 0.001,
+            ];
             if open && low.is_finite() {
                 // Part of the column looks past this height: no closed form for where the light ends.
                 bands.push(all.clone());
-            } else if near {
+            } else if near && !self.solid.buried(level, area) {
                 let band =
                     (low.floor() as i64 - 1).max(all.start)..(high.ceil() as i64 + 2).min(all.end);
                 if band.start < band.end {
@@ -322,11 +341,11 @@ impl Renderer {
 }
 
 /// Mean over a pixel by 2 x 2 Gauss points; MIXED when they end at different things.
-fn gauss(light: &Light<'_>, u: f64, v: f64) -> (Code, f32) {
+pub(super) fn gauss(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) -> (Code, f32) {
     let mut sum = 0.0;
     let mut code = Code::NONE;
     for (du, dv) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-        let (ray, light) = light.shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
+        let (ray, light) = shade(u + du * GAUSS_PX, v + dv * GAUSS_PX);
         sum += light;
         code = code.joined(ray);
     }
@@ -334,20 +353,20 @@ fn gauss(light: &Light<'_>, u: f64, v: f64) -> (Code, f32) {
 }
 
 /// Mean over a pixel by the Fibonacci lattice.
-fn lattice(light: &Light<'_>, u: f64, v: f64) -> f32 {
+pub(super) fn lattice(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) -> f32 {
     let n = LATTICE as f64;
     let sum: f64 = (0..LATTICE)
         .map(|i| {
             let a = (i as f64 + 0.5) / n - 0.5;
             let b = ((i * LATTICE_STEP % LATTICE) as f64 + 0.5) / n - 0.5;
-            light.shade(u + b, v + a).1
+            shade(u + b, v + a).1
         })
         .sum();
     (sum / n) as f32
 }
 
 /// Whether a pixel or the step to one of its four neighbours crosses an edge.
-fn is_edge(codes: &[Code], at: usize, rows: usize) -> bool {
+pub(super) fn is_edge(codes: &[Code], at: usize, rows: usize) -> bool {
     let own = codes[at];
     let row = at % rows;
     let differs = |i: Option<usize>| {

@@ -53,7 +53,7 @@ impl Code {
     }
 
     /// Lit top of the prism at this level.
-    fn lit(level: usize) -> Self {
+    pub fn lit(level: usize) -> Self {
         Code(level.min(super::solid::SLABS_MAX) as u8)
     }
 }

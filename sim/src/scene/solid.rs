@@ -124,27 +124,40 @@ impl Solid {
             None => &self.prisms[..],
         };
         // Whoever contains the end of the sight hides it: it is higher, or as high and first in the file.
-        higher.iter().all(|prism| {
+        let [.., h0] = line.origin;
+        for prism in higher {
             if prism.contains(end) {
                 return false;
             }
-            let [.., h0] = line.origin;
             let top_t = ((prism.top_m - h0) / line.direction[2]).max(0.0);
             if top_t >= t {
-                return true;
+                continue;
             }
             let start = line.xy(top_t);
-            prism.clear_of(start, end)
-                || !(prism.contains(start) || prism.first_crossing(start, end).is_some())
-        })
+            if !prism.clear_of(start, end)
+                && (prism.contains(start) || prism.first_crossing(start, end).is_some())
+            {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Whether a rectangle (x min, x max, y min, y max) of `prisms[level]`'s height lies wholly under a
+    /// higher prism, so that nobody can see it. `false` may also mean "not sure".
+    pub fn buried(&self, level: usize, area: [f64; 4]) -> bool {
+        self.prisms[..level.min(self.prisms.len())]
+            .iter()
+            .any(|p| p.covers(area))
     }
 
     /// First hit of a descending line, `None` when it never comes down.
     pub fn first_hit(&self, line: &Line) -> Option<Hit> {
         let [.., h0] = line.origin;
         let [.., dh] = line.direction;
-        // Negated comparison: a NaN direction is no hit either.
-        if !(dh < -1e-9) || !(h0 > 0.0) {
+        // A NaN is no hit either.
+        let descends = dh < -1e-9 && h0 > 0.0;
+        if !descends {
             return None;
         }
         let floor_t = -h0 / dh;
@@ -279,13 +292,33 @@ impl Prism {
         };
         // Widest half width the segment can meet: the flanks rise at 1/sqrt(3) per metre.
         let half_width = |x: f64| {
-            let along = (x - x0) / length;
-            side - (along - along.floor() - 0.5).abs() * length / 3f64.sqrt()
+            // Outside of the chain its end's width: it cannot grow faster than the slope from there.
+            let along = (x.clamp(self.bounds[0], self.bounds[1]) - x0) / length;
+            side - (fraction(along) - 0.5).abs() * length / 3f64.sqrt()
         };
         let slope = 1.0 / 3f64.sqrt();
         let widest =
             (half_width(p[0]).min(half_width(q[0])) + slope * (q[0] - p[0]).abs()).min(side);
         (p[1] > widest && q[1] > widest) || (p[1] < -widest && q[1] < -widest)
+    }
+
+    /// Whether an upright rectangle (x min, x max, y min, y max) lies inside; `false` may mean "not sure".
+    fn covers(&self, [ax0, ax1, ay0, ay1]: [f64; 4]) -> bool {
+        let [x0, x1, y0, y1] = self.bounds;
+        if !(ax0 >= x0 && ax1 <= x1 && ay0 >= y0 && ay1 <= y1) {
+            return false;
+        }
+        match self.inside {
+            Inside::Rectangle => true,
+            Inside::Hexagons { x0, side, length } => {
+                let half_width = |x: f64| {
+                    side - (fraction((x - x0) / length) - 0.5).abs() * length / 3f64.sqrt()
+                };
+                let narrowest = half_width(ax0).min(half_width(ax1)) - (ax1 - ax0) / 3f64.sqrt();
+                ay1.max(-ay0) <= narrowest
+            }
+            Inside::Polygon(_) => false,
+        }
     }
 
     fn contains(&self, [x, y]: [f64; 2]) -> bool {
@@ -297,7 +330,7 @@ impl Prism {
             Inside::Rectangle => true,
             Inside::Hexagons { x0, side, length } => {
                 let along = (x - x0) / length;
-                let from_middle = (along - along.floor() - 0.5).abs() * length;
+                let from_middle = (fraction(along) - 0.5).abs() * length;
                 y.abs() <= side - from_middle / 3f64.sqrt()
             }
             Inside::Polygon(points) => {
@@ -358,6 +391,11 @@ impl Prism {
     }
 }
 
+/// Fractional part of a number that is not negative: a truncation, where `floor` is a call.
+fn fraction(value: f64) -> f64 {
+    value - (value as i64) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -412,6 +450,21 @@ mod tests {
             for (level, (height_m, surface)) in solid.levels().enumerate() {
                 let expected = hit.surface == surface && !hit.face && height_m < h;
                 prop_assert_eq!(height_m < h && solid.sees(&line, level, h - height_m), expected, "{:?}", surface);
+            }
+        }
+
+        #[test]
+        fn what_is_buried_is_never_seen(
+            x in 0.0..1.2f64, y in -0.15..0.15f64, w in 0.001..0.03f64, fx in 0.0..1.0f64, fy in 0.0..1.0f64,
+            dx in -3.0..3.0f64, dy in -3.0..3.0f64,
+        ) {
+            let solid = Solid::new(Some(&hexagon_target()), 1.0).unwrap();
+            for (level, (height_m, _)) in solid.levels().enumerate() {
+                if solid.buried(level, [x, x + w, y, y + 0.002]) {
+                    let end = [x + fx * w, y + fy * 0.002];
+                    let line = Line { origin: [end[0] - 0.8 * dx, end[1] - 0.8 * dy, height_m + 0.8], direction: [dx, dy, -1.0] };
+                    prop_assert!(!solid.sees(&line, level, 0.8));
+                }
             }
         }
 

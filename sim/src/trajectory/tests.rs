@@ -154,9 +154,9 @@ fn small_roll_is_the_damped_pendulum() {
     let (inertia, damping, stiffness) = (0.730 + 4.0, 1.5, 0.028 * 29.777 * 9.81);
     let decay = damping / (2.0 * inertia);
     let omega = (stiffness / inertia - decay * decay).sqrt();
-    for t_s in [0.5, 1.0, 3.0, 7.0] {
+    for t_s in [0.5f64, 1.0, 3.0, 7.0] {
         let phi = phi0
-            * (-decay * t_s as f64).exp()
+            * (-decay * t_s).exp()
             * ((omega * t_s).cos() + decay / omega * (omega * t_s).sin());
         let got = r.state_at(t_s).unwrap().vehicle.eta[3];
         assert!((got - phi).abs() < 1e-14, "{got} {phi}");

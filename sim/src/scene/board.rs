@@ -1,0 +1,396 @@
+//! A calibration board standing in (or beside) the laser sheet.
+//!
+//! The board is told in the laser plane (xi to port, eta up, zeta forward), so it does not
+//! depend on the vehicle's pose. Its face looks at the camera (-zeta). It is lit by room
+//! light and by the sheet, which grazes it: the Gaussian of each point's distance from the
+//! sheet. Raised gauge blocks are boxes; their side towards the laser shows the line where
+//! the sheet crosses it, and they shadow the face behind them.
+
+use super::renderer::{GreyPixels, gauss, is_edge, lattice};
+use super::sheet::Code;
+use super::{Renderer, SceneError, psf};
+use hydroline_rigs::{Board, BoardPattern};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rayon::prelude::*;
+
+/// Reflectances of pattern and ground.
+const WHITE: f64 = 1.0;
+const BLACK: f64 = 0.1;
+/// Reflectance of the plate's rim and the blocks.
+const METAL: f64 = 0.7;
+
+/// Where a board stands.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BoardPlacement {
+    /// Middle of its node grid: xi, eta \[m\].
+    pub centre_m: [f64; 2],
+    /// Face beyond the sheet (forward), at the middle \[m\].
+    pub offset_m: f64,
+    /// Turned in its own plane, xi towards eta \[rad\].
+    pub rotation_rad: f64,
+    /// Tilted about its xi axis: the top leans forward \[rad\].
+    pub tilt_xi_rad: f64,
+    /// Tilted about its eta axis: the port side leans forward \[rad\].
+    pub tilt_eta_rad: f64,
+}
+
+/// Light on a board besides the sheet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardLight {
+    /// Grey level of white under the room's light, in the board's middle.
+    pub room: f64,
+    /// Relative change of the room's light per metre along the board's xi and eta \[1/m\].
+    pub slope_per_m: [f64; 2],
+    /// Whether the laser is on.
+    pub laser: bool,
+}
+
+/// Where a node of the board really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardNode {
+    /// Index along +xi, 0 = lowest xi (starboard).
+    pub column: u32,
+    /// Index along +eta, 0 = lowest.
+    pub row: u32,
+    /// Image column \[px\].
+    pub column_px: f64,
+    /// Image row \[px\].
+    pub row_px: f64,
+    /// xi, eta, zeta of the node itself \[m\]; zeta is 0 only for a board in the sheet.
+    pub plane_m: [f64; 3],
+}
+
+/// Axis-aligned box in the board's own frame (xi, eta, up from the face).
+#[derive(Debug, Clone, Copy)]
+struct Cuboid {
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+}
+
+impl Cuboid {
+    /// Entry parameter and outward normal of a ray from outside.
+    fn entry(
+        &self,
+        origin: &Vector3<f64>,
+        direction: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut normal = Vector3::zeros();
+        for axis in 0..3 {
+            let (a, b) = (
+                (self.low[axis] - origin[axis]) / direction[axis],
+                (self.high[axis] - origin[axis]) / direction[axis],
+            );
+            let (near, far) = (a.min(b), a.max(b));
+            if near > from {
+                from = near;
+                normal = Vector3::zeros();
+                normal[axis] = -direction[axis].signum();
+            }
+            to = to.min(far);
+        }
+        (from <= to && from > 0.0).then_some((from, normal))
+    }
+}
+
+/// A board in front of one camera.
+struct Stand<'a> {
+    board: &'a Board,
+    light: BoardLight,
+    plate: Cuboid,
+    blocks: Vec<Cuboid>,
+    /// Camera and laser apex in the board's frame.
+    eye: Vector3<f64>,
+    apex: Vector3<f64>,
+    /// Ray of pixel (u, v): a + u b + v c, board frame.
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    c: Vector3<f64>,
+    /// Sheet in the board's frame: normal and offset.
+    sheet: (Vector3<f64>, f64),
+    /// Body axes y and z in the board's frame, for the fan.
+    fan: (Vector3<f64>, Vector3<f64>),
+    tan_half_fan: f64,
+    peak: f64,
+    exponent: f64,
+}
+
+impl Renderer {
+    /// One frame of a board; everything else in view is dark (ambient and noise only).
+    ///
+    /// # Errors
+    /// [`SceneError::Board`] for a board without extent.
+    pub fn render_board(
+        &self,
+        board: &Board,
+        placement: &BoardPlacement,
+        light: &BoardLight,
+        frame_index: u64,
+    ) -> Result<GreyPixels, SceneError> {
+        check(board)?;
+        let stand = self.stand(board, placement, *light);
+        let shade = |u: f64, v: f64| stand.shade(u, v);
+        let margin = self.kernel.len() / 2;
+        let (rows, columns) = (self.height_px + 2 * margin, self.width_px + 2 * margin);
+        let at = |i: usize| {
+            (
+                (i / rows) as f64 - margin as f64,
+                (i % rows) as f64 - margin as f64,
+            )
+        };
+        let rays: Vec<(Code, f32)> = (0..rows * columns)
+            .into_par_iter()
+            .map(|i| {
+                let (u, v) = at(i);
+                gauss(&shade, u, v)
+            })
+            .collect();
+        let codes: Vec<Code> = rays.iter().map(|r| r.0).collect();
+        let picture: Vec<f32> = (0..rays.len())
+            .into_par_iter()
+            .map(|i| {
+                let (u, v) = at(i);
+                if is_edge(&codes, i, rows) {
+                    lattice(&shade, u, v)
+                } else {
+                    rays[i].1
+                }
+            })
+            .collect();
+        let blurred = psf::blur(&picture, rows, &self.kernel);
+        let mut pixels = vec![0; self.width_px * self.height_px];
+        self.develop(frame_index, &mut pixels, |row, line| {
+            for (column, pixel) in line.iter_mut().enumerate() {
+                let light = blurred[column * rows + row + margin];
+                *pixel = self
+                    .noise
+                    .pixel(frame_index, row, column, self.width_px, light);
+            }
+        });
+        Ok(GreyPixels(pixels))
+    }
+
+    /// Where every node of the board lies, in the image (whether inside or not) and in the laser plane.
+    ///
+    /// # Errors
+    /// [`SceneError::Board`] for a board without extent.
+    pub fn board_nodes(
+        &self,
+        board: &Board,
+        placement: &BoardPlacement,
+    ) -> Result<Vec<BoardNode>, SceneError> {
+        check(board)?;
+        let (to_plane, centre) = frame(placement);
+        let (eye, axes) = self.camera_axes();
+        let pixel = axes.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let mut nodes = Vec::with_capacity((board.columns * board.rows) as usize);
+        for row in 0..board.rows {
+            for column in 0..board.columns {
+                let local = Vector3::new(
+                    (f64::from(column) - f64::from(board.columns - 1) / 2.0) * board.pitch_m,
+                    (f64::from(row) - f64::from(board.rows - 1) / 2.0) * board.pitch_m,
+                    0.0,
+                );
+                let plane = centre + to_plane * local;
+                // Direction = b u + c v + a w; its pixel is (u, v) / w.
+                let d = pixel * (self.body_of_plane(plane) - eye);
+                nodes.push(BoardNode {
+                    column,
+                    row,
+                    column_px: d.x / d.z,
+                    row_px: d.y / d.z,
+                    plane_m: plane.into(),
+                });
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// (xi, eta, zeta) to the body frame (geometry.md): xi = -y_b, eta = h_centre - z_b, zeta = x_b - l_laser.
+    fn body_of_plane(&self, p: Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(p.z + self.optics.l_laser_m, -p.x, self.h_centre_m - p.y)
+    }
+
+    /// Pinhole in the body frame, and the matrix whose columns b, c, a make the ray b u + c v + a.
+    fn camera_axes(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let (eye, [a, b, c]) = super::rays::camera(&self.optics);
+        (eye, Matrix3::from_columns(&[b, c, a]))
+    }
+
+    fn stand<'a>(
+        &self,
+        board: &'a Board,
+        placement: &BoardPlacement,
+        light: BoardLight,
+    ) -> Stand<'a> {
+        let (to_plane, centre) = frame(placement);
+        let (eye, axes) = self.camera_axes();
+        // Body -> laser plane -> board; the plane's axes in the body are -y, -z, x.
+        let body_to_plane = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
+        let turn = to_plane.transpose() * body_to_plane;
+        let origin = self.body_of_plane(centre);
+        let local = |p: Vector3<f64>| turn * (p - origin);
+        let o = &self.optics;
+        let normal = Vector3::new(1.0, -o.sheet_tan_yaw, -o.sheet_tan_pitch);
+        let apex = Vector3::new(o.l_laser_m, 0.0, 0.0);
+        let unit = turn * normal.normalize();
+        let half = |n: u32| f64::from(n - 1) / 2.0 * board.pitch_m + board.margin_m;
+        let (hx, hy) = (half(board.columns), half(board.rows));
+        let blocks = board.blocks.iter().map(|b| Cuboid {
+            low: Vector3::new(
+                b.centre_m[0] - b.size_m[0] / 2.0,
+                b.centre_m[1] - b.size_m[1] / 2.0,
+                -1e-6,
+            ),
+            high: Vector3::new(
+                b.centre_m[0] + b.size_m[0] / 2.0,
+                b.centre_m[1] + b.size_m[1] / 2.0,
+                b.height_m,
+            ),
+        });
+        Stand {
+            board,
+            light,
+            plate: Cuboid {
+                low: Vector3::new(-hx, -hy, -board.thickness_m),
+                high: Vector3::new(hx, hy, 0.0),
+            },
+            blocks: blocks.collect(),
+            eye: local(eye),
+            apex: local(apex),
+            b: turn * axes.column(0),
+            c: turn * axes.column(1),
+            a: turn * axes.column(2),
+            sheet: (unit, -unit.dot(&local(apex))),
+            fan: (turn * Vector3::y(), turn * Vector3::z()),
+            tan_half_fan: o.half_fan_rad.tan(),
+            peak: o.peak,
+            exponent: -0.5 / (o.sheet_sigma_m * o.sheet_sigma_m),
+        }
+    }
+}
+
+/// Board frame -> laser plane (third axis: up from the face, towards the camera), and the board's middle there.
+fn frame(p: &BoardPlacement) -> (Matrix3<f64>, Vector3<f64>) {
+    let tilts = Rotation3::from_axis_angle(&Vector3::y_axis(), -p.tilt_eta_rad)
+        * Rotation3::from_axis_angle(&Vector3::x_axis(), p.tilt_xi_rad)
+        * Rotation3::from_axis_angle(&Vector3::z_axis(), p.rotation_rad);
+    // Columns: xi, eta and -zeta.
+    let axes = tilts.matrix() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+    (axes, Vector3::new(p.centre_m[0], p.centre_m[1], p.offset_m))
+}
+
+fn check(board: &Board) -> Result<(), SceneError> {
+    let numbers = [
+        ("columns", f64::from(board.columns)),
+        ("rows", f64::from(board.rows)),
+        ("pitch_m", board.pitch_m),
+        ("thickness_m", board.thickness_m),
+    ];
+    match numbers
+        .into_iter()
+        .find(|(_, v)| !(*v > 0.0 && v.is_finite()))
+    {
+        Some((what, value)) => Err(SceneError::Board {
+            board: board.name.clone(),
+            what,
+            value,
+        }),
+        None => Ok(()),
+    }
+}
+
+impl Stand<'_> {
+    /// Kind of thing that pixel (u, v) shows, and its grey level without ambient.
+    fn shade(&self, u: f64, v: f64) -> (Code, f64) {
+        let direction = self.a + self.b * u + self.c * v;
+        let mut best: Option<(f64, Vector3<f64>, usize)> = None;
+        for (i, cuboid) in [&self.plate].into_iter().chain(&self.blocks).enumerate() {
+            if let Some((t, normal)) = cuboid.entry(&self.eye, &direction)
+                && best.is_none_or(|b| t < b.0)
+            {
+                best = Some((t, normal, i));
+            }
+        }
+        let Some((t, normal, which)) = best else {
+            return (Code::lit(0), 0.0);
+        };
+        let point = self.eye + direction * t;
+        let face = which == 0 && normal.z > 0.5;
+        let albedo = if face {
+            self.pattern(point.x, point.y)
+        } else {
+            METAL
+        };
+        let [sx, sy] = self.light.slope_per_m;
+        let room = self.light.room * (1.0 + sx * point.x + sy * point.y).max(0.0);
+        let (laser, lit) = self.laser(&point, &normal, face);
+        // Surfaces, pattern and shadow borders are edges; the laser's own falling off is not.
+        let kind = 1 + 4 * which.min(10) + 2 * usize::from(albedo < 0.5) + usize::from(lit);
+        (Code::lit(kind), albedo * (room + laser))
+    }
+
+    /// Laser light at a point, and whether it is reached at all.
+    fn laser(&self, point: &Vector3<f64>, normal: &Vector3<f64>, face: bool) -> (f64, bool) {
+        let off_m = self.sheet.0.dot(point) + self.sheet.1;
+        let light = self.peak * (off_m * off_m * self.exponent).exp();
+        if !self.light.laser || light < 0.01 {
+            return (0.0, false);
+        }
+        let from_apex = point - self.apex;
+        let (fan_y, fan_z) = (self.fan.0.dot(&from_apex), self.fan.1.dot(&from_apex));
+        // Other sides than the face are lit only where they look at the laser.
+        if fan_y.abs() > self.tan_half_fan * fan_z || (!face && normal.dot(&from_apex) >= 0.0) {
+            return (0.0, false);
+        }
+        // The sheet's layers run side by side: this point's light starts as far off the sheet as it ends.
+        let start = self.apex + self.sheet.0 * off_m;
+        let path = point - start;
+        let shadowed = self
+            .blocks
+            .iter()
+            .any(|b| b.entry(&start, &path).is_some_and(|(t, _)| t < 1.0 - 1e-9));
+        if shadowed {
+            (0.0, false)
+        } else {
+            (light, true)
+        }
+    }
+
+    /// Reflectance of the face at (xi, eta) from the middle of the node grid.
+    fn pattern(&self, x: f64, y: f64) -> f64 {
+        let board = self.board;
+        let pitch = board.pitch_m;
+        let half = |n: u32| f64::from(n - 1) / 2.0;
+        // In pitches from the first node.
+        let (i, j) = (
+            x / pitch + half(board.columns),
+            y / pitch + half(board.rows),
+        );
+        let last = |n: u32| f64::from(n - 1);
+        let nearest = |v: f64, n: u32| v.round().clamp(0.0, last(n));
+        let (di, dj) = (
+            (i - nearest(i, board.columns)) * pitch,
+            (j - nearest(j, board.rows)) * pitch,
+        );
+        let dark = match board.pattern {
+            BoardPattern::Lines { line_m } => {
+                let w = line_m / 2.0;
+                let within = |v: f64, n: u32| v * pitch >= -w && (v - last(n)) * pitch <= w;
+                (di.abs() <= w && within(j, board.rows))
+                    || (dj.abs() <= w && within(i, board.columns))
+            }
+            BoardPattern::Dots { diameter_m } => di.hypot(dj) <= diameter_m / 2.0,
+            BoardPattern::Chessboard => {
+                // Nodes are the inner corners: one more square around them.
+                let inside = |v: f64, n: u32| v >= -1.0 && v <= f64::from(n);
+                let parity = i.floor() as i64 + j.floor() as i64;
+                inside(i, board.columns) && inside(j, board.rows) && parity.rem_euclid(2) == 0
+            }
+        };
+        if dark { BLACK } else { WHITE }
+    }
+}
+
+#[cfg(test)]
+mod tests;
