@@ -312,7 +312,7 @@ impl Extractor {
     fn cut_into_stretches(&mut self, columns: usize) {
         let places = |t: &Track| (t.column, t.fit.row_px);
         segments::split(self.tracks.iter().map(places), &mut self.stretches);
-        let shortest = self.config.step_cost_columns.max(1.0) as usize;
+        let shortest = self.config.min_stretch_columns.min(columns / 2);
         if self.stretches.iter().any(|s| s.len() < shortest) {
             let mut kept = self
                 .stretches
