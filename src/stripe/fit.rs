@@ -186,7 +186,7 @@ pub(super) fn fit(
         if a <= 0.0 {
             return None;
         }
-        let step = (f64::from(adc) / f64::from(a)).clamp(-kernel.sigma_px, kernel.sigma_px);
+        let step = f64::from(adc / a).clamp(-kernel.sigma_px, kernel.sigma_px);
         row_px = at + step;
         if (row_px - start_px).abs() > MAX_WANDER_PX {
             return None;
