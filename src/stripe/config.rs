@@ -9,6 +9,8 @@ pub struct ExtractorConfig {
     pub min_peak: f64,
     /// Columns a stripe must be found in; fewer are no stripe.
     pub min_columns: usize,
+    /// Shortest unbroken stretch that counts \[columns\]; particles make shorter ones.
+    pub min_stretch_columns: usize,
     /// Price of a depth step or of a gap, in columns: shorter side tracks are not followed.
     pub step_cost_columns: f64,
     /// Columns on either side of a step or an end of the stripe that carry
@@ -27,7 +29,8 @@ impl Default for ExtractorConfig {
         Self {
             saturation_level: 254,
             min_peak: 10.0,
-            min_columns: 8,
+            min_columns: 16,
+            min_stretch_columns: 12,
             step_cost_columns: 4.0,
             step_reach_columns: 6,
             pool_reach_columns: 16,

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// Fewest rows in which a stripe and its background fit.
 const MIN_ROWS: usize = 16;
+/// Columns read ahead of their fits; [`predicted`] reaches back as far.
+const COLUMNS_AHEAD: usize = 4;
 /// Columns from which the first idea of the stripe's width is taken.
 const WIDTH_SAMPLES: usize = 49;
 /// Rows loaded for it.
@@ -220,35 +222,49 @@ impl Extractor {
             width: Some(prior),
             ..Known::clipping_at(saturation)
         };
-        for (column, spot) in chosen {
-            let row_px = f64::from(self.spots.column(column)[spot].row_px);
-            let near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
-            let mut found = None;
-            if let Some(near) = near {
-                window.load(image, column, near, fit::rows_near(kernel));
-                if !window.clipped(saturation) {
-                    found = fit::fit(&window, kernel, &self.gauss, near, known);
+        let mut ahead = [(); COLUMNS_AHEAD].map(|()| Window::new());
+        let mut near = [None; COLUMNS_AHEAD];
+        for group in chosen.chunks(COLUMNS_AHEAD) {
+            // Pixels first, fits after: a vector load right behind the byte-wise stores it
+            // covers would wait for them.
+            for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&mut near) {
+                let row_px = f64::from(self.spots.column(column)[spot].row_px);
+                *near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
+                match *near {
+                    Some(row_px) => window.load(image, column, row_px, fit::rows_near(kernel)),
+                    None => window.load(image, column, row_px, rows),
                 }
             }
-            if found.is_none() {
-                window.load(image, column, row_px, rows);
-                // The coarse row of a clipped plateau may be off by pixels; its edges are not.
-                let start = if window.clipped(saturation) {
-                    fit::edges(&window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
-                } else {
-                    fit::brightest(&window, row_px)
-                };
-                found = fit::fit(&window, kernel, &self.gauss, start, known);
-            }
-            if let Some(fit) = found
-                && fit.peak >= 0.5 * self.config.min_peak
-            {
-                self.tracks.push(Track {
-                    column,
-                    spot,
-                    fit,
-                    near_step: false,
-                });
+            for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&near) {
+                let row_px = f64::from(self.spots.column(column)[spot].row_px);
+                let mut found = None;
+                if let Some(near) = near
+                    && !window.clipped(saturation)
+                {
+                    found = fit::fit(window, kernel, &self.gauss, *near, known);
+                }
+                if found.is_none() {
+                    if near.is_some() {
+                        window.load(image, column, row_px, rows);
+                    }
+                    // The coarse row of a clipped plateau may be off by pixels; its edges are not.
+                    let start = if window.clipped(saturation) {
+                        fit::edges(window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
+                    } else {
+                        fit::brightest(window, row_px)
+                    };
+                    found = fit::fit(window, kernel, &self.gauss, start, known);
+                }
+                if let Some(fit) = found
+                    && fit.peak >= 0.5 * self.config.min_peak
+                {
+                    self.tracks.push(Track {
+                        column,
+                        spot,
+                        fit,
+                        near_step: false,
+                    });
+                }
             }
         }
         self.cut_into_stretches(image.width_px);
@@ -312,7 +328,7 @@ impl Extractor {
     fn cut_into_stretches(&mut self, columns: usize) {
         let places = |t: &Track| (t.column, t.fit.row_px);
         segments::split(self.tracks.iter().map(places), &mut self.stretches);
-        let shortest = self.config.step_cost_columns.max(1.0) as usize;
+        let shortest = self.config.min_stretch_columns.min(columns / 2);
         if self.stretches.iter().any(|s| s.len() < shortest) {
             let mut kept = self
                 .stretches
@@ -442,20 +458,22 @@ impl Extractor {
         if !self.is_stripe(&fit, self.pooled_sigma[i]) {
             return kept;
         }
-        let track = self.tracks[i];
         // A profile cut by a step, or two on top of each other: too low, or of another width
         // (whose sd is about that of the row).
-        let noise = fit.variance.sqrt().min(2.0 * noise_sd);
-        let sigma_sd = noise * fit.row_variance.sqrt() / fit.peak;
-        let odd_width =
-            (fit.sigma_px - self.pooled_sigma[i]).abs() > (4.5 * sigma_sd).max(0.06 * fit.sigma_px);
-        let cut = !fit.saturated && (fit.peak < 0.75 * self.pooled_peak[i] || odd_width);
-        self.tracks[kept] = Track {
-            fit,
-            near_step: track.near_step || cut,
-            ..track
-        };
-        self.pooled_sigma[kept] = self.pooled_sigma[i];
+        let off = (fit.sigma_px - self.pooled_sigma[i]).abs();
+        let cut = !fit.saturated
+            && (fit.peak < 0.75 * self.pooled_peak[i]
+                || off > 0.06 * fit.sigma_px && {
+                    let noise = fit.variance.sqrt().min(2.0 * noise_sd);
+                    off > 4.5 * noise * fit.row_variance.sqrt() / fit.peak
+                });
+        if kept != i {
+            self.tracks[kept] = self.tracks[i];
+            self.pooled_sigma[kept] = self.pooled_sigma[i];
+        }
+        let track = &mut self.tracks[kept];
+        track.fit = fit;
+        track.near_step |= cut;
         kept + 1
     }
 
@@ -490,7 +508,6 @@ impl Extractor {
             sound,
             &mut self.pooled_variance,
         );
-        let saturation = self.config.saturation_level;
         let mut window = Window::new();
         profile.points.reserve(self.tracks.len());
         let mut next = 0;
@@ -503,38 +520,11 @@ impl Extractor {
             let index = next.min(self.tracks.len().saturating_sub(1));
             let pooled = self.pooled_variance.get(index).copied().unwrap_or(floor);
             let sigma = self.pooled_sigma.get(index).copied().unwrap_or(2.0);
-            let mut rival = false;
-            for k in 0..self.spots.column(column).len() {
-                if track.is_some_and(|t| t.spot == k) {
-                    continue;
-                }
-                let spot = self.spots.column(column)[k];
-                let kernel_index = self.kernels.index(sigma);
-                let kernel = self.kernels.get(kernel_index);
-                window.load(
-                    image,
-                    column,
-                    f64::from(spot.row_px),
-                    fit::rows_needed(kernel),
-                );
-                let Some(other) = fit::fit(
-                    &window,
-                    kernel,
-                    &self.gauss,
-                    fit::brightest(&window, f64::from(spot.row_px)),
-                    Known::clipping_at(saturation),
-                ) else {
-                    continue;
-                };
-                let apart = track.map_or(f64::INFINITY, |t| (t.fit.row_px - other.row_px).abs());
-                if other.peak < self.config.min_peak || apart < 2.0 * sigma {
-                    continue;
-                }
-                rival |= apart <= RIVAL_REACH_PX;
-                profile
-                    .candidates
-                    .push(point(column, &other, pooled.max(other.variance), haze, 0));
-            }
+            let on_path = usize::from(track.is_some());
+            let rival = self.spots.column(column).len() > on_path && {
+                let own = track.map(|t| (t.spot, t.fit.row_px));
+                self.report_rivals(image, column, own, sigma, pooled, &mut profile.candidates)
+            };
             if let Some(track) = track {
                 let mut bits = 0;
                 bits |= if track.fit.saturated {
@@ -566,16 +556,60 @@ impl Extractor {
             }
         }
     }
+
+    /// Adds a column's other candidates; returns whether one is near its point (spot, row).
+    #[cold]
+    fn report_rivals(
+        &mut self,
+        image: &GreyImage,
+        column: usize,
+        own: Option<(usize, f64)>,
+        sigma_px: f64,
+        variance: f64,
+        out: &mut Vec<StripePoint>,
+    ) -> bool {
+        let known = Known::clipping_at(self.config.saturation_level);
+        let index = self.kernels.index(sigma_px);
+        let kernel = self.kernels.get(index);
+        let mut window = Window::new();
+        let mut rival = false;
+        for (k, spot) in self.spots.column(column).iter().enumerate() {
+            if own.is_some_and(|(spot, _)| spot == k) {
+                continue;
+            }
+            let row_px = f64::from(spot.row_px);
+            window.load(image, column, row_px, fit::rows_needed(kernel));
+            let start = fit::brightest(&window, row_px);
+            let Some(other) = fit::fit(&window, kernel, &self.gauss, start, known) else {
+                continue;
+            };
+            let apart = own.map_or(f64::INFINITY, |(_, row)| (row - other.row_px).abs());
+            if other.peak >= self.config.min_peak && apart >= 2.0 * sigma_px {
+                rival |= apart <= RIVAL_REACH_PX;
+                out.push(point(column, &other, variance.max(other.variance), None, 0));
+            }
+        }
+        rival
+    }
 }
 
 /// Row of the stripe in `column` from its course four to twelve columns before: not nearer, so
 /// that columns do not wait for each other. `None` where the course is not unbroken.
 fn predicted(tracks: &[Track], column: usize) -> Option<f64> {
-    let near = tracks.get(tracks.len().checked_sub(4)?)?;
-    let far = tracks.get(tracks.len().checked_sub(12)?)?;
-    let course = near.fit.row_px - far.fit.row_px;
-    (near.column + 4 == column && far.column + 12 == column && course.abs() < 16.0)
-        .then_some(near.fit.row_px + 0.5 * course)
+    let last = tracks.last()?.column;
+    let at = |back: usize| {
+        // Without gaps the track `back` columns before stands this far from the end.
+        let place = tracks
+            .len()
+            .checked_sub((last + back + 1).checked_sub(column)?)?;
+        tracks
+            .get(place)
+            .filter(|t| t.column + back == column)
+            .map(|t| t.fit.row_px)
+    };
+    let (near, far) = (at(COLUMNS_AHEAD)?, at(3 * COLUMNS_AHEAD)?);
+    let course = near - far;
+    (course.abs() < 16.0).then_some(near + 0.5 * course)
 }
 
 fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {

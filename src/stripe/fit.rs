@@ -112,10 +112,13 @@ impl Window {
             .min(last_start);
         let width = image.width_px;
         let lines = image.pixels[start * width..(start + rows) * width].chunks_exact(width.max(1));
+        let mut brightest = 0;
         for (v, line) in self.values.iter_mut().zip(lines) {
-            *v = i16::from(line[column]);
+            let pixel = line[column];
+            *v = i16::from(pixel);
+            brightest = brightest.max(pixel);
         }
-        self.brightest = self.values[..rows].iter().fold(0, |m: i16, v| m.max(*v));
+        self.brightest = i16::from(brightest);
         self.start = start as i64;
         self.rows = rows;
     }
@@ -183,7 +186,7 @@ pub(super) fn fit(
         if a <= 0.0 {
             return None;
         }
-        let step = (f64::from(adc) / f64::from(a)).clamp(-kernel.sigma_px, kernel.sigma_px);
+        let step = f64::from(adc / a).clamp(-kernel.sigma_px, kernel.sigma_px);
         row_px = at + step;
         if (row_px - start_px).abs() > MAX_WANDER_PX {
             return None;

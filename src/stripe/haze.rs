@@ -16,8 +16,8 @@ use nalgebra::{Matrix3, Vector3};
 const REACH_PX: usize = 56;
 const SIZE: usize = 2 * REACH_PX + 1;
 /// Columns looked at first, and all in all where the first show a sign of haze.
-const FIRST_COLUMNS: usize = 72;
-const MAX_COLUMNS: usize = 360;
+const FIRST_COLUMNS: usize = 48;
+const MAX_COLUMNS: usize = 240;
 /// Decay lengths tried \[px\].
 const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:

@@ -198,17 +198,12 @@ impl Phase {
     }
 }
 
-/// Exact dot product; the order of additions does not matter, so it vectorises.
+/// Exact dot product; the order of additions does not matter, so it vectorises to `pmaddwd`.
 #[inline]
 fn dot(a: &[i16], b: &[i16]) -> i32 {
-    let chunks = a.chunks_exact(LANES).zip(b.chunks_exact(LANES));
-    chunks
-        .map(|(a, b)| {
-            a.iter()
-                .zip(b)
-                .map(|(a, b)| i32::from(*a) * i32::from(*b))
-                .sum::<i32>()
-        })
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| i32::from(*a) * i32::from(*b))
         .sum()
 }
 
