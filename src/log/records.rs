@@ -67,6 +67,40 @@ impl Damage {
     }
 }
 
+impl Damage {
+    /// Where the next record begins is no longer certain.
+    pub(super) fn loses_the_thread(&self) -> bool {
+        matches!(
+            self,
+            Damage::Cut { .. } | Damage::TooLong { .. } | Damage::ChunkSize { .. }
+        )
+    }
+}
+
+/// Where the next chunk begins whose checksum holds, at or after `from`.
+pub(super) fn find_chunk(file: &[u8], from: u64) -> Option<u64> {
+    let from = usize::try_from(from).ok()?;
+    let prefix = PREFIX_BYTES as usize;
+    (from..file.len().saturating_sub(prefix)).find_map(|at| {
+        if file[at] != op::CHUNK {
+            return None;
+        }
+        let mut length = file.get(at + 1..at + prefix)?;
+        let len = length.get_u64_le();
+        if len > LIMIT_BYTES {
+            return None;
+        }
+        let body = file.get(at + prefix..at + prefix + len as usize)?;
+        // A plausible header first: copying and hashing every candidate would take for ever.
+        let compression = u32::from_le_bytes(body.get(28..32)?.try_into().ok()?);
+        if compression > 4 {
+            return None;
+        }
+        let chunk = chunk(&Bytes::copy_from_slice(body), false).ok()?;
+        (chunk.crc != 0 && chunk.open().is_ok()).then_some(at as u64)
+    })
+}
+
 /// A record at the file's top level.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Outer {
@@ -255,6 +289,17 @@ impl<R: BufRead> Records<R> {
             self.source.consume(n);
             left -= n as u64;
         }
+        Ok(())
+    }
+}
+
+impl<R: BufRead + io::Seek> Records<R> {
+    /// Goes on reading at `offset`.
+    pub fn jump(&mut self, offset: u64) -> io::Result<()> {
+        self.source.seek(io::SeekFrom::Start(offset))?;
+        self.offset = offset;
+        self.torn = None;
+        self.done = false;
         Ok(())
     }
 }

@@ -168,6 +168,10 @@ fn copy(
         path: output.to_owned(),
         reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
     };
+    let read = |source| LogError::Read {
+        path: input.to_owned(),
+        source,
+    };
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
     let first = loop {
@@ -215,6 +219,12 @@ fn copy(
             Step::Damage { offset, damage: d } => {
                 spoilt |= !d.is_missing_end();
                 damage.push((offset, d.to_string()));
+                if d.loses_the_thread()
+                    && let Some(next) = next_chunk(input, offset + 1).map_err(read)?
+                {
+                    spoilt = true;
+                    scan.jump(next).map_err(read)?;
+                }
             }
         }
         step = scan.next();
@@ -262,6 +272,15 @@ fn copy(
     Ok((recovery, copy.digest.0.finalize()))
 }
 
+/// After a length that cannot be right: the next sound chunk, wherever it is.
+fn next_chunk(input: &Path, from: u64) -> std::io::Result<Option<u64>> {
+    let file = File::open(input)?;
+    // SAFETY: the map is private, read-only and dropped before returning; a log under recovery is
+    // not being written (and if it shrinks all the same, the process ends, nothing is corrupted).
+    let map = unsafe { memmap2::Mmap::map(&file)? };
+    Ok(records::find_chunk(&map, from))
+}
+
 /// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
 /// compressed or not, so a record whose last byte is there is as it was; ours must decode, too.
 fn salvage(
@@ -269,7 +288,13 @@ fn salvage(
     scan: &mut FileScan,
     copy: &mut Copy,
 ) -> Result<u64, mcap::McapError> {
-    let (mut content, _) = chunk.decompress();
+    // All of the content is there when only a length was wrong: then its checksum must hold.
+    let whole = chunk.content.len() as u64 == chunk.content_bytes;
+    let mut content = match (whole, chunk.open()) {
+        (true, Ok(content)) => content,
+        (true, Err(_)) => return Ok(0),
+        (false, _) => chunk.decompress().0,
+    };
     let (mut info, mut salvaged) = (None, 0);
     while let Some(Ok((opcode, body))) = records::next_inner(&mut content) {
         match opcode {
