@@ -111,7 +111,7 @@ impl Recorder {
         self.push(Entry::event(event));
     }
 
-    /// A stripe and, when `annotated`, its drawing over the image.
+    /// The stripe of a frame.
     pub fn profile(&self, message: &pb::StripeProfile) {
         self.push(Entry::profile(message));
     }
