@@ -17,6 +17,7 @@ mod account;
 pub mod doctor;
 mod entry;
 pub mod export;
+mod file_recorder;
 pub mod info;
 pub mod messages;
 mod part;
@@ -27,24 +28,27 @@ mod recorder;
 mod records;
 pub mod recover;
 mod scan;
+mod settings;
 mod sink;
 #[cfg(test)]
 pub(crate) mod testing;
+mod time;
 mod topic;
 pub mod trace;
 mod writer;
 
 pub use account::{Counts, FrameLedger, LogOutcome, SummaryInput};
 pub use entry::Entry;
+pub use file_recorder::FileRecorder;
 pub use part::{Encoding, MetadataMap};
 pub use policy::Limits;
 pub use reader::{LogMessage, LogReader, Record};
-pub use recorder::{LogTime, Recorder, WeakRecorder};
+pub use recorder::{Recorder, WeakRecorder};
+pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use sink::{FileSink, LogSink, free_bytes};
+pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
-pub use writer::{
-    FileParts, FileRecorder, Head, LogWriter, PartOpener, WriteSettings, check_space,
-};
+pub use writer::LogWriter;
 
 /// What can go wrong with a log.
 #[derive(Debug, thiserror::Error)]

@@ -1,6 +1,7 @@
 //! Is a log sound? Every check that can be made from the file alone, with what to do next.
 
 mod checks;
+mod conclude;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

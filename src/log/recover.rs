@@ -4,20 +4,23 @@
 //! holds, records outside chunks, and, from a chunk in which the file ends, every message whose
 //! last byte was still decompressed. The new file is then read again and compared.
 
+mod copy;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use mcap::records::{MessageHeader, op};
+use mcap::records::op;
 use serde::Serialize;
 
 use super::LogError;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChannelRecord, ChunkRecord, MessageRecord};
+use super::records::{self, ChunkRecord};
 use super::scan::{self, FileScan, Step};
+use copy::{Copy, Digest};
 
 /// What was recovered and what was not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -73,7 +76,7 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
                 reason: e.to_string(),
             },
         })?;
-    let result = copy(scan, input, output, file, input_bytes).and_then(|(recovery, digest)| {
+    let result = copy_all(scan, input, output, file, input_bytes).and_then(|(recovery, digest)| {
         verify(output, recovery.messages_total, digest)?;
         Ok(recovery)
     });
@@ -84,80 +87,7 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
     result
 }
 
-/// Order-dependent checksum over all messages, names and times.
-#[derive(Default)]
-struct Digest(crc32fast::Hasher);
-
-impl Digest {
-    fn add(&mut self, channel: &ChannelRecord, schema: &str, m: &MessageRecord) {
-        for text in [
-            channel.topic.as_str(),
-            schema,
-            channel.message_encoding.as_str(),
-        ] {
-            self.0.update(text.as_bytes());
-            self.0.update(&[0]);
-        }
-        self.0.update(&m.sequence.to_le_bytes());
-        self.0.update(&m.log_ns.to_le_bytes());
-        self.0.update(&m.publish_ns.to_le_bytes());
-        self.0.update(&(m.data.len() as u64).to_le_bytes());
-        self.0.update(&m.data);
-    }
-}
-
-struct Copy {
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: BTreeMap<u16, u16>,
-    digest: Digest,
-    messages: BTreeMap<String, u64>,
-    total: u64,
-}
-
-impl Copy {
-    fn message(
-        &mut self,
-        scan: &FileScan,
-        channel: &ChannelRecord,
-        m: &MessageRecord,
-    ) -> Result<(), mcap::McapError> {
-        let id = match self.channels.get(&channel.id) {
-            Some(id) => *id,
-            None => {
-                let schema = match scan.learnt.declared.schemas.get(&channel.schema_id) {
-                    Some(s) => self.writer.add_schema(&s.name, &s.encoding, &s.data)?,
-                    None => 0,
-                };
-                let (topic, encoding) = (&channel.topic, &channel.message_encoding);
-                let id = self
-                    .writer
-                    .add_channel(schema, topic, encoding, &channel.metadata)?;
-                self.channels.insert(channel.id, id);
-                id
-            }
-        };
-        let header = MessageHeader {
-            channel_id: id,
-            sequence: m.sequence,
-            log_time: m.log_ns,
-            publish_time: m.publish_ns,
-        };
-        self.writer.write_to_known_channel(&header, &m.data)?;
-        self.digest
-            .add(channel, scan.learnt.declared.schema_name(channel), m);
-        *self.messages.entry(channel.topic.clone()).or_default() += 1;
-        self.total += 1;
-        Ok(())
-    }
-
-    fn metadata(&mut self, name: &str, metadata: MetadataMap) -> Result<(), mcap::McapError> {
-        let name = name.to_owned();
-        self.writer
-            .write_metadata(&mcap::write::Metadata { name, metadata })
-    }
-}
-
-fn copy(
+fn copy_all(
     mut scan: FileScan,
     input: &Path,
     output: &Path,
@@ -167,6 +97,10 @@ fn copy(
     let out = |e: mcap::McapError| LogError::Output {
         path: output.to_owned(),
         reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
+    };
+    let read = |source| LogError::Read {
+        path: input.to_owned(),
+        source,
     };
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
@@ -215,6 +149,12 @@ fn copy(
             Step::Damage { offset, damage: d } => {
                 spoilt |= !d.is_missing_end();
                 damage.push((offset, d.to_string()));
+                if d.loses_the_thread()
+                    && let Some(next) = next_chunk(input, offset + 1).map_err(read)?
+                {
+                    spoilt = true;
+                    scan.jump(next).map_err(read)?;
+                }
             }
         }
         step = scan.next();
@@ -262,6 +202,15 @@ fn copy(
     Ok((recovery, copy.digest.0.finalize()))
 }
 
+/// After a length that cannot be right: the next sound chunk, wherever it is.
+fn next_chunk(input: &Path, from: u64) -> std::io::Result<Option<u64>> {
+    let file = File::open(input)?;
+    // SAFETY: the map is private, read-only and dropped before returning; a log under recovery is
+    // not being written (and if it shrinks all the same, the process ends, nothing is corrupted).
+    let map = unsafe { memmap2::Mmap::map(&file)? };
+    Ok(records::find_chunk(&map, from))
+}
+
 /// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
 /// compressed or not, so a record whose last byte is there is as it was; ours must decode, too.
 fn salvage(
@@ -269,7 +218,13 @@ fn salvage(
     scan: &mut FileScan,
     copy: &mut Copy,
 ) -> Result<u64, mcap::McapError> {
-    let (mut content, _) = chunk.decompress();
+    // All of the content is there when only a length was wrong: then its checksum must hold.
+    let whole = chunk.content.len() as u64 == chunk.content_bytes;
+    let mut content = match (whole, chunk.open()) {
+        (true, Ok(content)) => content,
+        (true, Err(_)) => return Ok(0),
+        (false, _) => chunk.decompress().0,
+    };
     let (mut info, mut salvaged) = (None, 0);
     while let Some(Ok((opcode, body))) = records::next_inner(&mut content) {
         match opcode {

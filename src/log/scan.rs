@@ -120,6 +120,17 @@ impl<R: BufRead> Scan<R> {
         self.cut && data && !self.past_data
     }
 
+    /// Goes on at a record found by [`records::find_chunk`].
+    pub fn jump(&mut self, offset: u64) -> std::io::Result<()>
+    where
+        R: std::io::Seek,
+    {
+        self.records.jump(offset)?;
+        (self.chunk, self.pending, self.torn) = (None, None, None);
+        (self.cut, self.done, self.past_data) = (false, false, false);
+        Ok(())
+    }
+
     fn next_inner(&mut self) -> Option<Step> {
         loop {
             if let Some(chunk) = self.torn.take() {

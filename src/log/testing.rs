@@ -9,8 +9,8 @@ use bytes::Bytes;
 use hydroline_rigs::PixelFormat;
 
 use super::messages::{pb, timestamp};
+use super::settings::PartOpener;
 use super::sink::LogSink;
-use super::writer::PartOpener;
 use crate::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 
 pub const T0_NS: u64 = 1_760_000_000_000_000_000;

@@ -342,3 +342,92 @@ proptest! {
         prop_assert_eq!(n("frames.received"), n("frames.expected"));
     }
 }
+
+/// A log of our own with these entries, examined.
+fn examined(entries: &[Entry], summary: &SummaryInput) -> doctor::Diagnosis {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let mut log = FileRecorder::create(&path, false, head(), offline()).unwrap();
+    for (i, entry) in entries.iter().enumerate() {
+        log.write(T0_NS + i as u64, entry).unwrap();
+    }
+    log.finish(summary).unwrap();
+    doctor::doctor(&path).unwrap()
+}
+
+#[test]
+fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
+    use doctor::Grade::{Error, Note, Warning};
+    let done = SummaryInput::clean("done");
+    let frame = |sequence, gap, index| {
+        let mut f = grey_frame(sequence, 16, 8);
+        f.meta.lost_before.sequence_gap = gap;
+        Entry::frame(&f, index)
+    };
+    let stated = [frame(0, 0, 0), frame(3, 2, 1), frame(0, 0, 2)];
+    let diagnosis = examined(&stated, &done);
+    assert!(
+        diagnosis.sound && diagnosis.found("ledger", Note),
+        "{diagnosis}"
+    );
+    let unstated = examined(&[frame(0, 0, 0), frame(3, 0, 1)], &done);
+    assert!(unstated.found("frame_gap", Error), "{unstated}");
+    let dropped = examined(&[frame(0, 0, 0), frame(3, 0, 3)], &done);
+    assert!(
+        dropped.found("frame_gap", Warning) && !dropped.found("frame_gap", Error),
+        "{dropped}"
+    );
+
+    let wrong = FrameLedger {
+        expected: 5,
+        received: 1,
+        ..FrameLedger::default()
+    };
+    let wrong = SummaryInput {
+        frames: Some(wrong),
+        ..done.clone()
+    };
+    assert!(examined(&[frame(0, 0, 0)], &wrong).found("ledger", Error));
+
+    let commands = [0, 1, 4].map(|n| Entry::command(&command(n)));
+    let gap = examined(&commands, &done);
+    assert!(
+        gap.found("command_gap", Error) && gap.to_string().contains("2 commands"),
+        "{gap}"
+    );
+
+    let pair = |monotonic_ns, realtime_ns| {
+        let triple = crate::clock::ClockTriple {
+            monotonic_ns,
+            realtime_ns,
+            ..Default::default()
+        };
+        Entry::clock(&messages::clock_message(&triple, None))
+    };
+    let steady = examined(
+        &[pair(0, T0_NS), pair(1_000_000_000, T0_NS + 1_000_000_500)],
+        &done,
+    );
+    assert!(steady.sound && steady.findings.is_empty(), "{steady}");
+    let stepped = examined(
+        &[pair(0, T0_NS), pair(1_000_000_000, T0_NS + 1_020_000_000)],
+        &done,
+    );
+    assert!(stepped.found("clock", Warning), "{stepped}");
+
+    let mut short = grey_frame(0, 16, 8);
+    short.data = short.data.slice(..100);
+    assert!(examined(&[Entry::frame(&short, 0)], &done).found("image", Error));
+    short.meta.fault = Some(crate::frame::FrameFault::Truncated);
+    assert!(examined(&[Entry::frame(&short, 0)], &done).sound);
+
+    let ended = SummaryInput {
+        clean: false,
+        ..SummaryInput::clean("limit x")
+    };
+    let ended = examined(&[], &ended);
+    assert!(
+        ended.found("summary", Warning) && ended.to_string().contains("limit x"),
+        "{ended}"
+    );
+}

@@ -161,6 +161,40 @@ fn a_damaged_chunk_costs_only_itself() {
     );
 }
 
+/// A wrong length hides where the next record begins; recovery looks for the next sound chunk.
+#[test]
+fn a_wrong_length_does_not_cost_the_rest_of_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    small_log(&path, 20, 14_000, 1);
+    let bytes = std::fs::read(&path).unwrap();
+    let (whole, _) = read_all(&bytes);
+    let (start, _) = offsets(&bytes, 6)[2];
+    // Bytes of the length: beyond the end of the file, absurd, wrong within the file.
+    for (n, (at, value)) in [(4, 0xFF), (8, 0x7F), (2, 0x01), (3, 0x40)]
+        .into_iter()
+        .enumerate()
+    {
+        let mut damaged = bytes.clone();
+        damaged[start + at] = value;
+        std::fs::write(&path, &damaged).unwrap();
+        let mended = dir.path().join(format!("{n}.mcap"));
+        let recovery = recover(&path, &mended).unwrap();
+        assert!(recovery.lossy && !recovery.damage.is_empty(), "{recovery}");
+        let (back, errors) = read_all(&std::fs::read(&mended).unwrap());
+        assert!(errors.is_empty());
+        let in_others = whole.iter().filter(|m| m.offset as usize != start).count();
+        assert!(
+            back.len() >= in_others,
+            "case {n}: {} of {in_others}: {recovery}",
+            back.len()
+        );
+        let strip = |m: &LogMessage| (m.log_ns, m.sequence, m.record.clone());
+        let known: Vec<_> = whole.iter().map(strip).collect();
+        assert!(back.iter().all(|m| known.contains(&strip(m))));
+    }
+}
+
 #[test]
 fn doctor_finds_a_sound_log_sound_and_names_what_is_missing() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,0 +1,355 @@
+//! The content of records, each field only as long as the bytes that are there.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+
+use bytes::{Buf, Bytes};
+use mcap::records::op;
+
+use super::{Damage, LIMIT_BYTES, PREFIX_BYTES};
+use crate::log::part::MetadataMap;
+
+/// Fields of a record, each only as long as the bytes that are there.
+struct Fields {
+    bytes: Bytes,
+    opcode: u8,
+}
+
+impl Fields {
+    fn need(&self, n: usize, field: &'static str) -> Result<(), Damage> {
+        if self.bytes.remaining() < n {
+            return Err(Damage::Malformed {
+                opcode: self.opcode,
+                field,
+            });
+        }
+        Ok(())
+    }
+    fn u16(&mut self, field: &'static str) -> Result<u16, Damage> {
+        self.need(2, field)?;
+        Ok(self.bytes.get_u16_le())
+    }
+    fn u32(&mut self, field: &'static str) -> Result<u32, Damage> {
+        self.need(4, field)?;
+        Ok(self.bytes.get_u32_le())
+    }
+    fn u64(&mut self, field: &'static str) -> Result<u64, Damage> {
+        self.need(8, field)?;
+        Ok(self.bytes.get_u64_le())
+    }
+    fn blob(&mut self, field: &'static str) -> Result<Bytes, Damage> {
+        let n = self.u32(field)? as usize;
+        self.need(n, field)?;
+        Ok(self.bytes.split_to(n))
+    }
+    fn string(&mut self, field: &'static str) -> Result<String, Damage> {
+        let bytes = self.blob(field)?;
+        String::from_utf8(bytes.to_vec()).map_err(|_| Damage::Malformed {
+            opcode: self.opcode,
+            field,
+        })
+    }
+    fn map(&mut self, field: &'static str) -> Result<MetadataMap, Damage> {
+        let mut inner = Fields {
+            bytes: self.blob(field)?,
+            opcode: self.opcode,
+        };
+        let mut map = MetadataMap::new();
+        while inner.bytes.has_remaining() {
+            let key = inner.string(field)?;
+            map.insert(key, inner.string(field)?);
+        }
+        Ok(map)
+    }
+}
+
+/// A schema record.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(in crate::log) struct SchemaRecord {
+    pub id: u16,
+    pub name: String,
+    pub encoding: String,
+    pub data: Bytes,
+}
+
+/// A channel record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::log) struct ChannelRecord {
+    pub id: u16,
+    pub schema_id: u16,
+    pub topic: String,
+    pub message_encoding: String,
+    pub metadata: MetadataMap,
+}
+
+/// A message record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::log) struct MessageRecord {
+    pub channel_id: u16,
+    pub sequence: u32,
+    pub log_ns: u64,
+    pub publish_ns: u64,
+    pub data: Bytes,
+}
+
+/// A chunk record's header and its still compressed content.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::log) struct ChunkRecord {
+    pub start_ns: u64,
+    pub end_ns: u64,
+    pub uncompressed_bytes: u64,
+    pub crc: u32,
+    pub compression: String,
+    pub content: Bytes,
+    /// Content bytes that the header promises; more than `content` in a torn chunk.
+    pub content_bytes: u64,
+}
+
+/// Counts of a statistics record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::log) struct StatisticsRecord {
+    pub messages: u64,
+    pub chunks: u32,
+}
+
+fn fields(opcode: u8, body: &Bytes) -> Fields {
+    Fields {
+        bytes: body.clone(),
+        opcode,
+    }
+}
+
+pub(in crate::log) fn header(body: &Bytes) -> Result<(String, String), Damage> {
+    let mut f = fields(op::HEADER, body);
+    Ok((f.string("profile")?, f.string("library")?))
+}
+
+pub(in crate::log) fn metadata(body: &Bytes) -> Result<(String, MetadataMap), Damage> {
+    let mut f = fields(op::METADATA, body);
+    Ok((f.string("name")?, f.map("metadata map")?))
+}
+
+pub(in crate::log) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
+    let mut f = fields(op::SCHEMA, body);
+    let id = f.u16("schema id")?;
+    if id == 0 {
+        return Err(Damage::Malformed {
+            opcode: op::SCHEMA,
+            field: "schema id (0 is not allowed)",
+        });
+    }
+    let (name, encoding) = (f.string("schema name")?, f.string("schema encoding")?);
+    Ok(SchemaRecord {
+        id,
+        name,
+        encoding,
+        data: f.blob("schema data")?,
+    })
+}
+
+pub(in crate::log) fn channel(body: &Bytes) -> Result<ChannelRecord, Damage> {
+    let mut f = fields(op::CHANNEL, body);
+    Ok(ChannelRecord {
+        id: f.u16("channel id")?,
+        schema_id: f.u16("schema id")?,
+        topic: f.string("topic")?,
+        message_encoding: f.string("message encoding")?,
+        metadata: f.map("channel metadata")?,
+    })
+}
+
+pub(in crate::log) fn message(body: &Bytes) -> Result<MessageRecord, Damage> {
+    let mut f = fields(op::MESSAGE, body);
+    Ok(MessageRecord {
+        channel_id: f.u16("channel id")?,
+        sequence: f.u32("sequence")?,
+        log_ns: f.u64("log time")?,
+        publish_ns: f.u64("publish time")?,
+        data: f.bytes,
+    })
+}
+
+pub(in crate::log) fn statistics(body: &Bytes) -> Result<StatisticsRecord, Damage> {
+    let mut f = fields(op::STATISTICS, body);
+    let messages = f.u64("message count")?;
+    let _schemas = f.u16("schema count")?;
+    for field in ["channel count", "attachment count", "metadata count"] {
+        f.u32(field)?;
+    }
+    Ok(StatisticsRecord {
+        messages,
+        chunks: f.u32("chunk count")?,
+    })
+}
+
+pub(in crate::log) fn data_end(body: &Bytes) -> Result<u32, Damage> {
+    fields(op::DATA_END, body).u32("data section crc")
+}
+
+pub(in crate::log) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
+    let mut f = fields(op::FOOTER, body);
+    f.u64("summary start")?;
+    f.u64("summary offset start")?;
+    f.u32("summary crc")
+}
+
+/// Parses a chunk's header. A content shorter than promised is an error unless `torn`.
+pub(in crate::log) fn chunk(body: &Bytes, torn: bool) -> Result<ChunkRecord, Damage> {
+    let mut f = fields(op::CHUNK, body);
+    let (start_ns, end_ns) = (f.u64("start time")?, f.u64("end time")?);
+    let (uncompressed_bytes, crc) = (f.u64("uncompressed size")?, f.u32("crc")?);
+    let compression = f.string("compression")?;
+    let content_bytes = f.u64("compressed size")?;
+    let have = f.bytes.remaining() as u64;
+    if content_bytes > have && !torn {
+        return Err(Damage::ChunkSize {
+            declared: content_bytes,
+            got: have,
+        });
+    }
+    let content = f.bytes.split_to(content_bytes.min(have) as usize);
+    Ok(ChunkRecord {
+        start_ns,
+        end_ns,
+        uncompressed_bytes,
+        crc,
+        compression,
+        content,
+        content_bytes,
+    })
+}
+
+impl ChunkRecord {
+    /// The chunk's records, decompressed and with their CRC checked.
+    pub fn open(&self) -> Result<Bytes, Damage> {
+        let bytes = match self.decompress() {
+            (bytes, None) => bytes,
+            (_, Some(damage)) => return Err(damage),
+        };
+        let got = bytes.len() as u64;
+        if got != self.uncompressed_bytes {
+            return Err(Damage::ChunkSize {
+                declared: self.uncompressed_bytes,
+                got,
+            });
+        }
+        if self.crc != 0 {
+            let calculated = crc32fast::hash(&bytes);
+            if calculated != self.crc {
+                return Err(Damage::ChunkCrc {
+                    saved: self.crc,
+                    calculated,
+                });
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// As much of the content as can be had, unchecked, and what stopped it.
+    pub fn decompress(&self) -> (Bytes, Option<Damage>) {
+        let declared = self.uncompressed_bytes;
+        if declared > LIMIT_BYTES {
+            return (
+                Bytes::new(),
+                Some(Damage::TooLong {
+                    opcode: op::CHUNK,
+                    len: declared,
+                }),
+            );
+        }
+        let mut out = Vec::new();
+        // One byte more than declared shows a chunk that holds too much.
+        let limit = declared + 1;
+        let result = match self.compression.as_str() {
+            "" => return (self.content.clone(), None),
+            "zstd" => {
+                zstd::stream::read::Decoder::with_buffer(self.content.as_ref()).and_then(|mut d| {
+                    // A forged window size must not allocate more than a chunk may hold.
+                    d.window_log_max(LIMIT_BYTES.ilog2())?;
+                    d.take(limit).read_to_end(&mut out)
+                })
+            }
+            "lz4" => lz4::Decoder::new(self.content.as_ref())
+                .and_then(|d| d.take(limit).read_to_end(&mut out)),
+            other => return (Bytes::new(), Some(Damage::Compression(other.to_owned()))),
+        };
+        (
+            Bytes::from(out),
+            result.err().map(|e| Damage::Decompress(e.to_string())),
+        )
+    }
+}
+
+/// Takes the next record off a chunk's content.
+pub(in crate::log) fn next_inner(content: &mut Bytes) -> Option<Result<(u8, Bytes), Damage>> {
+    if !content.has_remaining() {
+        return None;
+    }
+    let have = content.remaining() as u64;
+    if have < PREFIX_BYTES {
+        content.clear();
+        return Some(Err(Damage::Cut {
+            need: PREFIX_BYTES,
+            have,
+        }));
+    }
+    let opcode = content.get_u8();
+    let len = content.get_u64_le();
+    let have = content.remaining() as u64;
+    if len > have {
+        content.clear();
+        return Some(Err(Damage::Cut { need: len, have }));
+    }
+    Some(Ok((opcode, content.split_to(len as usize))))
+}
+
+/// Schemas and channels declared so far.
+#[derive(Debug, Clone, Default)]
+pub(in crate::log) struct Declared {
+    pub schemas: BTreeMap<u16, SchemaRecord>,
+    pub channels: BTreeMap<u16, std::sync::Arc<ChannelRecord>>,
+}
+
+impl Declared {
+    /// Takes a schema; the same one again is fine.
+    pub fn add_schema(&mut self, record: SchemaRecord) -> Result<(), Damage> {
+        let id = record.id;
+        match self.schemas.get(&id) {
+            Some(known) if *known != record => Err(Damage::Redeclared { what: "schema", id }),
+            Some(_) => Ok(()),
+            None => {
+                self.schemas.insert(id, record);
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes a channel; its schema must be known.
+    pub fn add_channel(&mut self, record: ChannelRecord) -> Result<(), Damage> {
+        let (id, schema) = (record.id, record.schema_id);
+        if schema != 0 && !self.schemas.contains_key(&schema) {
+            return Err(Damage::UnknownSchema {
+                topic: record.topic,
+                schema,
+            });
+        }
+        match self.channels.get(&id) {
+            Some(known) if **known != record => Err(Damage::Redeclared {
+                what: "channel",
+                id,
+            }),
+            Some(_) => Ok(()),
+            None => {
+                self.channels.insert(id, record.into());
+                Ok(())
+            }
+        }
+    }
+
+    /// Name of a channel's schema, "" without one.
+    pub fn schema_name(&self, channel: &ChannelRecord) -> &str {
+        self.schemas
+            .get(&channel.schema_id)
+            .map_or("", |s| s.name.as_str())
+    }
+}

@@ -1,0 +1,85 @@
+//! Messages into the new file, with a checksum over all of them to compare with afterwards.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+
+use mcap::records::MessageHeader;
+
+use crate::log::part::MetadataMap;
+use crate::log::records::{ChannelRecord, MessageRecord};
+use crate::log::scan::FileScan;
+
+/// Order-dependent checksum over all messages, names and times.
+#[derive(Default)]
+pub(super) struct Digest(pub crc32fast::Hasher);
+
+impl Digest {
+    pub fn add(&mut self, channel: &ChannelRecord, schema: &str, m: &MessageRecord) {
+        for text in [
+            channel.topic.as_str(),
+            schema,
+            channel.message_encoding.as_str(),
+        ] {
+            self.0.update(text.as_bytes());
+            self.0.update(&[0]);
+        }
+        self.0.update(&m.sequence.to_le_bytes());
+        self.0.update(&m.log_ns.to_le_bytes());
+        self.0.update(&m.publish_ns.to_le_bytes());
+        self.0.update(&(m.data.len() as u64).to_le_bytes());
+        self.0.update(&m.data);
+    }
+}
+
+/// The new file.
+pub(super) struct Copy {
+    pub writer: mcap::Writer<BufWriter<File>>,
+    pub channels: BTreeMap<u16, u16>,
+    pub digest: Digest,
+    pub messages: BTreeMap<String, u64>,
+    pub total: u64,
+}
+
+impl Copy {
+    pub fn message(
+        &mut self,
+        scan: &FileScan,
+        channel: &ChannelRecord,
+        m: &MessageRecord,
+    ) -> Result<(), mcap::McapError> {
+        let id = match self.channels.get(&channel.id) {
+            Some(id) => *id,
+            None => {
+                let schema = match scan.learnt.declared.schemas.get(&channel.schema_id) {
+                    Some(s) => self.writer.add_schema(&s.name, &s.encoding, &s.data)?,
+                    None => 0,
+                };
+                let (topic, encoding) = (&channel.topic, &channel.message_encoding);
+                let id = self
+                    .writer
+                    .add_channel(schema, topic, encoding, &channel.metadata)?;
+                self.channels.insert(channel.id, id);
+                id
+            }
+        };
+        let header = MessageHeader {
+            channel_id: id,
+            sequence: m.sequence,
+            log_time: m.log_ns,
+            publish_time: m.publish_ns,
+        };
+        self.writer.write_to_known_channel(&header, &m.data)?;
+        self.digest
+            .add(channel, scan.learnt.declared.schema_name(channel), m);
+        *self.messages.entry(channel.topic.clone()).or_default() += 1;
+        self.total += 1;
+        Ok(())
+    }
+
+    pub fn metadata(&mut self, name: &str, metadata: MetadataMap) -> Result<(), mcap::McapError> {
+        let name = name.to_owned();
+        self.writer
+            .write_metadata(&mcap::write::Metadata { name, metadata })
+    }
+}
