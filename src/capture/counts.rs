@@ -26,8 +26,9 @@ impl Losses {
 
 /// Frames that came and are kept, but say nothing that can be trusted.
 ///
-/// The first four are part of `received`. The last two have no place in time: they are kept in the
-/// log and marked, but are neither received nor lost, so the log holds `received + void + leftover` frames.
+/// The first four are part of `received`. The others have no place in time of their own and are
+/// neither received nor lost; void buffers hold nothing to keep, the other two are kept in the log, which
+/// therefore holds `received + leftover + repeated` frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Excluded {
     /// V4L2_BUF_FLAG_ERROR.
@@ -42,6 +43,8 @@ pub struct Excluded {
     pub void: u64,
     /// A frame left over from before the stream was started (v4l2loopback's first).
     pub leftover: u64,
+    /// A frame with the number and the period of the one before it: handed out twice.
+    pub repeated: u64,
 }
 
 /// About one second of the account: from one frame (not counted) to the first frame at least 1 s later

@@ -16,7 +16,7 @@ pub struct CameraListing {
     pub node: PathBuf,
     /// Names under `/dev/v4l/by-id`, or, without udev, the name it would have.
     pub by_id: Vec<String>,
-    /// Names under `/dev/v4l/by-path`; without udev, the bus info.
+    /// Names under `/dev/v4l/by-path`; without udev, the name it would have; else the bus info.
     pub by_path: Vec<String>,
     /// Card name.
     pub card: String,
@@ -66,8 +66,12 @@ pub fn cameras_of(system: &mut KernelSystem) -> Vec<CameraListing> {
         if by_id.is_empty() {
             by_id.extend(node.by_id.clone());
         }
+        let mut by_path = system.links("by-path", &node.node);
+        if by_path.is_empty() {
+            by_path.extend(node.by_path.clone());
+        }
         let mut listing = CameraListing {
-            by_path: system.links("by-path", &node.node),
+            by_path,
             by_id,
             card: node.card.clone(),
             node: node.node.clone(),

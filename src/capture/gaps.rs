@@ -59,6 +59,11 @@ pub enum Note {
         /// Now.
         to: u32,
     },
+    /// This frame has the number and the period of the one before.
+    Repeated {
+        /// Its sequence number.
+        sequence: u32,
+    },
     /// The frame before was a leftover from before the start.
     Leftover {
         /// Its sequence number.
@@ -122,6 +127,9 @@ pub struct Account {
     excluded: Excluded,
     restarts: u64,
     expected_closed: u64,
+    nominal_ns: f64,
+    /// No rate has been settled on yet.
+    rate_unsettled: bool,
 }
 
 impl Account {
@@ -148,6 +156,8 @@ impl Account {
             excluded: Excluded::default(),
             restarts: 0,
             expected_closed: 0,
+            nominal_ns: period_ns,
+            rate_unsettled: true,
         }
     }
 
@@ -202,6 +212,15 @@ impl Account {
         let slots = self.tracker.slots(at_ns);
         let step = sequence.wrapping_sub(last.sequence);
         let claimed = u64::from(step).wrapping_sub(1);
+        if step == 0 && slots <= 0 {
+            // The same number in the same period: one frame handed out twice (vivid does, when it is late).
+            self.last = Some(last);
+            self.since_start -= 1;
+            self.received -= 1;
+            self.excluded.repeated += 1;
+            notes.push(Note::Repeated { sequence });
+            return (LossBefore::default(), notes);
+        }
         let renumbered = step == 0 || step > u32::MAX / 2 || claimed > 2 * slots.max(0) as u64 + 16;
         if self.since_start == 2 && step != 1 && (renumbered || claimed as i64 > slots) {
             // v4l2loopback hands out one buffer of old content, numbered 0, before the feeder's count begins.
@@ -332,10 +351,15 @@ impl Account {
             first.new_period_ns = Some(mean);
         }
         self.tracker.restart(at_ns, mean);
-        notes.push(Note::RateChanged {
-            from_period_s: steady / 1e9,
-            to_period_s: mean / 1e9,
-        });
+        // A crooked first interval may look like a rate; the nominal one is then no news.
+        let nominal = self.rate_unsettled && (mean / self.nominal_ns - 1.0).abs() < RATE_STEP;
+        self.rate_unsettled = false;
+        if !nominal {
+            notes.push(Note::RateChanged {
+                from_period_s: steady / 1e9,
+                to_period_s: mean / 1e9,
+            });
+        }
     }
 
     fn close_steps(&mut self, notes: &mut Vec<Note>) {

@@ -260,7 +260,9 @@ impl V4lSource {
         }
         let (lost_before, notes) = self.account.frame(info.sequence, placed.monotonic_ns);
         let at_ns = placed.mid_exposure_ns;
-        if let Some(fault) = fault {
+        if notes.iter().any(|n| matches!(n, Note::Repeated { .. })) {
+            fault = fault.or(Some(FrameFault::Stale));
+        } else if let Some(fault) = fault {
             self.account.mark(fault);
             if fault != FrameFault::Stale {
                 self.say(words::damaged(at_ns, fault, info, format.size_bytes));

@@ -212,6 +212,52 @@ fn a_sequence_that_contradicts_time_is_said() {
 }
 
 #[test]
+fn a_frame_handed_out_twice_is_one_frame() {
+    let mut account = Account::new(0.04);
+    let twice = (0..201).map(|i: u32| {
+        if i > 100 {
+            (i - 1, f64::from(i - 1))
+        } else {
+            (i, f64::from(i))
+        }
+    });
+    let notes = run(
+        &mut account,
+        twice.map(|(n, t)| (n, (t + 0.1 * f64::from(n % 2)) * 40.0 * MS)),
+    );
+    assert!(notes.contains(&Note::Repeated { sequence: 100 }));
+    let counts = account.counts();
+    assert_eq!(
+        (
+            counts.received,
+            counts.excluded.repeated,
+            counts.expected,
+            counts.disagreement
+        ),
+        (200, 1, 200, 0)
+    );
+}
+
+#[test]
+fn a_crooked_start_is_no_new_rate() {
+    let mut account = Account::new(0.04);
+    let notes = run(
+        &mut account,
+        (0..100).map(|i| {
+            (
+                i,
+                (f64::from(i) + if i == 0 { 0.11 } else { 0.0 }) * 40.0 * MS,
+            )
+        }),
+    );
+    assert!(!notes.iter().any(|n| matches!(n, Note::RateChanged { .. })));
+    assert_eq!(
+        (account.counts().lost.total(), account.counts().disagreement),
+        (0, 0)
+    );
+}
+
+#[test]
 fn one_late_frame_is_no_loss() {
     let mut account = Account::new(0.04);
     run(
@@ -312,7 +358,7 @@ proptest! {
             }
         }
         let counts = account.counts();
-        prop_assert_eq!(counts.received + counts.excluded.leftover, whole);
+        prop_assert_eq!(counts.received + counts.excluded.leftover + counts.excluded.repeated, whole);
         prop_assert_eq!(counts.disagreement as i128, i128::from(counts.received) + i128::from(counts.lost.total()) - i128::from(counts.expected));
     }
 }

@@ -49,6 +49,8 @@ pub struct SysNode {
     pub index: u32,
     /// The name udev gives in by-id: of USB devices only.
     pub by_id: Option<String>,
+    /// The name udev gives in by-path: of USB, PCI and platform devices.
+    pub by_path: Option<String>,
 }
 
 fn line(path: &Path) -> Option<String> {
@@ -94,6 +96,7 @@ impl KernelSystem {
                         card,
                         index,
                         by_id: usb_name(&dir, index),
+                        by_path: path_name(&dir, index),
                     },
                 ))
             })
@@ -194,6 +197,31 @@ fn usb_name(class_dir: &Path, index: u32) -> Option<String> {
     Some(format!("{name}-video-index{index}"))
 }
 
+/// `<bus>-<device>[-usb-0:<port>:<interface>]-video-index<n>` as udev's path_id builds it.
+fn path_name(class_dir: &Path, index: u32) -> Option<String> {
+    let start = fs::canonicalize(class_dir.join("device")).ok()?;
+    let mut usb = String::new();
+    for dir in start.ancestors() {
+        let name = dir.file_name()?.to_str()?;
+        let subsystem = fs::canonicalize(dir.join("subsystem")).ok();
+        match subsystem
+            .as_deref()
+            .and_then(Path::file_name)
+            .and_then(|s| s.to_str())
+        {
+            // An interface is called `<bus>-<port>[.<port>...]:<configuration>.<interface>`.
+            Some("usb") if usb.is_empty() && name.contains(':') => {
+                usb = format!("-usb-0:{}", name.split_once('-')?.1);
+            }
+            Some(bus @ ("pci" | "platform")) => {
+                return Some(format!("{bus}-{name}{usb}-video-index{index}"));
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
 impl V4lSystem for KernelSystem {
     fn find(&mut self, identity: &DeviceIdentity) -> Result<PathBuf, NotFound> {
         let found = match identity {
@@ -209,6 +237,12 @@ impl V4lSystem for KernelSystem {
             DeviceIdentity::ByPath(name) => {
                 fs::canonicalize(self.dev.join("v4l/by-path").join(name))
                     .ok()
+                    .or_else(|| {
+                        self.nodes()
+                            .into_iter()
+                            .find(|n| n.by_path.as_deref() == Some(name))
+                            .map(|n| n.node)
+                    })
                     .or_else(|| self.by_bus(name))
             }
         };
@@ -223,10 +257,12 @@ impl V4lSystem for KernelSystem {
         let mut holders = Vec::new();
         let mut blind = false;
         for process in fs::read_dir(&self.proc).into_iter().flatten().flatten() {
+            // Ourselves we know.
             let Some(pid) = process
                 .file_name()
                 .to_str()
                 .and_then(|n| n.parse::<u32>().ok())
+                .filter(|pid| *pid != std::process::id())
             else {
                 continue;
             };
@@ -310,22 +346,37 @@ mod tests {
             ("serial", "SN0001"),
             ("idVendor", "1d6b"),
         ] {
-            put(r, &format!("sys/devices/usb1/1-1/{file}"), text);
+            put(
+                r,
+                &format!("sys/devices/0000:00:14.0/usb1/1-1/{file}"),
+                text,
+            );
         }
         for n in 0..2 {
             put(
                 r,
-                &format!("sys/devices/usb1/1-1/1-1:1.0/video4linux/video{n}/index"),
+                &format!("sys/devices/0000:00:14.0/usb1/1-1/1-1:1.0/video4linux/video{n}/index"),
                 &format!("{n}\n"),
             );
             put(
                 r,
-                &format!("sys/devices/usb1/1-1/1-1:1.0/video4linux/video{n}/name"),
+                &format!("sys/devices/0000:00:14.0/usb1/1-1/1-1:1.0/video4linux/video{n}/name"),
                 "EmuCam: EmuCam\n",
             );
             put(r, &format!("dev/video{n}"), "");
-            let dir = r.join(format!("sys/devices/usb1/1-1/1-1:1.0/video4linux/video{n}"));
+            let dir = r.join(format!(
+                "sys/devices/0000:00:14.0/usb1/1-1/1-1:1.0/video4linux/video{n}"
+            ));
             symlink("../..", dir.join("device")).unwrap();
+            for (device, bus) in [
+                ("usb1/1-1/1-1:1.0", "usb"),
+                ("usb1/1-1", "usb"),
+                ("", "pci"),
+            ] {
+                fs::create_dir_all(r.join("sys/bus").join(bus)).unwrap();
+                let device = r.join("sys/devices/0000:00:14.0").join(device);
+                let _ = symlink(r.join("sys/bus").join(bus), device.join("subsystem"));
+            }
             fs::create_dir_all(r.join("sys/class/video4linux")).unwrap();
             symlink(&dir, r.join(format!("sys/class/video4linux/video{n}"))).unwrap();
         }
@@ -358,6 +409,16 @@ mod tests {
                 .unwrap_err()
                 .present
                 .contains("SN0001-video-index1")
+        );
+    }
+
+    #[test]
+    fn by_path_is_built_as_udev_does() {
+        let (root, mut system) = machine();
+        let name = "pci-0000:00:14.0-usb-0:1:1.0-video-index1";
+        assert_eq!(
+            system.find(&DeviceIdentity::ByPath(name.into())).unwrap(),
+            root.path().join("dev/video1")
         );
     }
 

@@ -129,6 +129,13 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         )
         .with("from", f64::from(*from))
         .with("to", f64::from(*to)),
+        Note::Repeated { sequence } => Event::new(
+            at_ns,
+            Severity::Warning,
+            "camera.repeated",
+            format!("frame {sequence} came twice in one period: the second is kept, marked stale, and not counted"),
+        )
+        .with("sequence", f64::from(*sequence)),
         Note::Leftover { sequence } => Event::new(
             at_ns,
             Severity::Info,
