@@ -94,9 +94,9 @@ fn every_pixel_is_the_integral_of_the_model() {
             worst_smooth < 0.05,
             "{p:?}: smooth pixels off by {worst_smooth}"
         );
-        // Edges: both are samples; 1/89 and 1/24 of a pixel of 200 grey levels.
+        // Edges: both are samples; 1/55 and 1/24 of a pixel of 200 grey levels.
         assert!(
-            worst_edge < 200.0 * (1.0 / 89.0 + 1.0 / 24.0),
+            worst_edge < 200.0 * (1.0 / 55.0 + 1.0 / 24.0),
             "{p:?}: edge pixels off by {worst_edge}"
         );
     }

@@ -1,0 +1,96 @@
+use super::*;
+use crate::fixture::lshpi_rig;
+use proptest::prelude::*;
+
+proptest! {
+    #[test]
+    fn a_small_wrench_is_made_exactly_and_with_least_norm(w in proptest::array::uniform6(-3.0..3.0f64), null in -1.0..1.0f64) {
+        let a = Allocation::new(&lshpi_rig().thrusters).unwrap();
+        let made = a.allocate(&from_array(w)).unwrap();
+        prop_assert!(made.saturated.is_empty());
+        for (got, asked) in array(&made.wrench).iter().zip(w) {
+            prop_assert!((got - asked).abs() < 1e-9);
+        }
+        // Any other solution (add a null-space vector) costs more.
+        let projector = DMatrix::identity(a.len(), a.len()) - &a.inverse * &a.matrix;
+        let other = DVector::from_column_slice(&made.thrust_n) + projector.column(0) * null;
+        prop_assert!(other.norm() + 1e-12 >= DVector::from_column_slice(&made.thrust_n).norm());
+    }
+}
+
+#[test]
+fn a_layout_that_does_not_span_says_which_dof() {
+    let mut set = lshpi_rig().thrusters;
+    set.thrusters.retain(|t| t.direction[2] == 0.0); // no vertical thrusters left
+    let a = Allocation::new(&set).unwrap();
+    assert!(
+        a.allocate(&Wrench {
+            surge_n: 4.0,
+            ..Wrench::default()
+        })
+        .is_ok()
+    );
+    let error = a
+        .allocate(&Wrench {
+            heave_n: 4.0,
+            ..Wrench::default()
+        })
+        .unwrap_err();
+    assert!(
+        matches!(
+            error,
+            ThrustError::NotSpanned {
+                dof: "heave",
+                asked: 4.0,
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn saturation_is_cut_and_reported() {
+    let a = Allocation::new(&lshpi_rig().thrusters).unwrap();
+    let made = a
+        .allocate(&Wrench {
+            surge_n: -500.0,
+            ..Wrench::default()
+        })
+        .unwrap();
+    assert_eq!(made.saturated.len(), 4, "all four horizontal thrusters");
+    assert!(
+        made.saturated
+            .iter()
+            .all(|s| s.limit_n == -39.9 || s.limit_n == 51.5)
+    );
+    assert!(made.wrench.surge_n > -500.0);
+}
+
+#[test]
+fn pulses_go_to_thrusts_and_back() {
+    let a = Allocation::new(&lshpi_rig().thrusters).unwrap();
+    let made = a
+        .allocate(&Wrench {
+            surge_n: 8.0,
+            yaw_nm: 0.5,
+            ..Wrench::default()
+        })
+        .unwrap();
+    let pulses = a.pulses_of_thrusts(&made.thrust_n).unwrap();
+    let back = a.thrusts_of_pulses(&pulses).unwrap();
+    for (x, y) in back.iter().zip(&made.thrust_n) {
+        assert!((x - y).abs() < 1e-9);
+    }
+    assert!(matches!(
+        a.wrench(&[1.0]),
+        Err(ThrustError::Count {
+            given: 1,
+            thrusters: 8
+        })
+    ));
+    assert!(matches!(
+        a.thrusts_of_pulses(&[f64::NAN; 8]),
+        Err(ThrustError::NotFinite { .. })
+    ));
+}
