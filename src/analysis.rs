@@ -17,7 +17,10 @@ pub struct Analyst {
 impl Analyst {
     /// `map` = the calibration from image to laser plane; without one, profiles carry no plane coordinates.
     pub fn new(config: ExtractorConfig, map: Option<Arc<dyn PlaneMap>>) -> Self {
-        Self { extractor: Extractor::new(config), map }
+        Self {
+            extractor: Extractor::new(config),
+            map,
+        }
     }
 
     /// The stripe of a frame. A frame that is excluded or does not decode gives a profile whose `fault` says why.
@@ -47,7 +50,11 @@ impl Analyst {
         message.noise_sd = profile.noise_sd;
         message.haze_level = profile.haze_level;
         message.haze_length_px = profile.haze_length_px;
-        message.fault = profile.fault.as_ref().map(ToString::to_string).unwrap_or_default();
+        message.fault = profile
+            .fault
+            .as_ref()
+            .map(ToString::to_string)
+            .unwrap_or_default();
         for point in &profile.points {
             message.column_px.push(point.column_px as f32);
             message.row_px.push(point.row_px as f32);
@@ -58,10 +65,16 @@ impl Analyst {
             if let Some(map) = &self.map {
                 // A point outside the calibrated region stays in the profile, without plane coordinates.
                 let pixel = Matrix2::new(0.0, 0.0, 0.0, point.sd_px * point.sd_px);
-                let (xi, eta, xi_sd, eta_sd) = match map.measured(point.column_px, point.row_px, &pixel) {
-                    Some(p) => (p.xi_m, p.eta_m, p.covariance_m2[(0, 0)].sqrt(), p.covariance_m2[(1, 1)].sqrt()),
-                    None => (f64::NAN, f64::NAN, f64::NAN, f64::NAN),
-                };
+                let (xi, eta, xi_sd, eta_sd) =
+                    match map.measured(point.column_px, point.row_px, &pixel) {
+                        Some(p) => (
+                            p.xi_m,
+                            p.eta_m,
+                            p.covariance_m2[(0, 0)].sqrt(),
+                            p.covariance_m2[(1, 1)].sqrt(),
+                        ),
+                        None => (f64::NAN, f64::NAN, f64::NAN, f64::NAN),
+                    };
                 message.xi_m.push(xi as f32);
                 message.eta_m.push(eta as f32);
                 message.xi_sd_m.push(xi_sd as f32);

@@ -7,19 +7,28 @@
 use crate::log::Recorder;
 use crate::log::trace::LogLayer;
 use std::sync::OnceLock;
+use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::EnvFilter;
 
 static LAYER: OnceLock<LogLayer> = OnceLock::new();
 
 /// Sets up stderr and the way into a recording's log. A second call keeps the first set-up.
 pub fn init() {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
-    let stderr = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false).with_filter(filter);
-    let into_log = LAYER.get_or_init(LogLayer::new).clone().with_filter(LevelFilter::INFO);
-    let _ = tracing_subscriber::registry().with(stderr).with(into_log).try_init();
+    let stderr = tracing_subscriber::fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .with_filter(filter);
+    let into_log = LAYER
+        .get_or_init(LogLayer::new)
+        .clone()
+        .with_filter(LevelFilter::INFO);
+    let _ = tracing_subscriber::registry()
+        .with(stderr)
+        .with(into_log)
+        .try_init();
 }
 
 /// While this lives, diagnostics go into that recording too.

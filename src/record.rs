@@ -164,7 +164,12 @@ impl Shared {
     }
 
     fn say(&self, severity: Severity, kind: &'static str, message: impl Into<String>) {
-        self.event(&Event::new(self.clock.triple().realtime_ns, severity, kind, message));
+        self.event(&Event::new(
+            self.clock.triple().realtime_ns,
+            severity,
+            kind,
+            message,
+        ));
     }
 }
 
@@ -173,7 +178,12 @@ impl Shared {
 /// # Errors
 /// [`RecordError`] when a part could not be started; what goes wrong later ends the run and stands in
 /// [`Report::stop`], with the log closed and readable.
-pub fn run(parts: Parts, job: &Job, shutdown: &Shutdown, watch: &mut dyn FnMut(&Status)) -> Result<Report, RecordError> {
+pub fn run(
+    parts: Parts,
+    job: &Job,
+    shutdown: &Shutdown,
+    watch: &mut dyn FnMut(&Status),
+) -> Result<Report, RecordError> {
     let shared = Arc::new(Shared {
         recorder: parts.recorder.clone(),
         clock: parts.clock.clone(),
@@ -188,7 +198,12 @@ pub fn run(parts: Parts, job: &Job, shutdown: &Shutdown, watch: &mut dyn FnMut(&
         Some(opener) => Some(start_service(&shared, &job.rig, opener)?),
         None => None,
     };
-    let analysis = worker::analysis(shared.clone(), job, parts.map.clone(), service.as_ref().map(ThrusterService::handle))?;
+    let analysis = worker::analysis(
+        shared.clone(),
+        job,
+        parts.map.clone(),
+        service.as_ref().map(ThrusterService::handle),
+    )?;
     let capture = worker::capture(shared.clone(), parts.source)?;
 
     let stop = supervise::supervise(&shared, job, service.as_ref(), watch)?;
@@ -202,14 +217,29 @@ pub fn run(parts: Parts, job: &Job, shutdown: &Shutdown, watch: &mut dyn FnMut(&
     shared.say(Severity::Info, "daemon.stop", stop.to_string());
 
     let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
-    let log = parts.recorder.finish(&summary(&stop, &counts, analysed, skipped, thrusters.as_ref()))?;
-    Ok(Report { stop, capture: counts, analysed, skipped, thrusters, log })
+    let log = parts.recorder.finish(&summary(
+        &stop,
+        &counts,
+        analysed,
+        skipped,
+        thrusters.as_ref(),
+    ))?;
+    Ok(Report {
+        stop,
+        capture: counts,
+        analysed,
+        skipped,
+        thrusters,
+        log,
+    })
 }
 
 /// What a viewer needs before the first frame: intrinsics and the map to the laser plane.
 fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
     let now_ns = shared.clock.triple().realtime_ns;
-    shared.recorder.camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
+    shared
+        .recorder
+        .camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
     match map {
         Some(map) => {
             let calibration = map.describe();
@@ -228,8 +258,15 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
     }
 }
 
-fn start_service(shared: &Arc<Shared>, rig: &Rig, opener: Opener) -> Result<ThrusterService, ServiceError> {
-    let config = ServiceConfig { set: rig.thrusters.clone(), resume_after_loss: false };
+fn start_service(
+    shared: &Arc<Shared>,
+    rig: &Rig,
+    opener: Opener,
+) -> Result<ThrusterService, ServiceError> {
+    let config = ServiceConfig {
+        set: rig.thrusters.clone(),
+        resume_after_loss: false,
+    };
     let to = shared.clone();
     let sink: Sink = Box::new(move |record| match record {
         LinkRecord::Command(command) => {
@@ -264,16 +301,27 @@ fn start_service(shared: &Arc<Shared>, rig: &Rig, opener: Opener) -> Result<Thru
 
 /// The plan as the service asks for it. A load that cannot be commanded was refused before the start; should one
 /// appear all the same it is no thrust at all.
-fn loads(rig: &Rig, plan: &Plan) -> Result<impl FnMut(f64) -> PlannedLoad + Send + 'static, ThrustError> {
+fn loads(
+    rig: &Rig,
+    plan: &Plan,
+) -> Result<impl FnMut(f64) -> PlannedLoad + Send + 'static, ThrustError> {
     let allocation = Allocation::new(&rig.thrusters)?;
     let (rig, plan) = (rig.clone(), plan.clone());
-    Ok(move |t_s: f64| match setpoint(&rig, &allocation, &plan, t_s) {
-        Ok(set) => PlannedLoad { thrust_n: set.thrust_n, plan_step: set.plan_step },
-        Err(error) => {
-            tracing::error!("{error}");
-            PlannedLoad { thrust_n: vec![0.0; rig.thrusters.thrusters.len()], plan_step: 0 }
-        }
-    })
+    Ok(
+        move |t_s: f64| match setpoint(&rig, &allocation, &plan, t_s) {
+            Ok(set) => PlannedLoad {
+                thrust_n: set.thrust_n,
+                plan_step: set.plan_step,
+            },
+            Err(error) => {
+                tracing::error!("{error}");
+                PlannedLoad {
+                    thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
+                    plan_step: 0,
+                }
+            }
+        },
+    )
 }
 
 fn summary(
@@ -295,16 +343,29 @@ fn summary(
     summary.frames = Some(FrameLedger {
         expected: counts.expected,
         received: counts.received,
-        lost: lost.into_iter().filter(|(_, n)| *n > 0).map(|(cause, n)| (cause.to_owned(), n)).collect(),
+        lost: lost
+            .into_iter()
+            .filter(|(_, n)| *n > 0)
+            .map(|(cause, n)| (cause.to_owned(), n))
+            .collect(),
     });
     let mut put = |key: &str, value: String| summary.more.insert(key.to_owned(), value);
     put("frames.analysed", analysed.to_string());
     put("frames.not_analysed", skipped.to_string());
     put("frames.disagreement", counts.disagreement.to_string());
     put("frames.period_s", counts.period_s.to_string());
-    put("frames.excluded.driver_error", counts.excluded.driver_error.to_string());
-    put("frames.excluded.truncated", counts.excluded.truncated.to_string());
-    put("frames.excluded.broken_jpeg", counts.excluded.broken_jpeg.to_string());
+    put(
+        "frames.excluded.driver_error",
+        counts.excluded.driver_error.to_string(),
+    );
+    put(
+        "frames.excluded.truncated",
+        counts.excluded.truncated.to_string(),
+    );
+    put(
+        "frames.excluded.broken_jpeg",
+        counts.excluded.broken_jpeg.to_string(),
+    );
     put("frames.excluded.stale", counts.excluded.stale.to_string());
     put("frames.void", counts.excluded.void.to_string());
     put("source.restarts", counts.restarts.to_string());

@@ -7,7 +7,8 @@ use crate::analysis::Analyst;
 use crate::frame::Frame;
 use crate::log::messages::{self, pb::StripeProfile, unix_ns};
 use crate::log::{
-    Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record, SummaryInput, WriteSettings,
+    Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
+    SummaryInput, WriteSettings,
 };
 use crate::stripe::ExtractorConfig;
 use hydroline_calib::plane::PlaneMap;
@@ -66,7 +67,9 @@ pub enum ReplayError {
     #[error(transparent)]
     Log(#[from] LogError),
     /// Nothing to extract from.
-    #[error("{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it")]
+    #[error(
+        "{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it"
+    )]
     NoImages {
         /// The log.
         path: PathBuf,
@@ -77,7 +80,12 @@ pub enum ReplayError {
 ///
 /// # Errors
 /// [`ReplayError`]. A damaged log stops with the place of the damage; `recover` it first.
-pub fn replay(log: &Path, out: &Path, options: &Options, progress: &mut dyn FnMut(u64)) -> Result<(Report, LogOutcome), ReplayError> {
+pub fn replay(
+    log: &Path,
+    out: &Path,
+    options: &Options,
+    progress: &mut dyn FnMut(u64),
+) -> Result<(Report, LogOutcome), ReplayError> {
     let mut reader = LogReader::open(log)?;
     let head = head(&reader, log, options);
     let mut first = Vec::new();
@@ -93,7 +101,9 @@ pub fn replay(log: &Path, out: &Path, options: &Options, progress: &mut dyn FnMu
         first.push(message);
     }
     if camera.is_none() {
-        return Err(ReplayError::NoImages { path: log.to_owned() });
+        return Err(ReplayError::NoImages {
+            path: log.to_owned(),
+        });
     }
     let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
     let mut state = Replay {
@@ -113,8 +123,13 @@ pub fn replay(log: &Path, out: &Path, options: &Options, progress: &mut dyn FnMu
     state.flush()?;
     progress(state.report.frames);
     let mut summary = SummaryInput::clean("replayed to the end");
-    summary.more.insert("replay.live".to_owned(), state.report.live.to_string());
-    summary.more.insert("replay.live_identical".to_owned(), state.report.live_identical.to_string());
+    summary
+        .more
+        .insert("replay.live".to_owned(), state.report.live.to_string());
+    summary.more.insert(
+        "replay.live_identical".to_owned(),
+        state.report.live_identical.to_string(),
+    );
     let outcome = state.writer.finish(&summary)?;
     Ok((state.report, outcome))
 }
@@ -123,11 +138,26 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
     let metadata = reader.metadata();
     let toml = |name: &str| metadata.get(name).and_then(|m| m.get("toml")).cloned();
     let mut session: MetadataMap = metadata.get("session").cloned().unwrap_or_default();
-    session.insert("replay.of".to_owned(), log.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default());
-    session.insert("replay.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    session.insert(
+        "replay.of".to_owned(),
+        log.file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default(),
+    );
+    session.insert(
+        "replay.version".to_owned(),
+        env!("CARGO_PKG_VERSION").to_owned(),
+    );
     Head {
-        rig_toml: options.rig_toml.clone().or_else(|| toml("rig")).unwrap_or_default(),
-        calibration_toml: options.calibration_toml.clone().or_else(|| toml("calibration")),
+        rig_toml: options
+            .rig_toml
+            .clone()
+            .or_else(|| toml("rig"))
+            .unwrap_or_default(),
+        calibration_toml: options
+            .calibration_toml
+            .clone()
+            .or_else(|| toml("calibration")),
         session,
     }
 }
@@ -156,7 +186,11 @@ impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
         self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
         self.pending.push(message);
-        if self.frames_pending >= BATCH { self.flush() } else { Ok(()) }
+        if self.frames_pending >= BATCH {
+            self.flush()
+        } else {
+            Ok(())
+        }
     }
 
     /// Extracts the pending frames in parallel and writes everything pending in its order.
@@ -180,19 +214,27 @@ impl Replay<'_> {
         Ok(())
     }
 
-    fn write(&mut self, message: LogMessage, profile: Option<StripeProfile>) -> Result<(), ReplayError> {
+    fn write(
+        &mut self,
+        message: LogMessage,
+        profile: Option<StripeProfile>,
+    ) -> Result<(), ReplayError> {
         let log_ns = message.log_ns;
         let entry = match message.record {
             Record::Frame(frame) => {
                 if self.options.keep_images {
-                    self.writer.write(log_ns, &Entry::frame(&frame, self.index))?;
+                    self.writer
+                        .write(log_ns, &Entry::frame(&frame, self.index))?;
                 }
                 self.index += 1;
                 if let Some(profile) = profile {
                     self.count(&frame, &profile);
                     self.writer.write(log_ns, &Entry::profile(&profile))?;
                     if self.options.keep_images {
-                        self.writer.write(log_ns, &Entry::annotations(&messages::stripe_annotations(&profile)))?;
+                        self.writer.write(
+                            log_ns,
+                            &Entry::annotations(&messages::stripe_annotations(&profile)),
+                        )?;
                     }
                 }
                 return Ok(());
@@ -233,12 +275,19 @@ impl Replay<'_> {
         let report = &mut self.report;
         report.frames += 1;
         report.points += profile.row_px.len() as u64;
-        report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| (a.min(stamp_ns), b.max(stamp_ns))));
+        report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| {
+            (a.min(stamp_ns), b.max(stamp_ns))
+        }));
         if profile.fault.is_empty() {
             report.with_stripe += 1;
         } else {
             // Numbers differ from frame to frame; the words before the first colon-and-number group them.
-            let reason = profile.fault.split(['(', ';']).next().unwrap_or_default().trim();
+            let reason = profile
+                .fault
+                .split(['(', ';'])
+                .next()
+                .unwrap_or_default()
+                .trim();
             let reason: String = reason.chars().filter(|c| !c.is_ascii_digit()).collect();
             *report.without_stripe.entry(reason).or_default() += 1;
         }

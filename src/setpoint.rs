@@ -56,15 +56,34 @@ pub enum SetpointError {
 ///
 /// # Errors
 /// [`SetpointError`] naming step, time and thruster.
-pub fn setpoint(rig: &Rig, allocation: &Allocation, plan: &Plan, t_s: f64) -> Result<Setpoint, SetpointError> {
+pub fn setpoint(
+    rig: &Rig,
+    allocation: &Allocation,
+    plan: &Plan,
+    t_s: f64,
+) -> Result<Setpoint, SetpointError> {
     let (index, load) = plan.load_at(t_s);
-    let plan_step = if index < plan.steps.len() { index as u32 + 1 } else { 0 };
-    let thrust = |source| SetpointError::Thrust { step: plan_step, t_s, source };
+    let plan_step = if index < plan.steps.len() {
+        index as u32 + 1
+    } else {
+        0
+    };
+    let thrust = |source| SetpointError::Thrust {
+        step: plan_step,
+        t_s,
+        source,
+    };
     let asked_n = match &load {
         StepLoad::Wrench(wrench) => {
             let allocated = allocation.allocate(wrench).map_err(thrust)?;
             if let Some(cut) = allocated.saturated.first() {
-                return Err(beyond(&rig.thrusters, plan_step, t_s, &cut.thruster, cut.asked_n));
+                return Err(beyond(
+                    &rig.thrusters,
+                    plan_step,
+                    t_s,
+                    &cut.thruster,
+                    cut.asked_n,
+                ));
             }
             allocated.thrust_n
         }
@@ -72,7 +91,12 @@ pub fn setpoint(rig: &Rig, allocation: &Allocation, plan: &Plan, t_s: f64) -> Re
             .thrusters
             .thrusters
             .iter()
-            .map(|t| named.iter().find(|(name, _)| *name == t.name).map_or(0.0, |(_, thrust_n)| *thrust_n))
+            .map(|t| {
+                named
+                    .iter()
+                    .find(|(name, _)| *name == t.name)
+                    .map_or(0.0, |(_, thrust_n)| *thrust_n)
+            })
             .collect(),
     };
     let mut pulses_us = Vec::with_capacity(asked_n.len());
@@ -86,13 +110,28 @@ pub fn setpoint(rig: &Rig, allocation: &Allocation, plan: &Plan, t_s: f64) -> Re
         pulses_us.push(sent_us);
         thrust_n.push(thruster.curve.thrust_n(sent_us));
     }
-    Ok(Setpoint { pulses_us, thrust_n, plan_step })
+    Ok(Setpoint {
+        pulses_us,
+        thrust_n,
+        plan_step,
+    })
 }
 
 fn beyond(set: &ThrusterSet, step: u32, t_s: f64, thruster: &str, asked_n: f64) -> SetpointError {
-    let curve = set.thrusters.iter().find(|t| t.name == thruster).map(|t| &t.curve);
+    let curve = set
+        .thrusters
+        .iter()
+        .find(|t| t.name == thruster)
+        .map(|t| &t.curve);
     let (low_n, high_n) = curve.map_or((0.0, 0.0), |c| c.thrust_range_n(set.min_us, set.max_us));
-    SetpointError::Beyond { step, t_s, thruster: thruster.to_owned(), asked_n, low_n, high_n }
+    SetpointError::Beyond {
+        step,
+        t_s,
+        thruster: thruster.to_owned(),
+        asked_n,
+        low_n,
+        high_n,
+    }
 }
 
 #[cfg(test)]
@@ -110,15 +149,27 @@ mod tests {
         let wrench = allocation.wrench(&set.thrust_n).unwrap();
         // Half a step of 0.25 us on a curve of 0.085 N/us, four thrusters at 45 deg: 0.03 N.
         assert!((wrench.surge_n - 4.0).abs() < 0.03, "{wrench:?}");
-        assert!(wrench.sway_n.abs() < 1e-9 && wrench.yaw_nm.abs() < 1e-9, "{wrench:?}");
+        assert!(
+            wrench.sway_n.abs() < 1e-9 && wrench.yaw_nm.abs() < 1e-9,
+            "{wrench:?}"
+        );
     }
 
     #[test]
     fn too_much_is_refused_with_thruster_and_range() {
         let rig = Rig::builtin("lshpi").unwrap();
         let allocation = Allocation::new(&rig.thrusters).unwrap();
-        let plan = Plan::from_toml("[[step]]\nfor_s = 1\nwrench = { surge_n = 1000 }\n", "big.toml").unwrap();
-        let words = setpoint(&rig, &allocation, &plan, 0.0).unwrap_err().to_string();
-        assert!(words.contains("step 1") && words.contains("h_") && words.contains("51.5"), "{words}");
+        let plan = Plan::from_toml(
+            "[[step]]\nfor_s = 1\nwrench = { surge_n = 1000 }\n",
+            "big.toml",
+        )
+        .unwrap();
+        let words = setpoint(&rig, &allocation, &plan, 0.0)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            words.contains("step 1") && words.contains("h_") && words.contains("51.5"),
+            "{words}"
+        );
     }
 }

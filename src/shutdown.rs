@@ -53,7 +53,11 @@ impl Shutdown {
 
     /// Raises it; later calls change nothing.
     pub fn raise(&self, reason: StopReason) {
-        let mut slot = self.inner.reason.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = self
+            .inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         if slot.is_none() {
             *slot = Some(reason);
         }
@@ -63,7 +67,11 @@ impl Shutdown {
 
     /// The reason, once raised.
     pub fn reason(&self) -> Option<StopReason> {
-        self.inner.reason.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Whether it was raised.
@@ -73,7 +81,11 @@ impl Shutdown {
 
     /// Waits up to `wait`; true when raised.
     pub fn wait(&self, wait: Duration) -> bool {
-        let slot = self.inner.reason.lock().unwrap_or_else(PoisonError::into_inner);
+        let slot = self
+            .inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let (slot, _) = self
             .inner
             .raised

@@ -6,9 +6,11 @@
 use crate::capture::{CaptureError, NegotiatedFormat, SourceDescription};
 use crate::frame::{Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource};
 use crate::log::messages::{self, pb, timestamp};
-use crate::log::{Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings};
-use crate::simulated::motion_message;
+use crate::log::{
+    Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings,
+};
 use crate::setpoint::{Setpoint, SetpointError, setpoint};
+use crate::simulated::motion_message;
 use bytes::Bytes;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
@@ -93,9 +95,18 @@ pub fn simulate(
     // The simulator renders grey frames whatever the rig's real camera delivers.
     rig.camera.pixel_format = PixelFormat::Grey;
     let mut world = World::new(&rig, rig.tank.start_pose)?;
-    let renderer = if options.motion_only { None } else { Some(Renderer::new(&rig)?) };
+    let renderer = if options.motion_only {
+        None
+    } else {
+        Some(Renderer::new(&rig)?)
+    };
     let camera_format = renderer.as_ref().map(|_| PixelFormat::Grey);
-    let mut log = FileRecorder::create(out, false, head(&rig, plan, options), WriteSettings::offline(camera_format))?;
+    let mut log = FileRecorder::create(
+        out,
+        false,
+        head(&rig, plan, options),
+        WriteSettings::offline(camera_format),
+    )?;
     let mut noise = Noise::new(rig.camera.seed, options)?;
     if renderer.is_some() {
         let calibration = messages::camera_calibration(&rig.camera, at_ns(0.0));
@@ -108,7 +119,8 @@ pub fn simulate(
     let mut next_command = 0;
     let mut sequence = 0;
     for k in 0..frames {
-        let t_s = (k as f64 + 0.5 * rig.camera.exposure_s * rig.camera.rate_fps) / rig.camera.rate_fps;
+        let t_s =
+            (k as f64 + 0.5 * rig.camera.exposure_s * rig.camera.rate_fps) / rig.camera.rate_fps;
         while next_command <= commands && next_command as f64 / rig.thrusters.link.rate_hz <= t_s {
             let command_s = next_command as f64 / rig.thrusters.link.rate_hz;
             let set = setpoint(&rig, world.allocation(), plan, command_s)?;
@@ -126,7 +138,10 @@ pub fn simulate(
             }
             None => {
                 let reported = world.pose_reported(t_s)?;
-                log.write(stamp_ns, &Entry::motion(&noise.measure(stamp_ns, &reported)))?;
+                log.write(
+                    stamp_ns,
+                    &Entry::motion(&noise.measure(stamp_ns, &reported)),
+                )?;
             }
         }
         log.write(stamp_ns, &Entry::truth(&motion_message(stamp_ns, &truth)))?;
@@ -166,7 +181,11 @@ fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
     if let Some(note) = &options.note {
         put("note", note.clone());
     }
-    Head { rig_toml: rig.effective_toml.clone(), calibration_toml: None, session }
+    Head {
+        rig_toml: rig.effective_toml.clone(),
+        calibration_toml: None,
+        session,
+    }
 }
 
 fn write_commands(
@@ -176,7 +195,12 @@ fn write_commands(
     t_s: f64,
     sequence: &mut u32,
 ) -> Result<(), LogError> {
-    for (thruster, (thrust_n, pulse_us)) in rig.thrusters.thrusters.iter().zip(set.thrust_n.iter().zip(&set.pulses_us)) {
+    for (thruster, (thrust_n, pulse_us)) in rig
+        .thrusters
+        .thrusters
+        .iter()
+        .zip(set.thrust_n.iter().zip(&set.pulses_us))
+    {
         let message = pb::ThrusterCommand {
             timestamp: Some(timestamp(at_ns(t_s))),
             sequence: *sequence,
@@ -226,7 +250,10 @@ impl Noise {
     fn new(seed: u64, options: &Options) -> Result<Self, SimulateError> {
         let normal = |sd: f64| {
             let sound = sd.is_finite() && sd >= 0.0;
-            Normal::new(0.0, sd).ok().filter(|_| sound).ok_or(SimulateError::Noise { value: sd })
+            Normal::new(0.0, sd)
+                .ok()
+                .filter(|_| sound)
+                .ok_or(SimulateError::Noise { value: sd })
         };
         Ok(Self {
             rng: StdRng::seed_from_u64(seed),
@@ -241,7 +268,10 @@ impl Noise {
         let (x_m, y_m, z_m) = (position(x), position(y), position(z));
         let mut attitude = |v: f64| Some(v + self.attitude.sample(&mut self.rng));
         let (phi_rad, theta_rad, psi_rad) = (attitude(phi), attitude(theta), attitude(psi));
-        let (p, a) = (self.position.std_dev().powi(2), self.attitude.std_dev().powi(2));
+        let (p, a) = (
+            self.position.std_dev().powi(2),
+            self.attitude.std_dev().powi(2),
+        );
         let mut covariance = vec![0.0; 36];
         for (i, variance) in [p, p, p, a, a, a].into_iter().enumerate() {
             covariance[7 * i] = variance;

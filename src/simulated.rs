@@ -5,8 +5,8 @@
 
 use crate::capture::CaptureError;
 use crate::capture::sim::Scene;
-use crate::log::messages::{pb::VehicleMotion, timestamp};
 use crate::log::Recorder;
+use crate::log::messages::{pb::VehicleMotion, timestamp};
 use hydroline_rigs::Rig;
 use hydroline_sim::{Renderer, SimError, VehicleState, World};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -35,7 +35,11 @@ impl SimulatedVehicle {
         let world = World::new(rig, rig.tank.start_pose)?;
         let neutral_us = rig.thrusters.neutral_us;
         Ok(Arc::new(Self {
-            world: Mutex::new(State { world, pulses_us: vec![neutral_us; rig.thrusters.thrusters.len()], last_t_s: 0.0 }),
+            world: Mutex::new(State {
+                world,
+                pulses_us: vec![neutral_us; rig.thrusters.thrusters.len()],
+                last_t_s: 0.0,
+            }),
             start_ns: OnceLock::new(),
             recorder: OnceLock::new(),
             neutral_us,
@@ -59,11 +63,19 @@ impl SimulatedVehicle {
     /// # Errors
     /// [`SimError`] when the motion diverges.
     pub fn pulse(&self, at_ns: u64, channel: u8, pulse_us: f64) -> Result<(), SimError> {
-        let Some(start_ns) = self.start_ns.get().copied() else { return Ok(()) };
-        let Some(place) = self.channels.iter().position(|c| *c == channel) else { return Ok(()) };
+        let Some(start_ns) = self.start_ns.get().copied() else {
+            return Ok(());
+        };
+        let Some(place) = self.channels.iter().position(|c| *c == channel) else {
+            return Ok(());
+        };
         let mut state = self.lock();
         // A pulse of 0 us (output off) drives a speed controller to neutral.
-        state.pulses_us[place] = if pulse_us == 0.0 { self.neutral_us } else { pulse_us };
+        state.pulses_us[place] = if pulse_us == 0.0 {
+            self.neutral_us
+        } else {
+            pulse_us
+        };
         // What was already shown to the camera cannot be changed any more.
         let t_s = (at_ns.saturating_sub(start_ns) as f64 / 1e9).max(state.last_t_s);
         let pulses = state.pulses_us.clone();
@@ -111,7 +123,10 @@ impl CameraView {
 }
 
 fn failed(error: &SimError) -> CaptureError {
-    CaptureError::Source { source_name: "simulated camera".to_owned(), reason: error.to_string() }
+    CaptureError::Source {
+        source_name: "simulated camera".to_owned(),
+        reason: error.to_string(),
+    }
 }
 
 impl Scene for CameraView {

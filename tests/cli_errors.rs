@@ -34,26 +34,124 @@ fn arguments_and_files_that_are_wrong_are_named() {
     let out = out.to_str().unwrap();
     let bad_rig = file("bad.toml", b"[camera]\nwidht_px = 720\n");
     let binary_rig = file("binary.toml", &[0, 159, 146, 150]);
-    let bad_plan = file("plan.toml", b"[[step]]\nfor_s = -3\nwrench = { surge_n = 4 }\n");
-    let strong = file("strong.toml", b"[[step]]\nfor_s = 3\nwrench = { surge_n = 4000 }\n");
-    let far = file("far.toml", b"[[step]]\nfor_s = 60\nwrench = { surge_n = 8 }\n");
-    let noise = file("noise.mcap", b"this is no log at all, but long enough to look at");
+    let bad_plan = file(
+        "plan.toml",
+        b"[[step]]\nfor_s = -3\nwrench = { surge_n = 4 }\n",
+    );
+    let strong = file(
+        "strong.toml",
+        b"[[step]]\nfor_s = 3\nwrench = { surge_n = 4000 }\n",
+    );
+    let far = file(
+        "far.toml",
+        b"[[step]]\nfor_s = 60\nwrench = { surge_n = 8 }\n",
+    );
+    let noise = file(
+        "noise.mcap",
+        b"this is no log at all, but long enough to look at",
+    );
     let existing = file("there.mcap", b"");
 
-    refused(&["record", "--rig", "no-such-rig", "--out", out], 2, &["no-such-rig", "lshpi"]);
-    refused(&["record", "--rig", &bad_rig, "--out", out], 2, &["bad.toml", "widht_px", "width_px"]);
-    refused(&["record", "--rig", &binary_rig, "--out", out], 2, &["binary.toml"]);
-    refused(&["record", "--rig", "lshpi", "--plan", &bad_plan, "--out", out], 2, &["plan.toml", "for_s", "-3"]);
-    refused(&["record", "--rig", "lshpi", "--plan", &strong, "--out", out], 2, &["surge"]);
-    refused(&["record", "--rig", "lshpi", "--plan", &far, "--out", out], 2, &["refused", "--dry-run"]);
-    refused(&["record", "--rig", "lshpi", "--plan", &far, "--dry-run"], 2, &["refused"]);
-    refused(&["record", "--rig", "lshpi", "--for", "soon", "--out", out], 2, &["30s"]);
-    refused(&["record", "--rig", "lshpi", "--out", &existing], 2, &["there.mcap", "exists"]);
-    refused(&["record", "--rig", "lshpi", "--out", "/no/such/folder/x.mcap"], 2, &["/no/such/folder"]);
-    refused(&["record", "--rig", "lshpi", "--water-temp", "80", "--for", "1s", "--out", out], 2, &["--water-temp", "0..30"]);
-    refused(&["record", "--rig", "lshpi", "--for", "10000h", "--out", out], 2, &["MB/s", "free"]);
-    refused(&["simulate", "--rig", "lshpi", "--plan", "no-plan", "--out", out], 2, &["no-plan", "surge-4n"]);
-    refused(&["simulate", "--rig", "lshpi", "--plan", "still", "--position-noise-m", "-1", "--out", out], 2, &["-1"]);
+    refused(
+        &["record", "--rig", "no-such-rig", "--out", out],
+        2,
+        &["no-such-rig", "lshpi"],
+    );
+    refused(
+        &["record", "--rig", &bad_rig, "--out", out],
+        2,
+        &["bad.toml", "widht_px", "width_px"],
+    );
+    refused(
+        &["record", "--rig", &binary_rig, "--out", out],
+        2,
+        &["binary.toml"],
+    );
+    refused(
+        &[
+            "record", "--rig", "lshpi", "--plan", &bad_plan, "--out", out,
+        ],
+        2,
+        &["plan.toml", "for_s", "-3"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--plan", &strong, "--out", out],
+        2,
+        &["surge"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--plan", &far, "--out", out],
+        2,
+        &["refused", "--dry-run"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--plan", &far, "--dry-run"],
+        2,
+        &["refused"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--for", "soon", "--out", out],
+        2,
+        &["30s"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--out", &existing],
+        2,
+        &["there.mcap", "exists"],
+    );
+    refused(
+        &[
+            "record",
+            "--rig",
+            "lshpi",
+            "--out",
+            "/no/such/folder/x.mcap",
+        ],
+        2,
+        &["/no/such/folder"],
+    );
+    refused(
+        &[
+            "record",
+            "--rig",
+            "lshpi",
+            "--water-temp",
+            "80",
+            "--for",
+            "1s",
+            "--out",
+            out,
+        ],
+        2,
+        &["--water-temp", "0..30"],
+    );
+    refused(
+        &["record", "--rig", "lshpi", "--for", "10000h", "--out", out],
+        2,
+        &["MB/s", "free"],
+    );
+    refused(
+        &[
+            "simulate", "--rig", "lshpi", "--plan", "no-plan", "--out", out,
+        ],
+        2,
+        &["no-plan", "surge-4n"],
+    );
+    refused(
+        &[
+            "simulate",
+            "--rig",
+            "lshpi",
+            "--plan",
+            "still",
+            "--position-noise-m",
+            "-1",
+            "--out",
+            out,
+        ],
+        2,
+        &["-1"],
+    );
     refused(&["info", &noise], 2, &["noise.mcap"]);
     refused(&["doctor", &noise], 2, &["noise.mcap"]);
     refused(&["info", "/no/such.mcap"], 1, &["/no/such.mcap"]);
@@ -62,14 +160,25 @@ fn arguments_and_files_that_are_wrong_are_named() {
     refused(&["extract", &noise, "--csv"], 1, &["noise.mcap"]);
     refused(&["rig", "new", "--out", &existing], 2, &["exists"]);
     refused(&["replay"], 2, &["Usage"]);
-    assert!(!Path::new(out).exists(), "a refused command leaves nothing behind");
+    assert!(
+        !Path::new(out).exists(),
+        "a refused command leaves nothing behind"
+    );
 }
 
 #[test]
 fn a_v4l_rig_without_its_camera_says_what_to_do() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("x.mcap");
-    let (code, stderr) = run(&["record", "--rig", "bench-v4l", "--for", "1s", "--out", out.to_str().unwrap()]);
+    let (code, stderr) = run(&[
+        "record",
+        "--rig",
+        "bench-v4l",
+        "--for",
+        "1s",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
     assert_eq!(code, 1, "{stderr}");
     assert!(stderr.contains("hydroline devices"), "{stderr}");
 }
@@ -78,10 +187,22 @@ fn a_v4l_rig_without_its_camera_says_what_to_do() {
 fn rig_new_writes_a_rig_that_is_accepted() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("mine.toml");
-    let output = hydroline().args(["rig", "new", "--out"]).arg(&path).output().unwrap();
+    let output = hydroline()
+        .args(["rig", "new", "--out"])
+        .arg(&path)
+        .output()
+        .unwrap();
     assert!(output.status.success());
-    let output = hydroline().args(["rig", "show"]).arg(&path).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = hydroline()
+        .args(["rig", "show"])
+        .arg(&path)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     assert!(String::from_utf8_lossy(&output.stdout).contains("[camera]"));
 }
 
@@ -89,10 +210,16 @@ fn rig_new_writes_a_rig_that_is_accepted() {
 fn every_subcommand_explains_itself() {
     let help = hydroline().arg("--help").output().unwrap();
     let text = String::from_utf8_lossy(&help.stdout).into_owned();
-    for command in ["demo", "devices", "check", "aim", "record", "replay", "simulate", "extract", "rig", "info", "doctor", "recover", "export"] {
+    for command in [
+        "demo", "devices", "check", "aim", "record", "replay", "simulate", "extract", "rig",
+        "info", "doctor", "recover", "export",
+    ] {
         assert!(text.contains(command), "{command} is missing in --help");
         let output = hydroline().args([command, "--help"]).output().unwrap();
-        assert!(output.status.success() && output.stdout.len() > 100, "{command}");
+        assert!(
+            output.status.success() && output.stdout.len() > 100,
+            "{command}"
+        );
     }
     assert!(text.contains("Exit codes"));
 }

@@ -20,54 +20,124 @@ fn plan_file(dir: &Path, text: &str) -> PathBuf {
 
 fn record(dir: &Path, more: &[&str]) -> (PathBuf, Output) {
     let out = dir.join("run.mcap");
-    let output = hydroline().args(["record", "--rig", "lshpi", "--out"]).arg(&out).args(more).output().unwrap();
+    let output = hydroline()
+        .args(["record", "--rig", "lshpi", "--out"])
+        .arg(&out)
+        .args(more)
+        .output()
+        .unwrap();
     (out, output)
 }
 
 #[test]
 fn a_run_is_logged_whole_and_replay_gives_the_live_points_bit_for_bit() {
     let dir = tempfile::tempdir().unwrap();
-    let plan = plan_file(dir.path(), "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n");
-    let (log, output) = record(dir.path(), &["--plan", plan.to_str().unwrap(), "--note", "still water", "--water-temp", "18"]);
+    let plan = plan_file(
+        dir.path(),
+        "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n",
+    );
+    let (log, output) = record(
+        dir.path(),
+        &[
+            "--plan",
+            plan.to_str().unwrap(),
+            "--note",
+            "still water",
+            "--water-temp",
+            "18",
+        ],
+    );
     let stderr = String::from_utf8_lossy(&output.stderr);
     // 3 = frames were lost: a loaded machine may be too slow to render, and says so. Everything else must hold.
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{:?} {stderr}", output.status);
+    assert!(
+        matches!(output.status.code(), Some(0 | 3)),
+        "{:?} {stderr}",
+        output.status
+    );
 
     let (records, metadata) = read(&log);
     let summary = &metadata["summary"];
     let number = |key: &str| summary.get(key).map_or(0, |v| v.parse::<u64>().unwrap());
-    let lost: u64 = summary.iter().filter(|(k, _)| k.starts_with("frames.lost.")).map(|(_, v)| v.parse::<u64>().unwrap()).sum();
+    let lost: u64 = summary
+        .iter()
+        .filter(|(k, _)| k.starts_with("frames.lost."))
+        .map(|(_, v)| v.parse::<u64>().unwrap())
+        .sum();
     assert_eq!(number("frames.received") + lost, number("frames.expected"));
     assert!(number("frames.received") >= 25, "{summary:?}");
     assert_eq!(metadata["session"]["note"], "still water");
     assert!(metadata["session"]["water.n_532nm"].starts_with("1.33"));
 
-    let commands: Vec<_> = records.iter().filter_map(|r| if let Record::Command(c) = r { Some(c) } else { None }).collect();
+    let commands: Vec<_> = records
+        .iter()
+        .filter_map(|r| {
+            if let Record::Command(c) = r {
+                Some(c)
+            } else {
+                None
+            }
+        })
+        .collect();
     let planned = commands.iter().filter(|c| c.plan_step == 1).count();
     // A second at 25 sets/s for 8 thrusters: each set was sent, or superseded by the next one and counted.
-    assert_eq!(planned / 8 + number("commands.skipped") as usize, 25, "{summary:?}");
+    assert_eq!(
+        planned / 8 + number("commands.skipped") as usize,
+        25,
+        "{summary:?}"
+    );
     let last_set = commands.last().unwrap().sequence;
     let last: Vec<_> = commands.iter().filter(|c| c.sequence == last_set).collect();
-    assert!(last.len() == 8 && last.iter().all(|c| c.pulse_us == 1500.0), "neutral comes last: {last:?}");
-    let echoes = records.iter().filter(|r| matches!(r, Record::Echo(_))).count();
+    assert!(
+        last.len() == 8 && last.iter().all(|c| c.pulse_us == 1500.0),
+        "neutral comes last: {last:?}"
+    );
+    let echoes = records
+        .iter()
+        .filter(|r| matches!(r, Record::Echo(_)))
+        .count();
     assert_eq!(echoes, commands.len(), "every command is echoed");
-    assert!(records.iter().any(|r| matches!(r, Record::Clock(c) if c.controller.is_some())));
+    assert!(
+        records
+            .iter()
+            .any(|r| matches!(r, Record::Clock(c) if c.controller.is_some()))
+    );
 
     let rig = Rig::builtin("lshpi").unwrap();
-    let options = Options { map: Some(Arc::new(IdealMap::of(&rig))), ..Options::default() };
+    let options = Options {
+        map: Some(Arc::new(IdealMap::of(&rig))),
+        ..Options::default()
+    };
     let (report, _) = replay(&log, &dir.path().join("again.mcap"), &options, &mut |_| {}).unwrap();
     assert!(report.live > 0);
-    assert_eq!(report.live_identical, report.live, "replay equals live, bit for bit");
+    assert_eq!(
+        report.live_identical, report.live,
+        "replay equals live, bit for bit"
+    );
     assert_eq!(report.frames, number("frames.received"));
 }
 
 #[test]
 fn the_simulated_vehicle_moves_as_commanded() {
     let dir = tempfile::tempdir().unwrap();
-    let plan = plan_file(dir.path(), "[[step]]\nfor_s = 2.0\nwrench = { surge_n = 8.0 }\n");
-    let (log, _) = record(dir.path(), &["--plan", plan.to_str().unwrap(), "--for", "3s"]);
+    let plan = plan_file(
+        dir.path(),
+        "[[step]]\nfor_s = 2.0\nwrench = { surge_n = 8.0 }\n",
+    );
+    let (log, _) = record(
+        dir.path(),
+        &["--plan", plan.to_str().unwrap(), "--for", "3s"],
+    );
     let (records, _) = read(&log);
-    let u: Vec<f64> = records.iter().filter_map(|r| if let Record::Truth(t) = r { t.u_mps } else { None }).collect();
+    let u: Vec<f64> = records
+        .iter()
+        .filter_map(|r| {
+            if let Record::Truth(t) = r {
+                t.u_mps
+            } else {
+                None
+            }
+        })
+        .collect();
     // 8 N on 279.8 kg for 2 s: 0.055 m/s less drag; then it coasts.
     let fastest = u.iter().copied().fold(0.0, f64::max);
     assert!((0.045..0.056).contains(&fastest), "{fastest}");
@@ -87,24 +157,61 @@ fn ctrl_c_and_sigterm_end_a_recording_cleanly_with_neutral_last() {
             .spawn()
             .unwrap();
         std::thread::sleep(std::time::Duration::from_millis(2500));
-        let killed = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
+        let killed = Command::new("kill")
+            .args([format!("-{signal}"), child.id().to_string()])
+            .status()
+            .unwrap();
         assert!(killed.success());
         let output = child.wait_with_output().unwrap();
-        assert!(matches!(output.status.code(), Some(0 | 3)), "{signal}: {:?}", output.status);
+        assert!(
+            matches!(output.status.code(), Some(0 | 3)),
+            "{signal}: {:?}",
+            output.status
+        );
         assert!(String::from_utf8_lossy(&output.stdout).contains(words));
         let (records, metadata) = read(&out);
         assert_eq!(metadata["summary"]["stop.clean"], "true");
-        let last = records.iter().rev().find_map(|r| if let Record::Command(c) = r { Some(c) } else { None }).unwrap();
+        let last = records
+            .iter()
+            .rev()
+            .find_map(|r| {
+                if let Record::Command(c) = r {
+                    Some(c)
+                } else {
+                    None
+                }
+            })
+            .unwrap();
         assert_eq!(last.pulse_us, 1500.0);
-        assert!(records.iter().any(|r| matches!(r, Record::Command(c) if c.pulse_us > 1500.0)), "the plan ran");
+        assert!(
+            records
+                .iter()
+                .any(|r| matches!(r, Record::Command(c) if c.pulse_us > 1500.0)),
+            "the plan ran"
+        );
     }
 }
 
 #[test]
 fn several_runs_make_several_logs() {
     let dir = tempfile::tempdir().unwrap();
-    let (_, output) = record(dir.path(), &["--for", "400ms", "--runs", "2", "--settle", "100ms", "--no-thrusters"]);
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&output.stderr));
+    let (_, output) = record(
+        dir.path(),
+        &[
+            "--for",
+            "400ms",
+            "--runs",
+            "2",
+            "--settle",
+            "100ms",
+            "--no-thrusters",
+        ],
+    );
+    assert!(
+        matches!(output.status.code(), Some(0 | 3)),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     for k in [1, 2] {
         let (records, metadata) = read(&dir.path().join(format!("run-{k}.mcap")));
         assert!(records.iter().any(|r| matches!(r, Record::Frame(_))));
@@ -127,7 +234,10 @@ fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
     let source = hydroline::capture::sim::SimCamera::new(view, &rig.camera, clock.clone());
     vehicle.start(source.start_ns());
     let path = dir.path().join("limit.mcap");
-    let opener = Box::new(hydroline::log::FileParts { path: path.clone(), replace: false });
+    let opener = Box::new(hydroline::log::FileParts {
+        path: path.clone(),
+        replace: false,
+    });
     let parts = hydroline::record::Parts {
         source: Box::new(source),
         line: None,
@@ -135,9 +245,21 @@ fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
         clock,
         map: Some(Arc::new(IdealMap::of(&rig))),
     };
-    let report = hydroline::record::run(parts, &job, &hydroline::shutdown::Shutdown::new(), &mut |_| {}).unwrap();
-    let hydroline::shutdown::StopReason::Limit(words) = &report.stop else { panic!("{:?}", report.stop) };
+    let report = hydroline::record::run(
+        parts,
+        &job,
+        &hydroline::shutdown::Shutdown::new(),
+        &mut |_| {},
+    )
+    .unwrap();
+    let hydroline::shutdown::StopReason::Limit(words) = &report.stop else {
+        panic!("{:?}", report.stop)
+    };
     assert!(words.contains("z = -0.83"), "{words}");
     let (records, _) = read(&path);
-    assert!(records.iter().any(|r| matches!(r, Record::Event(e) if e.kind == "limit.passed")));
+    assert!(
+        records
+            .iter()
+            .any(|r| matches!(r, Record::Event(e) if e.kind == "limit.passed"))
+    );
 }

@@ -11,7 +11,11 @@ const PLAN: &str = "[[step]]\nfor_s = 0.4\nwrench = { surge_n = 8.0 }\n";
 fn run(out: &Path, seed: u64, motion_only: bool) -> Vec<u8> {
     let rig = Rig::builtin("lshpi").unwrap();
     let plan = Plan::from_toml(PLAN, "short.toml").unwrap();
-    let options = Options { seed: Some(seed), motion_only, ..Options::default() };
+    let options = Options {
+        seed: Some(seed),
+        motion_only,
+        ..Options::default()
+    };
     simulate(&rig, &plan, out, &options, &mut |_, _| {}).unwrap();
     std::fs::read(out).unwrap()
 }
@@ -22,8 +26,16 @@ fn same_seed_same_bytes_other_seed_other_images() {
     for motion_only in [false, true] {
         let path = |n: &str| dir.path().join(format!("{n}-{motion_only}.mcap"));
         let first = run(&path("a"), 7, motion_only);
-        assert_eq!(first, run(&path("b"), 7, motion_only), "motion_only = {motion_only}");
-        assert_ne!(first, run(&path("c"), 8, motion_only), "motion_only = {motion_only}");
+        assert_eq!(
+            first,
+            run(&path("b"), 7, motion_only),
+            "motion_only = {motion_only}"
+        );
+        assert_ne!(
+            first,
+            run(&path("c"), 8, motion_only),
+            "motion_only = {motion_only}"
+        );
     }
 }
 
@@ -31,7 +43,10 @@ fn same_seed_same_bytes_other_seed_other_images() {
 fn the_number_of_threads_changes_no_byte() {
     let dir = tempfile::tempdir().unwrap();
     let with_threads = |n: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(n)
+            .build()
+            .unwrap();
         pool.install(|| run(&dir.path().join(format!("{n}.mcap")), 3, false))
     };
     assert_eq!(with_threads(1), with_threads(4));

@@ -4,7 +4,9 @@
 //! fetches them, eight buffers hold them, and what falls due while all are full is lost with a gap
 //! in the sequence. A machine too slow to render therefore shows losses, not a slower world.
 
-use super::{CaptureCounts, CaptureError, Captured, FrameSource, NegotiatedFormat, SourceDescription};
+use super::{
+    CaptureCounts, CaptureError, Captured, FrameSource, NegotiatedFormat, SourceDescription,
+};
 use crate::clock::Clock;
 use crate::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 use bytes::Bytes;
@@ -49,7 +51,10 @@ impl<S: Scene> SimCamera<S> {
             seen: 0,
             filled: VecDeque::with_capacity(BUFFERS),
             last_delivered: None,
-            counts: CaptureCounts { period_s: 1.0 / camera.rate_fps, ..CaptureCounts::default() },
+            counts: CaptureCounts {
+                period_s: 1.0 / camera.rate_fps,
+                ..CaptureCounts::default()
+            },
         }
     }
 
@@ -106,7 +111,10 @@ impl<S: Scene> SimCamera<S> {
                 mid_exposure_ns: triple.monotonic_to_unix_ns(mid_ns),
                 exposure_s: self.camera.exposure_s,
                 fault: None,
-                lost_before: LossBefore { sequence_gap: gap.min(u64::from(u32::MAX)) as u32, time_gap: 0 },
+                lost_before: LossBefore {
+                    sequence_gap: gap.min(u64::from(u32::MAX)) as u32,
+                    time_gap: 0,
+                },
             },
         })
     }
@@ -150,7 +158,8 @@ impl<S: Scene> FrameSource for SimCamera<S> {
 
     fn counts(&self) -> CaptureCounts {
         let mut counts = self.counts;
-        counts.disagreement = (counts.received + counts.lost.total()) as i64 - counts.expected as i64;
+        counts.disagreement =
+            (counts.received + counts.lost.total()) as i64 - counts.expected as i64;
         counts
     }
 }
@@ -172,7 +181,12 @@ mod tests {
 
     fn camera() -> Camera {
         let mut camera = hydroline_rigs::Rig::builtin("lshpi").unwrap().camera;
-        (camera.width_px, camera.height_px, camera.rate_fps, camera.exposure_s) = (8, 8, 25.0, 0.01);
+        (
+            camera.width_px,
+            camera.height_px,
+            camera.rate_fps,
+            camera.exposure_s,
+        ) = (8, 8, 25.0, 0.01);
         camera
     }
 
@@ -189,7 +203,10 @@ mod tests {
         }
         for (k, frame) in frames.iter().enumerate() {
             assert_eq!(frame.meta.sequence as usize, k);
-            assert_eq!(frame.meta.mid_exposure_ns, 1_700_000_000_005_000_000 + k as u64 * 40_000_000);
+            assert_eq!(
+                frame.meta.mid_exposure_ns,
+                1_700_000_000_005_000_000 + k as u64 * 40_000_000
+            );
             assert!(frame.meta.received_monotonic_ns >= frame.meta.driver_stamp_ns + 18_000_000);
         }
         assert_eq!(asked.lock().unwrap()[3], (3.0 / 25.0 + 0.005, 3));
@@ -207,9 +224,20 @@ mod tests {
                 sequences.push((frame.meta.sequence, frame.meta.lost_before.sequence_gap));
             }
         }
-        assert_eq!(sequences[..8].iter().map(|s| s.0).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        assert_eq!(
+            sequences[..8].iter().map(|s| s.0).collect::<Vec<_>>(),
+            (0..8).collect::<Vec<_>>()
+        );
         assert_eq!(sequences[8], (20, 12));
         let counts = source.counts();
-        assert_eq!((counts.received, counts.lost.sequence_gap, counts.expected, counts.disagreement), (9, 12, 21, 0));
+        assert_eq!(
+            (
+                counts.received,
+                counts.lost.sequence_gap,
+                counts.expected,
+                counts.disagreement
+            ),
+            (9, 12, 21, 0)
+        );
     }
 }

@@ -48,7 +48,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     match (&args.png, last) {
         (Some(path), Some(frame)) => save(path, &frame)?,
         (Some(path), None) => {
-            return Err(CliError::Run(format!("no frame came: {} was not written; `hydroline check --rig {}`", path.display(), args.rig)));
+            return Err(CliError::Run(format!(
+                "no frame came: {} was not written; `hydroline check --rig {}`",
+                path.display(),
+                args.rig
+            )));
         }
         (None, _) => {}
     }
@@ -67,7 +71,10 @@ fn watch(
     let (start_ns, mut window_ns) = (clock.monotonic_ns(), clock.monotonic_ns());
     let mut newest: Option<Frame> = None;
     loop {
-        match source.next(Duration::from_millis(50)).map_err(CliError::run)? {
+        match source
+            .next(Duration::from_millis(50))
+            .map_err(CliError::run)?
+        {
             Captured::Frame(frame) => {
                 gatherer.frame(&frame.meta);
                 newest = Some(frame);
@@ -84,7 +91,9 @@ fn watch(
             show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9)?;
             window_ns = now_ns;
         }
-        let over = args.length.is_some_and(|l| now_ns - start_ns >= l.as_nanos() as u64);
+        let over = args
+            .length
+            .is_some_and(|l| now_ns - start_ns >= l.as_nanos() as u64);
         if over || stop.is_raised() {
             if std::io::stdout().is_terminal() && !args.json {
                 println!();
@@ -95,7 +104,8 @@ fn watch(
 }
 
 fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<(), CliError> {
-    let bytes_per_min = f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps * 60.0;
+    let bytes_per_min =
+        f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
     let glance = gatherer.glance(window_s, disk_min);
@@ -105,16 +115,28 @@ fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Resul
     } else {
         let advice = glance.advice().join("; ");
         // On a terminal one line that stays; in a pipe a line each.
-        let (begin, end) = if stdout.is_terminal() { ("\r\x1b[2K", "") } else { ("", "\n") };
-        write!(stdout, "{begin}{glance}{}{advice}{end}", if advice.is_empty() { "" } else { " | " })
+        let (begin, end) = if stdout.is_terminal() {
+            ("\r\x1b[2K", "")
+        } else {
+            ("", "\n")
+        };
+        write!(
+            stdout,
+            "{begin}{glance}{}{advice}{end}",
+            if advice.is_empty() { "" } else { " | " }
+        )
     };
-    written.and_then(|()| stdout.flush()).map_err(|e| CliError::Run(format!("stdout: {e}")))
+    written
+        .and_then(|()| stdout.flush())
+        .map_err(|e| CliError::Run(format!("stdout: {e}")))
 }
 
 fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {
     let image = frame.to_grey().map_err(CliError::run)?;
     let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
-    annotate(&image, &profile).save(path).map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
+    annotate(&image, &profile)
+        .save(path)
+        .map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
     println!("{}", path.display());
     Ok(())
 }

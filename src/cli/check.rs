@@ -15,7 +15,9 @@ use std::time::Duration;
 const FRAME_WITHIN: Duration = Duration::from_secs(3);
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit code 0: ready to record; 1: something has to be fixed first, as printed.")]
+#[command(
+    after_help = "Exit code 0: ready to record; 1: something has to be fixed first, as printed."
+)]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -42,19 +44,42 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let findings = [camera(&rig), line(&rig), clock(), disk(&rig, args)];
     let ready = findings.iter().all(|f| f.ok);
     if args.json {
-        println!("{}", serde_json::json!({ "rig": rig.name, "ready": ready, "checks": findings }));
+        println!(
+            "{}",
+            serde_json::json!({ "rig": rig.name, "ready": ready, "checks": findings })
+        );
     } else {
         for finding in &findings {
-            println!("{:<7} {}: {}", if finding.ok { "ok" } else { "FIX" }, finding.what, finding.words);
+            println!(
+                "{:<7} {}: {}",
+                if finding.ok { "ok" } else { "FIX" },
+                finding.what,
+                finding.words
+            );
         }
     }
-    if ready { Ok(Outcome::Done) } else { Err(CliError::Run(format!("{} is not ready to record", rig.name))) }
+    if ready {
+        Ok(Outcome::Done)
+    } else {
+        Err(CliError::Run(format!(
+            "{} is not ready to record",
+            rig.name
+        )))
+    }
 }
 
 fn finding(what: &'static str, result: Result<String, String>) -> Finding {
     match result {
-        Ok(words) => Finding { what, ok: true, words },
-        Err(words) => Finding { what, ok: false, words },
+        Ok(words) => Finding {
+            what,
+            ok: true,
+            words,
+        },
+        Err(words) => Finding {
+            what,
+            ok: false,
+            words,
+        },
     }
 }
 
@@ -62,12 +87,17 @@ fn finding(what: &'static str, result: Result<String, String>) -> Finding {
 fn camera(rig: &Rig) -> Finding {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let look = || {
-        let mut source = rigging::open(rig, &clock, false).map_err(|e| e.to_string())?.source;
+        let mut source = rigging::open(rig, &clock, false)
+            .map_err(|e| e.to_string())?
+            .source;
         let description = source.describe();
         let start_ns = clock.monotonic_ns();
         let (mut good, mut faulty, mut last_event) = (0u32, 0u32, String::new());
         while clock.monotonic_ns() - start_ns < FRAME_WITHIN.as_nanos() as u64 && good < 10 {
-            match source.next(Duration::from_millis(100)).map_err(|e| e.to_string())? {
+            match source
+                .next(Duration::from_millis(100))
+                .map_err(|e| e.to_string())?
+            {
                 Captured::Frame(frame) if frame.meta.fault.is_none() => good += 1,
                 Captured::Frame(_) => faulty += 1,
                 Captured::Event(event) => last_event = event.message,
@@ -76,13 +106,24 @@ fn camera(rig: &Rig) -> Finding {
             }
         }
         if good == 0 {
-            let more = if last_event.is_empty() { String::new() } else { format!("; {last_event}") };
-            return Err(format!("opened, but no good frame within {} s ({faulty} faulty ones){more}", FRAME_WITHIN.as_secs()));
+            let more = if last_event.is_empty() {
+                String::new()
+            } else {
+                format!("; {last_event}")
+            };
+            return Err(format!(
+                "opened, but no good frame within {} s ({faulty} faulty ones){more}",
+                FRAME_WITHIN.as_secs()
+            ));
         }
         let format = &description.format;
         Ok(format!(
             "{} {} {}x{} at {:.1} fps, {good} good frames",
-            if description.node.is_empty() { &description.card } else { &description.node },
+            if description.node.is_empty() {
+                &description.card
+            } else {
+                &description.node
+            },
             format.fourcc,
             format.width_px,
             format.height_px,
@@ -100,10 +141,17 @@ fn line(rig: &Rig) -> Finding {
         port => {
             let roots = Roots::default();
             let path = roots.resolve(port).map_err(|e| e.to_string())?;
-            let known = roots.ports().into_iter().find(|p| p.node == path || Some(&p.node) == std::fs::canonicalize(&path).ok().as_ref());
+            let known = roots.ports().into_iter().find(|p| {
+                p.node == path || Some(&p.node) == std::fs::canonicalize(&path).ok().as_ref()
+            });
             match known.and_then(|p| p.problem) {
                 Some(problem) => Err(problem),
-                None => Ok(format!("{} ({:?}, {} baud)", path.display(), link.kind, link.baud)),
+                None => Ok(format!(
+                    "{} ({:?}, {} baud)",
+                    path.display(),
+                    link.kind,
+                    link.baud
+                )),
             }
         }
     };
@@ -119,18 +167,32 @@ fn clock() -> Finding {
     };
     let bracket_us = SystemClock.triple().bracket_ns as f64 / 1e3;
     let words = if state < 0 || timex.status & libc::STA_UNSYNC != 0 {
-        format!("not synchronised to a time server (matters only against other computers; `timedatectl set-ntp true`); read bracket {bracket_us:.1} us")
+        format!(
+            "not synchronised to a time server (matters only against other computers; `timedatectl set-ntp true`); read bracket {bracket_us:.1} us"
+        )
     } else {
-        format!("synchronised, estimated error {} us; read bracket {bracket_us:.1} us", timex.esterror)
+        format!(
+            "synchronised, estimated error {} us; read bracket {bracket_us:.1} us",
+            timex.esterror
+        )
     };
     // Stamps within one log need no time server: worth saying, no reason not to record.
-    Finding { what: "clock", ok: true, words }
+    Finding {
+        what: "clock",
+        ok: true,
+        words,
+    }
 }
 
 fn disk(rig: &Rig, args: &Args) -> Finding {
     let bytes_per_s = f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps;
     let look = || {
-        let free = free_bytes(&args.disk).ok_or_else(|| format!("{}: cannot be asked for its free space; does the folder exist?", args.disk.display()))?;
+        let free = free_bytes(&args.disk).ok_or_else(|| {
+            format!(
+                "{}: cannot be asked for its free space; does the folder exist?",
+                args.disk.display()
+            )
+        })?;
         let usable = free.saturating_sub(rig.log.min_free_bytes) as f64;
         let minutes = usable / bytes_per_s / 60.0;
         let words = format!(
@@ -140,7 +202,11 @@ fn disk(rig: &Rig, args: &Args) -> Finding {
             rig.log.min_free_bytes as f64 / 1e9,
             bytes_per_s / 1e6
         );
-        if minutes < 1.0 { Err(format!("{words}: free some space or name another --disk")) } else { Ok(words) }
+        if minutes < 1.0 {
+            Err(format!("{words}: free some space or name another --disk"))
+        } else {
+            Ok(words)
+        }
     };
     finding("disk", look())
 }

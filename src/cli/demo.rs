@@ -27,9 +27,13 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if args.out.exists() {
-        return Err(CliError::Config(format!("{} exists; name another --out or remove it", args.out.display())));
+        return Err(CliError::Config(format!(
+            "{} exists; name another --out or remove it",
+            args.out.display()
+        )));
     }
-    std::fs::create_dir_all(&args.out).map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
     let rig = Rig::builtin("lshpi").map_err(CliError::config)?;
     let mut lossy = false;
     for name in PLANS {
@@ -38,22 +42,36 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     println!();
     println!("Everything is in {}. Look closer:", args.out.display());
-    println!("  hydroline info {}", args.out.join("surge-4n.mcap").display());
-    println!("  hydroline doctor {}", args.out.join("surge-4n.mcap").display());
-    println!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
+    println!(
+        "  hydroline info {}",
+        args.out.join("surge-4n.mcap").display()
+    );
+    println!(
+        "  hydroline doctor {}",
+        args.out.join("surge-4n.mcap").display()
+    );
+    println!(
+        "  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it"
+    );
     Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
 }
 
 /// Records, replays and describes one run; true when something was lost.
 fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliError> {
     let check = preflight(rig, plan).map_err(CliError::config)?;
-    println!("{name}: {:.1} s, recorded in real time ...", check.duration_s);
+    println!(
+        "{name}: {:.1} s, recorded in real time ...",
+        check.duration_s
+    );
     let log = args.out.join(format!("{name}.mcap"));
     let stripes = args.out.join(format!("{name}-stripes.mcap"));
     let recording = Recording {
         rig,
         plan: Some(plan),
-        conditions: &Conditions { note: Some("hydroline demo".to_owned()), ..Conditions::default() },
+        conditions: &Conditions {
+            note: Some("hydroline demo".to_owned()),
+            ..Conditions::default()
+        },
         run: (1, 1),
         length: None,
         ready_within: Duration::from_secs(10),
@@ -65,13 +83,23 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
         return Err(CliError::Run(words.clone()));
     }
     let bar = progress::bar(report.capture.received, "replaying");
-    let options = Options { map: Some(Arc::new(IdealMap::of(rig))), rig_toml: Some(rig.effective_toml.clone()), ..Options::default() };
-    let result = replay(&log, &stripes, &options, &mut |frames| bar.set_position(frames));
+    let options = Options {
+        map: Some(Arc::new(IdealMap::of(rig))),
+        rig_toml: Some(rig.effective_toml.clone()),
+        ..Options::default()
+    };
+    let result = replay(&log, &stripes, &options, &mut |frames| {
+        bar.set_position(frames)
+    });
     bar.finish_and_clear();
     let (replayed, _) = result.map_err(CliError::run)?;
     println!(
         "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same",
-        replayed.frames, replayed.with_stripe, replayed.points, replayed.live_identical, replayed.live
+        replayed.frames,
+        replayed.with_stripe,
+        replayed.points,
+        replayed.live_identical,
+        replayed.live
     );
     describe(rig, &stripes)?;
     let picture = args.out.join(format!("{name}.png"));
@@ -93,18 +121,27 @@ fn print_recording(report: &Report) {
         report.log.counts.bytes as f64 / 1e6
     );
     if let Some(stats) = report.thrusters {
-        println!("  thrusters: {} command sets sent, {} echoed by the simulated controller", stats.sets, stats.echoed);
+        println!(
+            "  thrusters: {} command sets sent, {} echoed by the simulated controller",
+            stats.sets, stats.echoed
+        );
     }
 }
 
 /// What the run shows at this stage: the vehicle's height and roll over the floor, and the links' timing.
 fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
-    let (mut heights_m, mut rolls_rad, mut round_trips_s, mut clock) = (Vec::new(), Vec::new(), Vec::new(), None);
+    let (mut heights_m, mut rolls_rad, mut round_trips_s, mut clock) =
+        (Vec::new(), Vec::new(), Vec::new(), None);
     for message in LogReader::open(stripes).map_err(CliError::run)? {
         match message.map_err(CliError::run)?.record {
             Record::Profile(profile) => {
-                let points: Vec<(f64, f64)> =
-                    profile.xi_m.iter().zip(&profile.eta_m).map(|(x, e)| (f64::from(*x), f64::from(*e))).filter(|p| p.0.is_finite()).collect();
+                let points: Vec<(f64, f64)> = profile
+                    .xi_m
+                    .iter()
+                    .zip(&profile.eta_m)
+                    .map(|(x, e)| (f64::from(*x), f64::from(*e)))
+                    .filter(|p| p.0.is_finite())
+                    .collect();
                 if let Some(found) = floor::floor(&points, rig.mounts.h_centre_m) {
                     heights_m.push(found.height_m);
                     rolls_rad.push(found.phi_rad);
@@ -149,7 +186,9 @@ fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliEr
             }
             let image = frame.to_grey().map_err(CliError::run)?;
             let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
-            return annotate(&image, &profile).save(picture).map_err(|e| CliError::Run(format!("{}: {e}", picture.display())));
+            return annotate(&image, &profile)
+                .save(picture)
+                .map_err(|e| CliError::Run(format!("{}: {e}", picture.display())));
         }
     }
     Ok(())

@@ -22,7 +22,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let cameras = cameras();
     let ports = Roots::default().ports();
     if args.json {
-        println!("{}", serde_json::json!({ "cameras": cameras, "serial": ports }));
+        println!(
+            "{}",
+            serde_json::json!({ "cameras": cameras, "serial": ports })
+        );
         return Ok(Outcome::Done);
     }
     if cameras.is_empty() {
@@ -41,10 +44,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn print_camera(camera: &CameraListing, long: bool) {
-    println!("camera {} ({}, driver {}, {})", camera.node.display(), camera.card, camera.driver, camera.bus_info);
+    println!(
+        "camera {} ({}, driver {}, {})",
+        camera.node.display(),
+        camera.card,
+        camera.driver,
+        camera.bus_info
+    );
     for (folder, names) in [("by-id", &camera.by_id), ("by-path", &camera.by_path)] {
         for name in names {
-            println!("  device = \"{}\"", Path::new("/dev/v4l").join(folder).join(name).display());
+            println!(
+                "  device = \"{}\"",
+                Path::new("/dev/v4l").join(folder).join(name).display()
+            );
         }
     }
     if !camera.problem.is_empty() {
@@ -55,17 +67,30 @@ fn print_camera(camera: &CameraListing, long: bool) {
             println!("  {offer}");
         }
         for control in &camera.controls {
-            let value = control.value.map_or_else(|| "-".to_owned(), |v| v.to_string());
-            println!("  {} = {value} ({} .. {} step {}, default {})", control.name, control.min, control.max, control.step, control.default);
+            let value = control
+                .value
+                .map_or_else(|| "-".to_owned(), |v| v.to_string());
+            println!(
+                "  {} = {value} ({} .. {} step {}, default {})",
+                control.name, control.min, control.max, control.step, control.default
+            );
         }
     }
 }
 
 fn print_port(port: &Port) {
-    println!("serial {} ({}, driver {})", port.node.display(), port.description, port.driver);
+    println!(
+        "serial {} ({}, driver {})",
+        port.node.display(),
+        port.description,
+        port.driver
+    );
     for (folder, name) in [("by-id", &port.by_id), ("by-path", &port.by_path)] {
         if let Some(name) = name {
-            println!("  port = \"{}\"", Path::new("/dev/serial").join(folder).join(name).display());
+            println!(
+                "  port = \"{}\"",
+                Path::new("/dev/serial").join(folder).join(name).display()
+            );
         }
     }
     if let Some(problem) = &port.problem {

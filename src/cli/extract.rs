@@ -25,12 +25,17 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if args.annotate.is_some() && args.images.len() > 1 {
-        return Err(CliError::Config("--annotate takes one image; name one".to_owned()));
+        return Err(CliError::Config(
+            "--annotate takes one image; name one".to_owned(),
+        ));
     }
     if let Some(path) = &args.annotate {
         inputs::new_file(path)?;
     }
-    let config = ExtractorConfig { whole_pixel: args.whole_pixel, ..ExtractorConfig::default() };
+    let config = ExtractorConfig {
+        whole_pixel: args.whole_pixel,
+        ..ExtractorConfig::default()
+    };
     let mut extractor = Extractor::new(config);
     let mut failed = 0;
     let mut stdout = std::io::stdout().lock();
@@ -44,25 +49,40 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             }
         };
         let profile = extractor.extract(&image);
-        let written = if args.csv { csv(&mut stdout, args, path, &profile) } else { summary(&mut stdout, path, &profile) };
+        let written = if args.csv {
+            csv(&mut stdout, args, path, &profile)
+        } else {
+            summary(&mut stdout, path, &profile)
+        };
         written.map_err(|e| CliError::Run(format!("stdout: {e}")))?;
         if let Some(fault) = &profile.fault {
             eprintln!("hydroline: {}: {fault}", path.display());
         }
         if let Some(out) = &args.annotate {
-            annotate(&image, &profile).save(out).map_err(|e| CliError::Run(format!("{}: {e}", out.display())))?;
+            annotate(&image, &profile)
+                .save(out)
+                .map_err(|e| CliError::Run(format!("{}: {e}", out.display())))?;
         }
     }
     match failed {
         0 => Ok(Outcome::Done),
-        n => Err(CliError::Run(format!("{n} of {} images could not be read", args.images.len()))),
+        n => Err(CliError::Run(format!(
+            "{n} of {} images could not be read",
+            args.images.len()
+        ))),
     }
 }
 
 /// An image file as grey levels.
 fn load(path: &Path) -> Result<GreyImage, String> {
-    let image = image::open(path).map_err(|e| format!("{}: {e}; PNG and JPEG are read", path.display()))?.into_luma8();
-    Ok(GreyImage { width_px: image.width() as usize, height_px: image.height() as usize, pixels: image.into_raw() })
+    let image = image::open(path)
+        .map_err(|e| format!("{}: {e}; PNG and JPEG are read", path.display()))?
+        .into_luma8();
+    Ok(GreyImage {
+        width_px: image.width() as usize,
+        height_px: image.height() as usize,
+        pixels: image.into_raw(),
+    })
 }
 
 fn csv(out: &mut impl Write, args: &Args, path: &Path, profile: &Profile) -> std::io::Result<()> {

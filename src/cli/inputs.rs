@@ -7,7 +7,8 @@ use std::time::Duration;
 /// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
     if let Ok(seconds) = text.parse::<f64>() {
-        return Duration::try_from_secs_f64(seconds).map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"));
+        return Duration::try_from_secs_f64(seconds)
+            .map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"));
     }
     humantime::parse_duration(text).map_err(|e| format!("{e}; write 30s, 2m or 1h30m"))
 }
@@ -35,11 +36,18 @@ pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
 /// Refuses to overwrite what is there.
 pub fn new_file(path: &std::path::Path) -> Result<(), CliError> {
     if path.exists() {
-        return Err(CliError::Config(format!("{} exists; hydroline never overwrites: name another --out or move it away", path.display())));
+        return Err(CliError::Config(format!(
+            "{} exists; hydroline never overwrites: name another --out or move it away",
+            path.display()
+        )));
     }
     match path.parent() {
         Some(dir) if !dir.as_os_str().is_empty() && !dir.is_dir() => {
-            Err(CliError::Config(format!("--out {}: the folder {} does not exist; create it first", path.display(), dir.display())))
+            Err(CliError::Config(format!(
+                "--out {}: the folder {} does not exist; create it first",
+                path.display(),
+                dir.display()
+            )))
         }
         _ => Ok(()),
     }

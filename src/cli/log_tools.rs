@@ -25,7 +25,9 @@ pub struct DoctorArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit code 0: everything is in the new file; 3: something that was in the original is not.")]
+#[command(
+    after_help = "Exit code 0: everything is in the new file; 3: something that was in the original is not."
+)]
 pub struct RecoverArgs {
     /// Cut or damaged log; it is only read
     log: PathBuf,
@@ -81,28 +83,47 @@ pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
     let diagnosis = log::doctor::doctor(&args.log).map_err(failed)?;
     print(args.json, &diagnosis)?;
-    Ok(if diagnosis.sound { Outcome::Done } else { Outcome::Lossy })
+    Ok(if diagnosis.sound {
+        Outcome::Done
+    } else {
+        Outcome::Lossy
+    })
 }
 
 pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
     inputs::new_file(&args.out)?;
     let recovery = log::recover::recover(&args.log, &args.out).map_err(failed)?;
     print(args.json, &recovery)?;
-    Ok(if recovery.lossy { Outcome::Lossy } else { Outcome::Done })
+    Ok(if recovery.lossy {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
 }
 
 pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
-    let options = ExportOptions { tables: !args.frames_only, frames: !args.tables_only };
+    let options = ExportOptions {
+        tables: !args.frames_only,
+        frames: !args.tables_only,
+    };
     let exported = log::export::export(&args.log, &args.out, options).map_err(failed)?;
     if args.json {
-        println!("{}", serde_json::to_string(&exported).map_err(CliError::run)?);
+        println!(
+            "{}",
+            serde_json::to_string(&exported).map_err(CliError::run)?
+        );
         return Ok(Outcome::Done);
     }
     for (file, rows) in &exported.rows {
         println!("{}: {rows} rows", file.display());
     }
     if options.frames {
-        println!("{}: {} frames as PNG, {} without an image", args.out.display(), exported.frames, exported.frames_skipped);
+        println!(
+            "{}: {} frames as PNG, {} without an image",
+            args.out.display(),
+            exported.frames,
+            exported.frames_skipped
+        );
     }
     Ok(Outcome::Done)
 }

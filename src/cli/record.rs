@@ -4,7 +4,9 @@ use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use crate::clock::{Clock, SystemClock};
 use crate::log::{FileParts, Recorder, WriteSettings, check_space};
-use crate::record::{self, Conditions, Job, Parts, Report, SessionInput, Status, preflight::preflight};
+use crate::record::{
+    self, Conditions, Job, Parts, Report, SessionInput, Status, preflight::preflight,
+};
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
 use hydroline_calib::analytic::IdealMap;
@@ -69,7 +71,11 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
-    let plan = args.plan.as_deref().map(|p| inputs::plan(p, &rig)).transpose()?;
+    let plan = args
+        .plan
+        .as_deref()
+        .map(|p| inputs::plan(p, &rig))
+        .transpose()?;
     let conditions = Conditions {
         note: args.note.clone(),
         water_temperature_c: args.water_temp,
@@ -82,12 +88,18 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if args.dry_run {
         if plan.is_none() {
-            eprintln!("hydroline: --dry-run without --plan: the rig file is sound, there is nothing to simulate");
+            eprintln!(
+                "hydroline: --dry-run without --plan: the rig file is sound, there is nothing to simulate"
+            );
         }
         return Ok(Outcome::Done);
     }
-    let Some(out) = &args.out else { return Err(CliError::Config("--out is missing".to_owned())) };
-    let outs: Vec<PathBuf> = (1..=args.runs).map(|k| run_path(out, k, args.runs)).collect();
+    let Some(out) = &args.out else {
+        return Err(CliError::Config("--out is missing".to_owned()));
+    };
+    let outs: Vec<PathBuf> = (1..=args.runs)
+        .map(|k| run_path(out, k, args.runs))
+        .collect();
     for out in &outs {
         inputs::new_file(out)?;
     }
@@ -113,7 +125,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
         }
         if run.0 < run.1 && !settle(args.settle)? {
-            eprintln!("hydroline: stopped while settling; {} of {} runs are recorded", run.0, run.1);
+            eprintln!(
+                "hydroline: stopped while settling; {} of {} runs are recorded",
+                run.0, run.1
+            );
             return Ok(outcome);
         }
     }
@@ -121,7 +136,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn lossy(report: &Report, before: Outcome) -> Outcome {
-    if report.lost_anything() { Outcome::Lossy } else { before }
+    if report.lost_anything() {
+        Outcome::Lossy
+    } else {
+        before
+    }
 }
 
 /// Simulates the plan; shows it on --dry-run, refuses a bad one always.
@@ -141,7 +160,11 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<(), CliError> {
             plan.name,
             first.at_s,
             first.what,
-            if report.violations.len() > 1 { format!(" (and {} more)", report.violations.len() - 1) } else { String::new() },
+            if report.violations.len() > 1 {
+                format!(" (and {} more)", report.violations.len() - 1)
+            } else {
+                String::new()
+            },
         ))),
     }
 }
@@ -152,13 +175,18 @@ fn run_path(out: &Path, k: u32, runs: u32) -> PathBuf {
         return out.to_owned();
     }
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = out.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
+    let extension = out
+        .extension()
+        .map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
     out.with_file_name(format!("{stem}-{k}{extension}"))
 }
 
 /// Waits between runs; false when Ctrl-C or SIGTERM ended the wait.
 fn settle(pause: Duration) -> Result<bool, CliError> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CliError::run)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(CliError::run)?;
     let bar = progress::bar(pause.as_secs(), "settling [s]");
     runtime.block_on(async {
         use tokio::signal::unix::{SignalKind, signal};
@@ -193,7 +221,9 @@ pub(super) struct Recording<'a> {
 impl Recording<'_> {
     fn length(&self) -> Option<Duration> {
         // A second before the plan (lead) and one after it, so that the log shows rest, motion and coasting's begin.
-        let plan = self.plan.map(|p| Duration::from_secs_f64(p.duration_s() + 1.5));
+        let plan = self
+            .plan
+            .map(|p| Duration::from_secs_f64(p.duration_s() + 1.5));
         self.length.or(plan)
     }
 
@@ -203,10 +233,23 @@ impl Recording<'_> {
         let length = self.length();
         if let Some(length) = length {
             // Bytes as they come from the camera: what compression saves is not promised.
-            let bytes_per_s = f64::from(camera.width_px * camera.height_px) * camera.rate_fps * bytes_per_px(self.rig);
-            check_space(out, length.as_secs_f64(), bytes_per_s, self.rig.log.min_free_bytes).map_err(CliError::config)?;
+            let bytes_per_s = f64::from(camera.width_px * camera.height_px)
+                * camera.rate_fps
+                * bytes_per_px(self.rig);
+            check_space(
+                out,
+                length.as_secs_f64(),
+                bytes_per_s,
+                self.rig.log.min_free_bytes,
+            )
+            .map_err(CliError::config)?;
         }
-        let Rigged { source, line, vehicle, controller } = rigging::open(self.rig, &clock, self.with_thrusters)?;
+        let Rigged {
+            source,
+            line,
+            vehicle,
+            controller,
+        } = rigging::open(self.rig, &clock, self.with_thrusters)?;
         let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(self.rig));
         let description = source.describe();
         let head = record::head(&SessionInput {
@@ -219,11 +262,18 @@ impl Recording<'_> {
             run: self.run,
         })
         .map_err(CliError::Config)?;
-        let opener = Box::new(FileParts { path: out.to_owned(), replace: false });
+        let opener = Box::new(FileParts {
+            path: out.to_owned(),
+            replace: false,
+        });
         let settings = WriteSettings::live(&self.rig.log, Some(camera.pixel_format));
-        let recorder = Recorder::start(opener, head, settings, clock.clone()).map_err(CliError::run)?;
+        let recorder =
+            Recorder::start(opener, head, settings, clock.clone()).map_err(CliError::run)?;
         if let Some((vehicle, start_ns)) = &vehicle {
-            vehicle.log_truth(recorder.clone(), clock.triple().monotonic_to_unix_ns(*start_ns));
+            vehicle.log_truth(
+                recorder.clone(),
+                clock.triple().monotonic_to_unix_ns(*start_ns),
+            );
         }
         let _log_lines = crate::diagnostics::into_log(&recorder);
         let job = Job {
@@ -234,8 +284,16 @@ impl Recording<'_> {
             extractor: ExtractorConfig::default(),
         };
         let bar = progress::bar(length.map_or(0, |l| l.as_secs()), "recording [s]");
-        let parts = Parts { source, line, recorder, clock, map: Some(map) };
-        let result = record::run(parts, &job, &Shutdown::new(), &mut |status| show(&bar, status));
+        let parts = Parts {
+            source,
+            line,
+            recorder,
+            clock,
+            map: Some(map),
+        };
+        let result = record::run(parts, &job, &Shutdown::new(), &mut |status| {
+            show(&bar, status)
+        });
         bar.finish_and_clear();
         drop(controller);
         result.map_err(CliError::run)
@@ -252,7 +310,11 @@ fn bytes_per_px(rig: &Rig) -> f64 {
 
 fn show(bar: &indicatif::ProgressBar, status: &Status) {
     bar.set_position(status.elapsed_s.unwrap_or(0.0) as u64);
-    let state = if status.elapsed_s.is_some() { "recording" } else { "waiting for the camera" };
+    let state = if status.elapsed_s.is_some() {
+        "recording"
+    } else {
+        "waiting for the camera"
+    };
     bar.set_message(format!(
         "{state}: {} frames, {} lost, {} dropped, stripe {} points, {:.0} MB |",
         status.frames,
@@ -292,10 +354,16 @@ fn print_report(out: &Path, report: &Report, json: bool) {
         report.analysed,
     );
     if capture.disagreement != 0 {
-        println!("  the count by time differs by {} frames: see the log's events", capture.disagreement);
+        println!(
+            "  the count by time differs by {} frames: see the log's events",
+            capture.disagreement
+        );
     }
     if let Some(stats) = &report.thrusters {
-        println!("  commands: {} sets sent, {} echoed, {} link losses", stats.sets, stats.echoed, stats.losses);
+        println!(
+            "  commands: {} sets sent, {} echoed, {} link losses",
+            stats.sets, stats.echoed, stats.losses
+        );
     }
     for file in report.log.files.iter().filter(|f| f.as_path() != out) {
         println!("  and {}", file.display());
@@ -308,7 +376,13 @@ mod tests {
 
     #[test]
     fn several_runs_get_a_number_each() {
-        assert_eq!(run_path(Path::new("/a/run.mcap"), 1, 1), Path::new("/a/run.mcap"));
-        assert_eq!(run_path(Path::new("/a/run.mcap"), 2, 3), Path::new("/a/run-2.mcap"));
+        assert_eq!(
+            run_path(Path::new("/a/run.mcap"), 1, 1),
+            Path::new("/a/run.mcap")
+        );
+        assert_eq!(
+            run_path(Path::new("/a/run.mcap"), 2, 3),
+            Path::new("/a/run-2.mcap")
+        );
     }
 }

@@ -36,7 +36,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let mut reports = Vec::new();
     for (log, out) in &targets {
         let options = options(args, log, rig.as_ref())?;
-        let length = std::fs::metadata(log).map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?.len();
+        let length = std::fs::metadata(log)
+            .map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?
+            .len();
         tracing::debug!(bytes = length, "replaying {}", log.display());
         let bar = progress::bar(0, "frames");
         let result = replay(log, out, &options, &mut |frames| {
@@ -61,9 +63,12 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
         inputs::new_file(&args.out)?;
         return Ok(vec![(log.clone(), args.out.clone())]);
     }
-    std::fs::create_dir_all(&args.out).map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
     let named = args.logs.iter().map(|log| {
-        let name = log.file_name().ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
+        let name = log
+            .file_name()
+            .ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
         let out = args.out.join(name);
         inputs::new_file(&out)?;
         Ok((log.clone(), out))
@@ -78,14 +83,24 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliErr
         None => {
             let reader = LogReader::open(log).map_err(CliError::run)?;
             let name = format!("rig in {}", log.display());
-            reader.rig_toml().map(|text| Rig::from_toml(text, &name, None)).transpose().map_err(CliError::config)?
+            reader
+                .rig_toml()
+                .map(|text| Rig::from_toml(text, &name, None))
+                .transpose()
+                .map_err(CliError::config)?
         }
     };
     let rig = rig.or(own.as_ref());
     if rig.is_none() {
-        eprintln!("hydroline: {}: no rig in the log and no --rig: profiles get no laser-plane coordinates", log.display());
+        eprintln!(
+            "hydroline: {}: no rig in the log and no --rig: profiles get no laser-plane coordinates",
+            log.display()
+        );
     }
-    let mut options = Options { keep_images: args.keep_images, ..Options::default() };
+    let mut options = Options {
+        keep_images: args.keep_images,
+        ..Options::default()
+    };
     options.extractor.whole_pixel = args.whole_pixel;
     options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
@@ -94,11 +109,17 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliErr
 
 fn print_report(log: &Path, out: &Path, report: &Report) {
     println!("{} -> {}", log.display(), out.display());
-    println!("  {} frames, {} with a stripe, {} points, {} commands", report.frames, report.with_stripe, report.points, report.commands);
+    println!(
+        "  {} frames, {} with a stripe, {} points, {} commands",
+        report.frames, report.with_stripe, report.points, report.commands
+    );
     for (reason, n) in &report.without_stripe {
         println!("  {n} frames without: {reason}");
     }
     if report.live > 0 {
-        println!("  {} of {} frames extracted live came out bit for bit the same", report.live_identical, report.live);
+        println!(
+            "  {} of {} frames extracted live came out bit for bit the same",
+            report.live_identical, report.live
+        );
     }
 }

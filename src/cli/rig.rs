@@ -26,10 +26,17 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::New { out } => {
             inputs::new_file(out)?;
-            std::fs::write(out, Rig::template())
-                .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", out.display())))?;
+            std::fs::write(out, Rig::template()).map_err(|e| {
+                CliError::Run(format!(
+                    "{}: {e}; check that the folder is writable",
+                    out.display()
+                ))
+            })?;
             println!("{}", out.display());
-            eprintln!("edit it, then: hydroline rig show {0}; hydroline check --rig {0}", out.display());
+            eprintln!(
+                "edit it, then: hydroline rig show {0}; hydroline check --rig {0}",
+                out.display()
+            );
         }
         Command::Show { rig } => print!("{}", inputs::rig(rig)?.effective_toml),
         Command::List => {

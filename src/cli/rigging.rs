@@ -1,9 +1,9 @@
 //! From a checked rig to the real or simulated parts that a recording is made of.
 
 use super::CliError;
+use crate::capture::sim::SimCamera;
 use crate::capture::v4l::system::KernelSystem;
 use crate::capture::{FrameSource, OpenOptions, V4lSource};
-use crate::capture::sim::SimCamera;
 use crate::clock::Clock;
 use crate::simulated::{CameraView, SimulatedVehicle};
 use crate::thruster::controller::{ControllerConfig, PtyController, SimController};
@@ -38,26 +38,44 @@ pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<R
         Some(vehicle) if simulated_line => Some(start_controller(rig, vehicle)?),
         _ => None,
     };
-    let line = with_thrusters.then(|| opener(rig, clock, controller.as_ref())).transpose()?;
+    let line = with_thrusters
+        .then(|| opener(rig, clock, controller.as_ref()))
+        .transpose()?;
     let (source, start_ns) = match (&rig.camera.backend, &vehicle) {
         (CameraBackend::Sim, Some(vehicle)) => {
             let renderer = Renderer::new(rig).map_err(CliError::config)?;
-            let camera = SimCamera::new(CameraView::new(vehicle.clone(), renderer), &rig.camera, clock.clone());
+            let camera = SimCamera::new(
+                CameraView::new(vehicle.clone(), renderer),
+                &rig.camera,
+                clock.clone(),
+            );
             let start_ns = camera.start_ns();
             (Box::new(camera) as Box<dyn FrameSource>, start_ns)
         }
         _ => {
             // The rig's check has already refused a bare /dev/videoN unless the rig says so itself.
-            let options = OpenOptions { allow_unstable_node: true, ..OpenOptions::default() };
+            let options = OpenOptions {
+                allow_unstable_node: true,
+                ..OpenOptions::default()
+            };
             let system = Box::new(KernelSystem::default());
-            let camera = V4lSource::open(&rig.camera, options, system, clock.clone()).map_err(CliError::run)?;
-            (Box::new(camera) as Box<dyn FrameSource>, clock.monotonic_ns())
+            let camera = V4lSource::open(&rig.camera, options, system, clock.clone())
+                .map_err(CliError::run)?;
+            (
+                Box::new(camera) as Box<dyn FrameSource>,
+                clock.monotonic_ns(),
+            )
         }
     };
     if let Some(vehicle) = &vehicle {
         vehicle.start(start_ns);
     }
-    Ok(Rigged { source, line, vehicle: vehicle.map(|v| (v, start_ns)), controller })
+    Ok(Rigged {
+        source,
+        line,
+        vehicle: vehicle.map(|v| (v, start_ns)),
+        controller,
+    })
 }
 
 fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyController, CliError> {
@@ -71,10 +89,16 @@ fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyCon
     PtyController::start(controller, None, on_pulses).map_err(CliError::run)
 }
 
-fn opener(rig: &Rig, clock: &Arc<dyn Clock>, controller: Option<&PtyController>) -> Result<Opener, CliError> {
+fn opener(
+    rig: &Rig,
+    clock: &Arc<dyn Clock>,
+    controller: Option<&PtyController>,
+) -> Result<Opener, CliError> {
     let mut set = rig.thrusters.clone();
     if let Some(controller) = controller {
-        let path = controller.path().ok_or_else(|| CliError::Run("the simulated controller has no pseudo-terminal".to_owned()))?;
+        let path = controller.path().ok_or_else(|| {
+            CliError::Run("the simulated controller has no pseudo-terminal".to_owned())
+        })?;
         set.link.port = LinkPort::Node(path.to_owned());
     }
     Ok(serial_opener(&set, Roots::default(), clock.clone()))

@@ -20,10 +20,16 @@ pub fn stop_flag() -> Result<StopFlag, CliError> {
     use tokio::signal::unix::{SignalKind, signal};
     let flag = StopFlag::default();
     let raise = flag.clone();
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CliError::run)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(CliError::run)?;
     let (mut interrupt, mut terminate) = {
         let _inside = runtime.enter();
-        (signal(SignalKind::interrupt()).map_err(CliError::run)?, signal(SignalKind::terminate()).map_err(CliError::run)?)
+        (
+            signal(SignalKind::interrupt()).map_err(CliError::run)?,
+            signal(SignalKind::terminate()).map_err(CliError::run)?,
+        )
     };
     std::thread::Builder::new()
         .name("signals".to_owned())

@@ -2,7 +2,9 @@
 
 use super::{CliError, Outcome, inputs};
 use crate::clock::{Clock, SystemClock};
-use crate::thruster::controller::{ControllerConfig, ControllerEvent, PtyController, ServeEnd, SimController, serve};
+use crate::thruster::controller::{
+    ControllerConfig, ControllerEvent, PtyController, ServeEnd, SimController, serve,
+};
 use hydroline_rigs::LinkKind;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
@@ -13,7 +15,12 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Connects to this UNIX socket (as QEMU's chardev offers it) and serves until it closes
-    #[arg(long, value_name = "PATH", conflicts_with = "pty", required_unless_present = "pty")]
+    #[arg(
+        long,
+        value_name = "PATH",
+        conflicts_with = "pty",
+        required_unless_present = "pty"
+    )]
     socket: Option<PathBuf>,
     /// Opens a pseudo-terminal, linked to from this path, and serves until killed
     #[arg(long, value_name = "PATH")]
@@ -39,30 +46,44 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     let controller = SimController::new(ControllerConfig::bench(kind));
     let mut print = |event: ControllerEvent| {
-        println!("{} {} {:.2} {:?}", event.host_monotonic_ns, event.channel, event.pulse_us, event.cause);
+        println!(
+            "{} {} {:.2} {:?}",
+            event.host_monotonic_ns, event.channel, event.pulse_us, event.cause
+        );
     };
     if let Some(path) = &args.pty {
-        let pty = PtyController::start(controller, Some(path.clone()), Box::new(print)).map_err(CliError::run)?;
+        let pty = PtyController::start(controller, Some(path.clone()), Box::new(print))
+            .map_err(CliError::run)?;
         eprintln!("serving on {}", pty.path().unwrap_or(path).display());
         loop {
             std::thread::sleep(Duration::from_secs(3600));
         }
     }
-    let Some(socket) = &args.socket else { return Err(CliError::Config("--socket or --pty is needed".to_owned())) };
+    let Some(socket) = &args.socket else {
+        return Err(CliError::Config("--socket or --pty is needed".to_owned()));
+    };
     let controller = Mutex::new(controller);
     let clock = SystemClock;
     let mut gone_since_ns = clock.monotonic_ns();
     loop {
         match UnixStream::connect(socket) {
             Ok(mut stream) => {
-                let end = serve(&controller, &mut stream, &clock, &AtomicBool::new(false), &mut print)
-                    .map_err(|e| CliError::Run(format!("{}: {e}", socket.display())))?;
+                let end = serve(
+                    &controller,
+                    &mut stream,
+                    &clock,
+                    &AtomicBool::new(false),
+                    &mut print,
+                )
+                .map_err(|e| CliError::Run(format!("{}: {e}", socket.display())))?;
                 if matches!(end, ServeEnd::Stopped) {
                     return Ok(Outcome::Done);
                 }
                 gone_since_ns = clock.monotonic_ns();
             }
-            Err(error) if clock.monotonic_ns() - gone_since_ns > args.reconnect.as_nanos() as u64 => {
+            Err(error)
+                if clock.monotonic_ns() - gone_since_ns > args.reconnect.as_nanos() as u64 =>
+            {
                 return Err(CliError::Run(format!("{}: {error}", socket.display())));
             }
             Err(_) => {}

@@ -46,7 +46,10 @@ pub fn floor(points: &[PlanePointM], h_centre_m: f64) -> Option<Floor> {
             }
             let slope = (b.1 - a.1) / (b.0 - a.0);
             let eta0 = a.1 - slope * a.0;
-            let on = sample.iter().filter(|p| (p.1 - eta0 - slope * p.0).abs() < ON_LINE_M).count();
+            let on = sample
+                .iter()
+                .filter(|p| (p.1 - eta0 - slope * p.0).abs() < ON_LINE_M)
+                .count();
             let support = on as f64 / sample.len() as f64;
             if support < MIN_SHARE {
                 continue;
@@ -54,7 +57,9 @@ pub fn floor(points: &[PlanePointM], h_centre_m: f64) -> Option<Floor> {
             let better = match best {
                 None => true,
                 // Lower by more than the tolerance wins; at the same level the better supported wins.
-                Some((eta, _, s)) => eta0 < eta - ON_LINE_M || ((eta0 - eta).abs() <= ON_LINE_M && support > s),
+                Some((eta, _, s)) => {
+                    eta0 < eta - ON_LINE_M || ((eta0 - eta).abs() <= ON_LINE_M && support > s)
+                }
             };
             if better {
                 best = Some((eta0, slope, support));
@@ -62,7 +67,11 @@ pub fn floor(points: &[PlanePointM], h_centre_m: f64) -> Option<Floor> {
         }
     }
     let (eta0, slope, _) = best?;
-    let on: Vec<PlanePointM> = points.iter().copied().filter(|p| (p.1 - eta0 - slope * p.0).abs() < ON_LINE_M).collect();
+    let on: Vec<PlanePointM> = points
+        .iter()
+        .copied()
+        .filter(|p| (p.1 - eta0 - slope * p.0).abs() < ON_LINE_M)
+        .collect();
     let (eta0, slope) = least_squares(&on)?;
     let phi_rad = -slope.atan(); // slope = -tan phi (Eq. 4)
     Some(Floor {
@@ -78,7 +87,10 @@ fn least_squares(points: &[PlanePointM]) -> Option<(f64, f64)> {
     let mean_xi = points.iter().map(|p| p.0).sum::<f64>() / n;
     let mean_eta = points.iter().map(|p| p.1).sum::<f64>() / n;
     let sxx: f64 = points.iter().map(|p| (p.0 - mean_xi).powi(2)).sum();
-    let sxy: f64 = points.iter().map(|p| (p.0 - mean_xi) * (p.1 - mean_eta)).sum();
+    let sxy: f64 = points
+        .iter()
+        .map(|p| (p.0 - mean_xi) * (p.1 - mean_eta))
+        .sum();
     (sxx > 0.0).then(|| {
         let slope = sxy / sxx;
         (mean_eta - slope * mean_xi, slope)
@@ -97,7 +109,10 @@ mod tests {
                 let xi = -0.28 + 0.56 * f64::from(i) / 499.0;
                 let wobble = noise_m * f64::from((i * 7919) % 13 - 6) / 6.0;
                 let raised = if xi.abs() < 0.15 { slab_m } else { 0.0 };
-                (xi, 0.68 - height_m / phi_rad.cos() - xi * phi_rad.tan() + raised + wobble)
+                (
+                    xi,
+                    0.68 - height_m / phi_rad.cos() - xi * phi_rad.tan() + raised + wobble,
+                )
             })
             .collect()
     }
@@ -120,7 +135,9 @@ mod tests {
 
     #[test]
     fn a_handful_of_particles_is_no_floor() {
-        let points: Vec<_> = (0..100).map(|i| (f64::from(i) * 0.005, f64::from((i * 7919) % 101) * 0.01)).collect();
+        let points: Vec<_> = (0..100)
+            .map(|i| (f64::from(i) * 0.005, f64::from((i * 7919) % 101) * 0.01))
+            .collect();
         assert_eq!(floor(&points, 0.68), None);
         assert_eq!(floor(&points[..5], 0.68), None);
     }

@@ -44,7 +44,8 @@ impl Gatherer {
     /// Counts a frame.
     pub fn frame(&mut self, meta: &crate::frame::FrameMeta) {
         self.frames += 1;
-        self.lost += u64::from(meta.lost_before.sequence_gap) + u64::from(meta.lost_before.time_gap);
+        self.lost +=
+            u64::from(meta.lost_before.sequence_gap) + u64::from(meta.lost_before.time_gap);
         self.faulty += u64::from(meta.fault.is_some());
     }
 
@@ -55,18 +56,28 @@ impl Gatherer {
 
     /// Summarises the window of `window_s` seconds that ends now and starts the next one.
     pub fn glance(&mut self, window_s: f64, disk_min: Option<f64>) -> Glance {
-        let rate_fps = if window_s > 0.0 { self.frames as f64 / window_s } else { 0.0 };
+        let rate_fps = if window_s > 0.0 {
+            self.frames as f64 / window_s
+        } else {
+            0.0
+        };
         self.frames = 0;
         let profile = self.newest.as_ref();
         let points = profile.map_or(0, |p| p.row_px.len());
-        let saturated = profile.map_or(0, |p| p.quality.iter().filter(|q| **q & SATURATED != 0).count());
+        let saturated = profile.map_or(0, |p| {
+            p.quality.iter().filter(|q| **q & SATURATED != 0).count()
+        });
         Glance {
             rate_fps,
             lost: self.lost,
             faulty: self.faulty,
             peak: profile.and_then(|p| median(&p.peak)),
             sigma_px: profile.and_then(|p| median(&p.sigma_px)),
-            saturated: if points == 0 { 0.0 } else { saturated as f64 / points as f64 },
+            saturated: if points == 0 {
+                0.0
+            } else {
+                saturated as f64 / points as f64
+            },
             columns: (points, profile.map_or(0, |p| p.width_px)),
             noise_sd: profile.map_or(0.0, |p| p.noise_sd),
             disk_min,
@@ -90,22 +101,34 @@ impl Glance {
             return advice;
         }
         if (found as f64) < 0.5 * f64::from(all) {
-            advice.push(format!("stripe in only {found} of {all} columns: aim the laser's fan at the image's middle"));
+            advice.push(format!(
+                "stripe in only {found} of {all} columns: aim the laser's fan at the image's middle"
+            ));
         }
         if self.saturated > 0.05 {
-            advice.push(format!("{:.0} % saturated: shorten the exposure or lower the gain", 100.0 * self.saturated));
+            advice.push(format!(
+                "{:.0} % saturated: shorten the exposure or lower the gain",
+                100.0 * self.saturated
+            ));
         }
         match (self.peak, self.sigma_px) {
             (Some(peak), _) if peak < 60.0 => {
-                advice.push(format!("peak {peak:.0} of 255 is weak: lengthen the exposure or darken the hall"));
+                advice.push(format!(
+                    "peak {peak:.0} of 255 is weak: lengthen the exposure or darken the hall"
+                ));
             }
             (_, Some(sigma)) if sigma > 3.5 => {
-                advice.push(format!("stripe {sigma:.1} px wide (sd): focus the lens, then the laser"));
+                advice.push(format!(
+                    "stripe {sigma:.1} px wide (sd): focus the lens, then the laser"
+                ));
             }
             _ => {}
         }
         if self.lost > 0 {
-            advice.push(format!("{} frames lost so far: see `hydroline check`", self.lost));
+            advice.push(format!(
+                "{} frames lost so far: see `hydroline check`",
+                self.lost
+            ));
         }
         advice
     }
@@ -113,7 +136,9 @@ impl Glance {
 
 impl std::fmt::Display for Glance {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let number = |v: Option<f64>, digits: usize| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"));
+        let number = |v: Option<f64>, digits: usize| {
+            v.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
+        };
         write!(
             f,
             "{:5.1} fps | columns {:3}/{} | peak {:>3} | width {:>4} px sd | saturated {:3.0} % | noise {:.1} | lost {} | faulty {}",
@@ -156,7 +181,9 @@ mod tests {
         gatherer.profile(profile(700, 180.0, 0));
         let glance = gatherer.glance(0.5, Some(42.0));
         assert_eq!(glance.advice(), Vec::<String>::new());
-        assert!(glance.to_string().contains("700/720") && glance.to_string().contains("disk 42 min"));
+        assert!(
+            glance.to_string().contains("700/720") && glance.to_string().contains("disk 42 min")
+        );
     }
 
     #[test]
@@ -167,6 +194,9 @@ mod tests {
         assert!(gatherer.glance(0.5, None).advice()[0].contains("50 % saturated"));
         gatherer.profile(profile(100, 30.0, 0));
         let advice = gatherer.glance(0.5, None).advice();
-        assert!(advice[0].contains("100 of 720") && advice[1].contains("weak"), "{advice:?}");
+        assert!(
+            advice[0].contains("100 of 720") && advice[1].contains("weak"),
+            "{advice:?}"
+        );
     }
 }

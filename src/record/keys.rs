@@ -30,13 +30,18 @@ impl Keys {
         raw.c_cc[libc::VMIN] = 0;
         raw.c_cc[libc::VTIME] = 0;
         // SAFETY: as above.
-        (unsafe { libc::tcsetattr(stdin.as_raw_fd(), libc::TCSANOW, &raw) } == 0).then_some(Self { before })
+        (unsafe { libc::tcsetattr(stdin.as_raw_fd(), libc::TCSANOW, &raw) } == 0)
+            .then_some(Self { before })
     }
 
     /// The next key, waiting up to `wait`.
     pub fn next(&self, wait: Duration) -> Option<u8> {
         let mut stdin = std::io::stdin();
-        let mut poll = libc::pollfd { fd: stdin.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+        let mut poll = libc::pollfd {
+            fd: stdin.as_raw_fd(),
+            events: libc::POLLIN,
+            revents: 0,
+        };
         let wait_ms = wait.as_millis().min(i32::MAX as u128) as i32;
         // SAFETY: one valid pollfd.
         if unsafe { libc::poll(&mut poll, 1, wait_ms) } <= 0 {

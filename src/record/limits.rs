@@ -34,7 +34,10 @@ pub struct LimitMonitor {
 impl LimitMonitor {
     /// A monitor that has seen nothing yet.
     pub fn new(limits: Limits) -> Self {
-        Self { limits, beyond: [0; 5] }
+        Self {
+            limits,
+            beyond: [0; 5],
+        }
     }
 
     /// Takes one estimate; `Some(words)` when a limit was passed [`CONFIRM`] times in a row.
@@ -56,7 +59,9 @@ impl LimitMonitor {
             } else {
                 *count += 1;
                 if *count >= CONFIRM {
-                    return Some(format!("{name} = {value:.3} {unit} is outside the rig's [limits] {low:.3} .. {high:.3} {unit}"));
+                    return Some(format!(
+                        "{name} = {value:.3} {unit} is outside the rig's [limits] {low:.3} .. {high:.3} {unit}"
+                    ));
                 }
             }
         }
@@ -69,11 +74,19 @@ mod tests {
     use super::*;
 
     fn monitor() -> LimitMonitor {
-        LimitMonitor::new(Limits { x_m: [-0.1, 1.5], y_m: [-1.0, 1.0], z_m: [-1.0, -0.5], attitude_rad: 0.3 })
+        LimitMonitor::new(Limits {
+            x_m: [-0.1, 1.5],
+            y_m: [-1.0, 1.0],
+            z_m: [-1.0, -0.5],
+            attitude_rad: 0.3,
+        })
     }
 
     fn at_z(z_m: f64) -> Estimate {
-        Estimate { z_m: Some(z_m), ..Estimate::default() }
+        Estimate {
+            z_m: Some(z_m),
+            ..Estimate::default()
+        }
     }
 
     #[test]
@@ -83,7 +96,10 @@ mod tests {
             assert_eq!(monitor.update(&at_z(z)), None);
         }
         let words = monitor.update(&at_z(-0.2)).unwrap();
-        assert!(words.contains("z = -0.200 m") && words.contains("-1.000 .. -0.500"), "{words}");
+        assert!(
+            words.contains("z = -0.200 m") && words.contains("-1.000 .. -0.500"),
+            "{words}"
+        );
     }
 
     #[test]
@@ -99,10 +115,23 @@ mod tests {
     fn roll_counts_on_both_sides_and_nan_counts_as_beyond() {
         let mut monitor = monitor();
         for phi in [-0.31, 0.31] {
-            monitor.update(&Estimate { phi_rad: Some(phi), ..Estimate::default() });
+            monitor.update(&Estimate {
+                phi_rad: Some(phi),
+                ..Estimate::default()
+            });
         }
-        assert!(monitor.update(&Estimate { phi_rad: Some(-0.4), ..Estimate::default() }).is_some());
-        let nan = Estimate { x_m: Some(f64::NAN), ..Estimate::default() };
+        assert!(
+            monitor
+                .update(&Estimate {
+                    phi_rad: Some(-0.4),
+                    ..Estimate::default()
+                })
+                .is_some()
+        );
+        let nan = Estimate {
+            x_m: Some(f64::NAN),
+            ..Estimate::default()
+        };
         monitor.update(&nan);
         monitor.update(&nan);
         assert!(monitor.update(&nan).is_some());

@@ -31,7 +31,14 @@ pub enum Taken<T> {
 
 impl<T> Default for Newest<T> {
     fn default() -> Self {
-        Self { state: Mutex::new(State { newest: None, skipped: 0, closed: false }), ready: Condvar::new() }
+        Self {
+            state: Mutex::new(State {
+                newest: None,
+                skipped: 0,
+                closed: false,
+            }),
+            ready: Condvar::new(),
+        }
     }
 }
 

@@ -91,17 +91,41 @@ struct Check<'a> {
 }
 
 const CHANNELS: [&str; 12] = [
-    "x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad", "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
+    "x_m",
+    "y_m",
+    "z_m",
+    "phi_rad",
+    "theta_rad",
+    "psi_rad",
+    "u_mps",
+    "v_mps",
+    "w_mps",
+    "p_radps",
+    "q_radps",
+    "r_radps",
 ];
 
 impl<'a> Check<'a> {
     fn new(rig: &'a Rig, plan: &'a Plan) -> Self {
-        let empty = |name: String| Range { name, min: f64::INFINITY, max: f64::NEG_INFINITY };
-        let pulses = rig.thrusters.thrusters.iter().map(|t| format!("{}.pulse_us", t.name));
+        let empty = |name: String| Range {
+            name,
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        };
+        let pulses = rig
+            .thrusters
+            .thrusters
+            .iter()
+            .map(|t| format!("{}.pulse_us", t.name));
         Self {
             rig,
             plan,
-            ranges: CHANNELS.iter().map(|c| (*c).to_owned()).chain(pulses).map(empty).collect(),
+            ranges: CHANNELS
+                .iter()
+                .map(|c| (*c).to_owned())
+                .chain(pulses)
+                .map(empty)
+                .collect(),
             violations: Vec::new(),
             last_pulses_us: vec![rig.thrusters.neutral_us; rig.thrusters.thrusters.len()],
             target_x_m: rig.target.as_ref().and_then(extent_x_m),
@@ -119,7 +143,10 @@ impl<'a> Check<'a> {
     /// The first time of each kind of violation is enough to act on.
     fn violate(&mut self, at_s: f64, kind: &str, what: impl FnOnce() -> String) {
         if !self.violations.iter().any(|v| v.what.starts_with(kind)) {
-            self.violations.push(Violation { at_s, what: format!("{kind}: {}", what()) });
+            self.violations.push(Violation {
+                at_s,
+                what: format!("{kind}: {}", what()),
+            });
         }
     }
 
@@ -130,13 +157,19 @@ impl<'a> Check<'a> {
             let name = set.thrusters.get(i).map_or("?", |t| t.name.as_str());
             if !(set.min_us..=set.max_us).contains(&pulse_us) {
                 self.violate(t_s, &format!("pulse of {name}"), || {
-                    format!("{pulse_us:.1} us, allowed {} .. {} us", set.min_us, set.max_us)
+                    format!(
+                        "{pulse_us:.1} us, allowed {} .. {} us",
+                        set.min_us, set.max_us
+                    )
                 });
             }
             let slew = (pulse_us - self.last_pulses_us[i]).abs() / period_s;
             if slew > set.max_slew_us_per_s {
                 self.violate(t_s, &format!("slew of {name}"), || {
-                    format!("{slew:.0} us/s, allowed {} us/s: use shape = \"ramp\"", set.max_slew_us_per_s)
+                    format!(
+                        "{slew:.0} us/s, allowed {} us/s: use shape = \"ramp\"",
+                        set.max_slew_us_per_s
+                    )
                 });
             }
         }
@@ -159,13 +192,22 @@ impl<'a> Check<'a> {
         ];
         for (kind, value, range) in boxes {
             if !inside(value, range) {
-                self.violate(t_s, kind, || format!("{value:.3} m, allowed {} .. {} m", range[0], range[1]));
+                self.violate(t_s, kind, || {
+                    format!("{value:.3} m, allowed {} .. {} m", range[0], range[1])
+                });
             }
         }
-        for (kind, value) in [("roll against [limits]", eta[3]), ("pitch against [limits]", eta[4])] {
+        for (kind, value) in [
+            ("roll against [limits]", eta[3]),
+            ("pitch against [limits]", eta[4]),
+        ] {
             if value.abs() > limits.attitude_rad {
                 self.violate(t_s, kind, || {
-                    format!("{:.1} deg, allowed +-{:.1} deg", value.to_degrees(), limits.attitude_rad.to_degrees())
+                    format!(
+                        "{:.1} deg, allowed +-{:.1} deg",
+                        value.to_degrees(),
+                        limits.attitude_rad.to_degrees()
+                    )
                 });
             }
         }
@@ -174,10 +216,15 @@ impl<'a> Check<'a> {
 
     /// Whether the sheet's foot, l_laser ahead of the CG, lies between the target's ends.
     fn on_target(&mut self, t_s: f64, eta: &[f64; 6]) {
-        let (Some((x0, x1)), Some(target)) = (self.target_x_m, self.rig.target.as_ref()) else { return };
+        let (Some((x0, x1)), Some(target)) = (self.target_x_m, self.rig.target.as_ref()) else {
+            return;
+        };
         let [origin_x, origin_y, heading] = target.origin;
         let l_laser_m = self.rig.mounts.l_laser_m;
-        let (x, y) = (eta[0] + l_laser_m * eta[5].cos() - origin_x, eta[1] + l_laser_m * eta[5].sin() - origin_y);
+        let (x, y) = (
+            eta[0] + l_laser_m * eta[5].cos() - origin_x,
+            eta[1] + l_laser_m * eta[5].sin() - origin_y,
+        );
         let along = x * heading.cos() + y * heading.sin();
         if (x0..=x1).contains(&along) {
             self.on_target_s = Some(self.on_target_s.map_or((t_s, t_s), |(from, _)| (from, t_s)));
@@ -203,25 +250,47 @@ fn extent_x_m(target: &Target) -> Option<(f64, f64)> {
     let of = |outline: &SlabOutline| match outline {
         SlabOutline::Rectangle { x0_m, x1_m, .. } => (*x0_m, *x1_m),
         // A regular hexagon with its joints across X is sqrt(3) sides long (geometry.md).
-        SlabOutline::HexagonChain { x0_m, side_m, count } => (*x0_m, x0_m + f64::from(*count) * 3f64.sqrt() * side_m),
+        SlabOutline::HexagonChain {
+            x0_m,
+            side_m,
+            count,
+        } => (*x0_m, x0_m + f64::from(*count) * 3f64.sqrt() * side_m),
         SlabOutline::Polygon { points_m } => points_m
             .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[0]), high.max(p[0]))),
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+                (low.min(p[0]), high.max(p[0]))
+            }),
     };
-    target.slabs.iter().map(|s| of(&s.outline)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    target
+        .slabs
+        .iter()
+        .map(|s| of(&s.outline))
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
 impl std::fmt::Display for Preflight {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "plan of {:.2} s, simulated with the rig's model (and {COAST_S} s of coasting):", self.duration_s)?;
+        writeln!(
+            f,
+            "plan of {:.2} s, simulated with the rig's model (and {COAST_S} s of coasting):",
+            self.duration_s
+        )?;
         for range in &self.ranges {
-            writeln!(f, "  {:<24} {:>10.4} .. {:>10.4}", range.name, range.min, range.max)?;
+            writeln!(
+                f,
+                "  {:<24} {:>10.4} .. {:>10.4}",
+                range.name, range.min, range.max
+            )?;
         }
         if let Some((from, to)) = self.on_target_s {
             writeln!(f, "  stripe on the target from {from:.2} to {to:.2} s")?;
         }
         for violation in &self.violations {
-            writeln!(f, "  REFUSED at {:.2} s: {}", violation.at_s, violation.what)?;
+            writeln!(
+                f,
+                "  REFUSED at {:.2} s: {}",
+                violation.at_s, violation.what
+            )?;
         }
         Ok(())
     }
@@ -249,16 +318,39 @@ mod tests {
 
     #[test]
     fn a_plan_that_leaves_the_target_is_refused_with_time_and_place() {
-        let report = preflight(&rig(), &plan("[[step]]\nfor_s = 60\nwrench = { surge_n = 8 }\n")).unwrap();
+        let report = preflight(
+            &rig(),
+            &plan("[[step]]\nfor_s = 60\nwrench = { surge_n = 8 }\n"),
+        )
+        .unwrap();
         let words: Vec<_> = report.violations.iter().map(|v| v.what.as_str()).collect();
-        assert!(words.iter().any(|w| w.starts_with("stripe off the lit target")), "{words:?}");
-        assert!(words.iter().any(|w| w.starts_with("x against")), "{words:?}");
+        assert!(
+            words
+                .iter()
+                .any(|w| w.starts_with("stripe off the lit target")),
+            "{words:?}"
+        );
+        assert!(
+            words.iter().any(|w| w.starts_with("x against")),
+            "{words:?}"
+        );
     }
 
     #[test]
     fn diving_to_the_floor_is_refused() {
-        let report = preflight(&rig(), &plan("[[step]]\nfor_s = 20\nwrench = { heave_n = 8 }\n")).unwrap();
-        assert!(report.violations.iter().any(|v| v.what.starts_with("z against")), "{:?}", report.violations);
+        let report = preflight(
+            &rig(),
+            &plan("[[step]]\nfor_s = 20\nwrench = { heave_n = 8 }\n"),
+        )
+        .unwrap();
+        assert!(
+            report
+                .violations
+                .iter()
+                .any(|v| v.what.starts_with("z against")),
+            "{:?}",
+            report.violations
+        );
     }
 
     #[test]
@@ -266,6 +358,12 @@ mod tests {
         let mut rig = rig();
         rig.thrusters.max_slew_us_per_s = 300.0;
         let report = preflight(&rig, &Plan::builtin("surge-4n").unwrap()).unwrap();
-        assert!(report.violations.iter().any(|v| v.what.contains("slew of h_") && v.what.contains("ramp")), "{report}");
+        assert!(
+            report
+                .violations
+                .iter()
+                .any(|v| v.what.contains("slew of h_") && v.what.contains("ramp")),
+            "{report}"
+        );
     }
 }

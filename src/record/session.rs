@@ -28,7 +28,9 @@ impl Conditions {
     /// # Errors
     /// Words, when temperature or salinity are outside what the equation was fitted to.
     pub fn n_water(&self) -> Result<Option<f64>, String> {
-        let Some(temperature_c) = self.water_temperature_c else { return Ok(None) };
+        let Some(temperature_c) = self.water_temperature_c else {
+            return Ok(None);
+        };
         let salinity = self.salinity_gpkg.unwrap_or(0.0);
         refractive_index(temperature_c, salinity, WAVELENGTH_NM).map(Some).ok_or_else(|| {
             format!(
@@ -69,7 +71,10 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
     put("host", read("/proc/sys/kernel/hostname"));
     put("kernel", read("/proc/sys/kernel/osrelease"));
     put("boot_id", read("/proc/sys/kernel/random/boot_id"));
-    put("source", serde_json::to_string(input.source).unwrap_or_default());
+    put(
+        "source",
+        serde_json::to_string(input.source).unwrap_or_default(),
+    );
     put("source.driver", input.source.driver.clone());
     put("source.identity", input.source.identity.clone());
     for (name, value) in &input.source.module_parameters {
@@ -98,12 +103,18 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
             put(key, value.to_string());
         }
     }
-    Ok(Head { rig_toml: input.rig.effective_toml.clone(), calibration_toml: input.calibration_toml.clone(), session })
+    Ok(Head {
+        rig_toml: input.rig.effective_toml.clone(),
+        calibration_toml: input.calibration_toml.clone(),
+        session,
+    })
 }
 
 /// One line of /proc; empty where the kernel does not tell.
 fn read(path: &str) -> String {
-    std::fs::read_to_string(path).map(|s| s.trim().to_owned()).unwrap_or_default()
+    std::fs::read_to_string(path)
+        .map(|s| s.trim().to_owned())
+        .unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -113,7 +124,11 @@ mod tests {
     #[test]
     fn the_head_says_what_was_known_and_nothing_else() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let conditions = Conditions { water_temperature_c: Some(18.0), ballast_kg: Some(0.35), ..Conditions::default() };
+        let conditions = Conditions {
+            water_temperature_c: Some(18.0),
+            ballast_kg: Some(0.35),
+            ..Conditions::default()
+        };
         let source = SourceDescription::default();
         let input = SessionInput {
             rig: &rig,
@@ -133,7 +148,10 @@ mod tests {
 
     #[test]
     fn water_beyond_the_equation_is_refused_with_the_range() {
-        let conditions = Conditions { water_temperature_c: Some(60.0), ..Conditions::default() };
+        let conditions = Conditions {
+            water_temperature_c: Some(60.0),
+            ..Conditions::default()
+        };
         assert!(conditions.n_water().unwrap_err().contains("0..30"));
     }
 }

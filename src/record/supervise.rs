@@ -22,7 +22,10 @@ struct Signals {
 
 impl Signals {
     fn listen() -> std::io::Result<Self> {
-        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+        })
     }
 }
 
@@ -33,9 +36,21 @@ pub(super) fn supervise(
     service: Option<&ThrusterService>,
     watch: &mut dyn FnMut(&Status),
 ) -> Result<StopReason, RecordError> {
-    let start = |source| RecordError::Start { what: "signal handlers", source };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
-    let supervisor = Supervisor { shared, job, service, keys: Keys::on_terminal(), started_ns: shared.clock.monotonic_ns() };
+    let start = |source| RecordError::Start {
+        what: "signal handlers",
+        source,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(start)?;
+    let supervisor = Supervisor {
+        shared,
+        job,
+        service,
+        keys: Keys::on_terminal(),
+        started_ns: shared.clock.monotonic_ns(),
+    };
     runtime.block_on(async {
         let mut signals = Signals::listen().map_err(start)?;
         supervisor.run(&mut signals, watch).await
@@ -51,7 +66,11 @@ struct Supervisor<'a> {
 }
 
 impl Supervisor<'_> {
-    async fn run(&self, signals: &mut Signals, watch: &mut dyn FnMut(&Status)) -> Result<StopReason, RecordError> {
+    async fn run(
+        &self,
+        signals: &mut Signals,
+        watch: &mut dyn FnMut(&Status),
+    ) -> Result<StopReason, RecordError> {
         let mut tick = tokio::time::interval(TICK);
         let mut second = tokio::time::interval(Duration::from_secs(1));
         let mut plan_started = false;
@@ -98,7 +117,9 @@ impl Supervisor<'_> {
             return Some(reason);
         }
         match (self.elapsed(), self.job.length) {
-            (Some(elapsed), Some(length)) if elapsed >= length => return Some(StopReason::Finished),
+            (Some(elapsed), Some(length)) if elapsed >= length => {
+                return Some(StopReason::Finished);
+            }
             (None, _) if self.waited() > self.job.ready_within => return Some(self.not_ready()),
             _ => {}
         }
@@ -109,7 +130,11 @@ impl Supervisor<'_> {
         match self.keys.as_ref()?.next(Duration::ZERO)? {
             b' ' => {
                 self.neutral(NeutralReason::Request);
-                self.shared.say(Severity::Warning, "thruster.neutral", "Space: thrusters to neutral, the plan is over; recording goes on, q ends it");
+                self.shared.say(
+                    Severity::Warning,
+                    "thruster.neutral",
+                    "Space: thrusters to neutral, the plan is over; recording goes on, q ends it",
+                );
                 None
             }
             b'q' => Some(self.stop("the q key")),
@@ -118,13 +143,20 @@ impl Supervisor<'_> {
     }
 
     fn waited(&self) -> Duration {
-        Duration::from_nanos(self.shared.clock.monotonic_ns().saturating_sub(self.started_ns))
+        Duration::from_nanos(
+            self.shared
+                .clock
+                .monotonic_ns()
+                .saturating_sub(self.started_ns),
+        )
     }
 
     /// Time since the first good frame.
     fn elapsed(&self) -> Option<Duration> {
         let first_ns = self.shared.progress(|p| p.first_good_ns)?;
-        Some(Duration::from_nanos(self.shared.clock.monotonic_ns().saturating_sub(first_ns)))
+        Some(Duration::from_nanos(
+            self.shared.clock.monotonic_ns().saturating_sub(first_ns),
+        ))
     }
 
     fn link_up(&self) -> bool {
@@ -144,17 +176,33 @@ impl Supervisor<'_> {
     }
 
     fn begin(&self) -> Result<(), RecordError> {
-        self.shared.say(Severity::Info, "daemon.ready", "first good frame is here");
-        let (Some(plan), Some(service)) = (&self.job.plan, self.service) else { return Ok(()) };
+        self.shared
+            .say(Severity::Info, "daemon.ready", "first good frame is here");
+        let (Some(plan), Some(service)) = (&self.job.plan, self.service) else {
+            return Ok(());
+        };
         let start_ns = self.shared.clock.monotonic_ns() + LEAD.as_nanos() as u64;
-        service.run_plan(start_ns, plan.duration_s(), Box::new(loads(&self.job.rig, plan)?))?;
-        let words = format!("plan '{}' starts in {} ms, {:.1} s long", plan.name, LEAD.as_millis(), plan.duration_s());
+        service.run_plan(
+            start_ns,
+            plan.duration_s(),
+            Box::new(loads(&self.job.rig, plan)?),
+        )?;
+        let words = format!(
+            "plan '{}' starts in {} ms, {:.1} s long",
+            plan.name,
+            LEAD.as_millis(),
+            plan.duration_s()
+        );
         self.shared.say(Severity::Info, "plan.start", words);
         Ok(())
     }
 
     fn log_clocks(&self) {
-        let controller = *self.shared.controller.lock().unwrap_or_else(PoisonError::into_inner);
+        let controller = *self
+            .shared
+            .controller
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let controller = controller.map(|c| messages::pb::ControllerClock {
             offset_us: c.offset_us,
             offset_sd_us: c.offset_sd_us,
@@ -166,7 +214,10 @@ impl Supervisor<'_> {
             host_epoch_ns: c.host_epoch_ns,
             controller_epoch_us: c.controller_epoch_us,
         });
-        self.shared.recorder.clock(&messages::clock_message(&self.shared.clock.triple(), controller));
+        self.shared.recorder.clock(&messages::clock_message(
+            &self.shared.clock.triple(),
+            controller,
+        ));
     }
 
     fn status(&self) -> Status {

@@ -24,13 +24,23 @@ struct State {
 impl Tracker {
     /// At the rig's start pose. A rig that cannot be simulated is not tracked.
     pub fn new(rig: &Rig) -> Self {
-        let state = World::new(rig, rig.tank.start_pose).ok().map(|world| State {
-            world,
-            thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
-            start_unix_ns: None,
-            last_t_s: 0.0,
-        });
-        Self { state: Mutex::new(state), names: rig.thrusters.thrusters.iter().map(|t| t.name.clone()).collect() }
+        let state = World::new(rig, rig.tank.start_pose)
+            .ok()
+            .map(|world| State {
+                world,
+                thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
+                start_unix_ns: None,
+                last_t_s: 0.0,
+            });
+        Self {
+            state: Mutex::new(state),
+            names: rig
+                .thrusters
+                .thrusters
+                .iter()
+                .map(|t| t.name.clone())
+                .collect(),
+        }
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<State>> {
@@ -39,10 +49,14 @@ impl Tracker {
 
     /// Takes a command that was sent.
     pub fn command(&self, command: &CommandRecord, now: &ClockTriple) {
-        let Some(place) = self.names.iter().position(|n| **n == *command.thruster) else { return };
+        let Some(place) = self.names.iter().position(|n| **n == *command.thruster) else {
+            return;
+        };
         let mut slot = self.lock();
         let Some(state) = slot.as_mut() else { return };
-        let start = *state.start_unix_ns.get_or_insert(command.timestamp_ns.min(now.realtime_ns));
+        let start = *state
+            .start_unix_ns
+            .get_or_insert(command.timestamp_ns.min(now.realtime_ns));
         let t_s = (command.timestamp_ns.saturating_sub(start) as f64 / 1e9).max(state.last_t_s);
         if let Some(thrust_n) = state.thrust_n.get_mut(place) {
             *thrust_n = command.thrust_n;
@@ -56,12 +70,20 @@ impl Tracker {
     /// Where the vehicle should be at `unix_ns`; nothing before the first command.
     pub fn estimate(&self, unix_ns: u64) -> Estimate {
         let mut slot = self.lock();
-        let Some(state) = slot.as_mut() else { return Estimate::default() };
-        let Some(start) = state.start_unix_ns else { return Estimate::default() };
+        let Some(state) = slot.as_mut() else {
+            return Estimate::default();
+        };
+        let Some(start) = state.start_unix_ns else {
+            return Estimate::default();
+        };
         let t_s = (unix_ns.saturating_sub(start) as f64 / 1e9).max(state.last_t_s);
         state.last_t_s = t_s;
         match state.world.state_at(t_s) {
-            Ok(vehicle) => Estimate { x_m: Some(vehicle.eta[0]), y_m: Some(vehicle.eta[1]), ..Estimate::default() },
+            Ok(vehicle) => Estimate {
+                x_m: Some(vehicle.eta[0]),
+                y_m: Some(vehicle.eta[1]),
+                ..Estimate::default()
+            },
             Err(_) => Estimate::default(),
         }
     }

@@ -71,7 +71,8 @@ pub(super) fn capture(
                     shared.progress(|p| {
                         p.counts = counts;
                         if good {
-                            p.first_good_ns.get_or_insert(frame.meta.received_monotonic_ns);
+                            p.first_good_ns
+                                .get_or_insert(frame.meta.received_monotonic_ns);
                         }
                     });
                     shared.newest.put(frame);
@@ -108,7 +109,9 @@ pub(super) fn analysis(
                 Taken::Item(frame) => {
                     let profile = analyst.analyse(&frame);
                     shared.recorder.profile(&profile);
-                    shared.recorder.annotations(&messages::stripe_annotations(&profile));
+                    shared
+                        .recorder
+                        .annotations(&messages::stripe_annotations(&profile));
                     shared.progress(|p| {
                         p.analysed += 1;
                         p.points = profile.row_px.len();
@@ -135,5 +138,8 @@ pub(super) fn analysis(
 
 fn plane_points(profile: &StripeProfile) -> Vec<floor::PlanePointM> {
     let pairs = profile.xi_m.iter().zip(&profile.eta_m);
-    pairs.map(|(xi, eta)| (f64::from(*xi), f64::from(*eta))).filter(|(xi, eta)| xi.is_finite() && eta.is_finite()).collect()
+    pairs
+        .map(|(xi, eta)| (f64::from(*xi), f64::from(*eta)))
+        .filter(|(xi, eta)| xi.is_finite() && eta.is_finite())
+        .collect()
 }

@@ -4,7 +4,9 @@
 use hydroline::capture::sim::{Scene, SimCamera};
 use hydroline::capture::{CaptureError, FrameSource};
 use hydroline::clock::{Clock, SystemClock};
-use hydroline::log::{FileParts, Head, LogReader, MetadataMap, PartOpener, Record, Recorder, WriteSettings};
+use hydroline::log::{
+    FileParts, Head, LogReader, MetadataMap, PartOpener, Record, Recorder, WriteSettings,
+};
 use hydroline::record::{self, Job, Parts, Report};
 use hydroline::shutdown::Shutdown;
 use hydroline::stripe::ExtractorConfig;
@@ -43,7 +45,11 @@ pub fn job(rig: &Rig, plan: Option<Plan>, length_s: f64) -> Job {
 
 /// Starts a recorder into a file.
 pub fn recorder(rig: &Rig, opener: Box<dyn PartOpener>, clock: Arc<dyn Clock>) -> Recorder {
-    let head = Head { rig_toml: rig.effective_toml.clone(), calibration_toml: None, session: MetadataMap::new() };
+    let head = Head {
+        rig_toml: rig.effective_toml.clone(),
+        calibration_toml: None,
+        session: MetadataMap::new(),
+    };
     let settings = WriteSettings::live(&rig.log, Some(rig.camera.pixel_format));
     Recorder::start(opener, head, settings, clock).unwrap()
 }
@@ -51,9 +57,28 @@ pub fn recorder(rig: &Rig, opener: Box<dyn PartOpener>, clock: Arc<dyn Clock>) -
 /// Records without thrusters from a source into a file.
 pub fn record_into(path: &Path, rig: &Rig, source: Box<dyn FrameSource>, length_s: f64) -> Report {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
-    let recorder = recorder(rig, Box::new(FileParts { path: path.to_owned(), replace: false }), clock.clone());
-    let parts = Parts { source, line: None, recorder, clock, map: Some(Arc::new(IdealMap::of(rig))) };
-    record::run(parts, &job(rig, None, length_s), &Shutdown::new(), &mut |_| {}).unwrap()
+    let recorder = recorder(
+        rig,
+        Box::new(FileParts {
+            path: path.to_owned(),
+            replace: false,
+        }),
+        clock.clone(),
+    );
+    let parts = Parts {
+        source,
+        line: None,
+        recorder,
+        clock,
+        map: Some(Arc::new(IdealMap::of(rig))),
+    };
+    record::run(
+        parts,
+        &job(rig, None, length_s),
+        &Shutdown::new(),
+        &mut |_| {},
+    )
+    .unwrap()
 }
 
 /// All records of a log with their kinds counted.
@@ -66,6 +91,8 @@ pub fn read(path: &Path) -> (Vec<Record>, BTreeMap<String, MetadataMap>) {
 /// The binary under test.
 pub fn hydroline() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_hydroline"));
-    command.env_remove("RUST_LOG").stdin(std::process::Stdio::null());
+    command
+        .env_remove("RUST_LOG")
+        .stdin(std::process::Stdio::null());
     command
 }
