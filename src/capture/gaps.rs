@@ -28,6 +28,8 @@ const OPEN_STEPS: usize = 8;
 const RATE_SPREAD: f64 = 1.2;
 /// A rate counts as changed beyond this relative difference; smaller ones the tracker follows.
 const RATE_STEP: f64 = 0.10;
+/// Intervals within this share of the period are calm.
+const CALM: f64 = 0.25;
 /// One account entry per this many nanoseconds of stamps.
 const SECOND_NS: f64 = 1e9;
 
@@ -392,7 +394,7 @@ impl Account {
         self.second.received += 1;
         self.second.lost += step.lost();
         self.second.span_s += step.dt_ns / SECOND_NS;
-        if self.second.span_s < 1.0 {
+        if self.second.span_s < 1.0 || self.second.span_s < 3.0 && !self.calm(&step) {
             return None;
         }
         self.second.expected = self.expected.close();
@@ -403,6 +405,14 @@ impl Account {
             ..SecondCounts::default()
         };
         Some(done)
+    }
+
+    /// A second ends at a frame that came on time: a late one would count its lateness into this second and out of
+    /// the next, by time, while the tracker has long seen that nothing was lost.
+    fn calm(&self, step: &Step) -> bool {
+        let period_ns = self.tracker.long_period_ns();
+        let on_time = |s: &Step| (s.dt_ns - period_ns).abs() < CALM * period_ns;
+        on_time(step) && self.open.iter().take(3).all(on_time)
     }
 
     /// The account up to the last frame.

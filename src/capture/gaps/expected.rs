@@ -15,7 +15,7 @@ const CARRY: f64 = 0.5;
 /// How well the period of one second foretells that of the next, relative standard deviation.
 const STEADY: f64 = 0.001;
 /// How well a nominal rate foretells the real one, relative standard deviation.
-const NOMINAL: f64 = 0.05;
+const NOMINAL: f64 = 0.03;
 /// Scatter that a line is credited with at least, share of the period.
 const LEAST_SCATTER: f64 = 1e-4;
 
