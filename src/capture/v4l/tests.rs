@@ -354,7 +354,7 @@ fn unplugged_and_replugged_in_the_same_recording() {
     );
     assert!((2.0..2.3).contains(&r.number("camera.replugged", "gap_s")));
     assert!(
-        (62..=68).contains(&r.counts.lost.unplugged),
+        (62..=74).contains(&r.counts.lost.unplugged),
         "{:?}",
         r.counts.lost
     );
@@ -380,10 +380,10 @@ fn a_control_changed_behind_our_back_is_said_once() {
         ),
         (80.0, 300.0)
     );
-    assert_eq!(
-        r.frames.last().unwrap().meta.exposure_s,
-        0.030,
-        "the exposure that is true now"
+    let now_s = r.frames.last().unwrap().meta.exposure_s;
+    assert!(
+        (now_s - 0.030).abs() < 1e-9,
+        "the exposure that is true now, not {now_s}"
     );
 }
 
