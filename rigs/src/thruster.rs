@@ -8,38 +8,34 @@ pub struct ThrustCurve {
 }
 
 impl ThrustCurve {
-    /// Thrust at a pulse \[N\]: linear between points, held beyond the ends.
+    /// Thrust at a pulse \[N\]: linear between points, held beyond the ends, 0 without points.
     pub fn thrust_n(&self, pulse_us: f64) -> f64 {
-        self.points.windows(2).fold(
-            self.points.first().map_or(0.0, |first| first.1),
-            |thrust_n, pair| {
-                let ((p0, t0), (p1, t1)) = (pair[0], pair[1]);
-                if pulse_us <= p0 {
-                    thrust_n
-                } else {
-                    t0 + (t1 - t0) * ((pulse_us - p0) / (p1 - p0)).min(1.0)
-                }
-            },
-        )
+        let points = &self.points;
+        let above = points.partition_point(|p| p.0 < pulse_us);
+        match (above.checked_sub(1).map(|i| points[i]), points.get(above)) {
+            (Some((p0, t0)), Some((p1, t1))) => t0 + (t1 - t0) * ((pulse_us - p0) / (p1 - p0)),
+            (Some((_, end_n)), None) => end_n,
+            (None, Some((_, end_n))) => *end_n,
+            (None, None) => 0.0,
+        }
     }
 
-    /// The pulse nearest to `neutral_us` that gives `thrust_n` \[us\]; `None` when the
-    /// curve does not reach it. Zero thrust is the neutral pulse itself, anywhere else
-    /// the edge of a flat part (deadband) that lies on neutral's side.
+    /// The pulse nearest to `neutral_us` that gives `thrust_n` \[us\]; `None` when the curve does not
+    /// reach it. Zero thrust is the neutral pulse itself; where the curve is flat elsewhere it is the
+    /// edge on neutral's side.
     pub fn pulse_us(&self, thrust_n: f64, neutral_us: f64) -> Option<f64> {
-        let at_neutral_n = self.thrust_n(neutral_us);
-        if thrust_n == 0.0 || thrust_n == at_neutral_n {
+        let points = &self.points;
+        if thrust_n == 0.0 && !points.is_empty() {
             return Some(neutral_us);
         }
-        let on_segment = |pair: &[(f64, f64)]| {
-            let ((p0, t0), (p1, t1)) = (pair[0], pair[1]);
-            ((t0..=t1).contains(&thrust_n) && t1 > t0)
-                .then(|| p0 + (p1 - p0) * ((thrust_n - t0) / (t1 - t0)))
-        };
-        self.points
-            .windows(2)
-            .filter_map(on_segment)
-            .min_by(|a, b| (a - neutral_us).abs().total_cmp(&(b - neutral_us).abs()))
+        // All pulses with this thrust form one interval, because the curve never falls.
+        let below = points.partition_point(|p| p.1 < thrust_n);
+        let upto = points.partition_point(|p| p.1 <= thrust_n);
+        if upto > below {
+            return Some(neutral_us.clamp(points[below].0, points[upto - 1].0));
+        }
+        let (&(p0, t0), &(p1, t1)) = (points.get(below.checked_sub(1)?)?, points.get(below)?);
+        (!thrust_n.is_nan()).then(|| p0 + (p1 - p0) * ((thrust_n - t0) / (t1 - t0)))
     }
 
     /// Smallest and largest thrust over the pulses `min_us..=max_us` \[N\].

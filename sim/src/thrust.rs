@@ -1,11 +1,9 @@
 //! Thrusters: pulse to thrust and back, thrusters to wrench and back.
 
 mod allocation;
-mod curve;
 
 pub(crate) use allocation::array;
 pub use allocation::{Allocated, Allocation, Saturation};
-pub use curve::{pulse_us, thrust_n};
 
 /// What can go wrong between a wrench and the pulses.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! Wrench to thrusters by the minimum-norm pseudo-inverse (Fossen 2011, 12.3.2), and back.
 
-use super::{ThrustError, curve};
-use hydroline_rigs::{Dof, ThrusterSet, Wrench};
+use super::ThrustError;
+use hydroline_rigs::{Dof, ThrustCurve, ThrusterSet, Wrench};
 use nalgebra::{DMatrix, DVector};
 
 /// A load above this share of the asked wrench that stays unmade counts as "not spanned".
@@ -127,8 +127,8 @@ impl Allocation {
         let mut thrust_n = Vec::with_capacity(self.len());
         for (thruster, &asked_n) in self.set.thrusters.iter().zip(free.iter()) {
             let limit_n = asked_n.clamp(
-                curve::thrust_n(&thruster.curve, self.set.min_us),
-                curve::thrust_n(&thruster.curve, self.set.max_us),
+                thruster.curve.thrust_n(self.set.min_us),
+                thruster.curve.thrust_n(self.set.max_us),
             );
             if limit_n != asked_n {
                 saturated.push(Saturation {
@@ -169,7 +169,7 @@ impl Allocation {
             .thrusters
             .iter()
             .zip(pulses_us)
-            .map(|(t, &p)| curve::thrust_n(&t.curve, cut(p)))
+            .map(|(t, &p)| t.curve.thrust_n(cut(p)))
             .collect())
     }
 
@@ -180,8 +180,13 @@ impl Allocation {
     pub fn pulses_of_thrusts(&self, thrust_n: &[f64]) -> Result<Vec<f64>, ThrustError> {
         self.count(thrust_n)?;
         let set = &self.set;
-        let pulse =
-            |curve, x| curve::pulse_us(curve, x, set.neutral_us).clamp(set.min_us, set.max_us);
+        // Beyond the curve the end's pulse; the rig's range holds in any case.
+        let pulse = |curve: &ThrustCurve, x: f64| {
+            let ends = |p: Option<&(f64, f64)>| p.map_or(0.0, |p| p.1);
+            let reached = x.clamp(ends(curve.points.first()), ends(curve.points.last()));
+            let pulse_us = curve.pulse_us(reached, set.neutral_us);
+            pulse_us.unwrap_or(set.neutral_us).clamp(set.min_us, set.max_us)
+        };
         Ok(set
             .thrusters
             .iter()

@@ -3,7 +3,7 @@
 use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS};
 use crate::event::Severity;
 use crate::thruster::ChannelPulse;
-use crate::thruster::curve::{pulse_for_thrust, thrust_for_pulse};
+use crate::thruster::curve::pulse_for_thrust;
 use crate::thruster::link::ThrusterLink;
 use crate::thruster::record::CommandRecord;
 use crate::thruster::safety::{NeutralReason, Refused, State};
@@ -66,7 +66,7 @@ impl Core {
             .zip(thrust_n)
             .map(|((t, sent), want)| {
                 if admitted.limited.is_some() {
-                    thrust_for_pulse(&t.curve, *sent)
+                    t.curve.thrust_n(*sent)
                 } else {
                     *want
                 }
@@ -155,7 +155,7 @@ impl Core {
         let thrust_n: Vec<f64> = set
             .thrusters
             .iter()
-            .map(|t| thrust_for_pulse(&t.curve, set.neutral_us))
+            .map(|t| t.curve.thrust_n(set.neutral_us))
             .collect();
         if self
             .send(&pulses_us, &thrust_n, 0, 0, reason.word(), true)
