@@ -67,6 +67,11 @@ pub enum Note {
         /// Now.
         to: u32,
     },
+    /// Losses told before were none: the frame was late, and those behind it have come.
+    Retracted {
+        /// How many.
+        frames: u64,
+    },
     /// This frame has the number and the period of the one before.
     Repeated {
         /// Its sequence number.
@@ -267,7 +272,10 @@ impl Account {
             pause: None,
             new_period_ns: None,
         };
-        self.settle(&mut new);
+        let retracted = self.settle(&mut new);
+        if retracted > 0 {
+            notes.push(Note::Retracted { frames: retracted });
+        }
         let loss = LossBefore {
             sequence_gap: sequence_gap as u32,
             time_gap: new.time_gap.clamp(0, i64::from(u32::MAX)) as u32,
@@ -279,14 +287,18 @@ impl Account {
     }
 
     /// A late frame looks like a loss and the next, on time again, like a surplus: the two cancel.
-    fn settle(&mut self, new: &mut Step) {
+    /// Returns how many losses that were told are taken back.
+    fn settle(&mut self, new: &mut Step) -> u64 {
+        let mut retracted = 0;
         for old in self.open.iter_mut().rev().filter(|s| s.pause.is_none()) {
             if new.time_gap.signum() * old.time_gap.signum() == -1 {
                 let both = new.time_gap.abs().min(old.time_gap.abs());
+                retracted += if old.time_gap > 0 { both as u64 } else { 0 };
                 new.time_gap -= both * new.time_gap.signum();
                 old.time_gap -= both * old.time_gap.signum();
             }
         }
+        retracted
     }
 
     fn resume(

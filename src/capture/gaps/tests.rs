@@ -260,7 +260,7 @@ fn a_crooked_start_is_no_new_rate() {
 #[test]
 fn one_late_frame_is_no_loss() {
     let mut account = Account::new(0.04);
-    run(
+    let notes = run(
         &mut account,
         (0..200).map(|i| {
             (
@@ -269,6 +269,7 @@ fn one_late_frame_is_no_loss() {
             )
         }),
     );
+    assert!(notes.contains(&Note::Retracted { frames: 1 }));
     assert_eq!(
         (account.counts().lost.total(), account.counts().disagreement),
         (0, 0)

@@ -129,6 +129,13 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         )
         .with("from", f64::from(*from))
         .with("to", f64::from(*to)),
+        Note::Retracted { frames } => Event::new(
+            at_ns,
+            Severity::Info,
+            "camera.gap_retracted",
+            format!("{frames} frame(s) reported lost by time just before were late, not lost; the account is corrected"),
+        )
+        .with("frames", *frames as f64),
         Note::Repeated { sequence } => Event::new(
             at_ns,
             Severity::Warning,
