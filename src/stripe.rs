@@ -1,9 +1,9 @@
 //! Sub-pixel extraction of the laser stripe from a grey frame: one point per column.
 //!
 //! Way of a frame: `noise` of the frame → `coarse` candidates per column → `path` through the
-//! columns (dynamic programming, depth steps allowed) → `fit` of every column with a kernel
+//! columns (dynamic programming, depth steps allowed) → `fit` of every column (`trace`) with a kernel
 //! matched to the stripe's width, which is estimated from the frame → `haze` pooled over the
-//! columns → second `fit` → [`Profile`].
+//! columns → second `fit` → `report` → [`Profile`].
 //!
 //! The result depends on the image and the configuration only: an [`Extractor`] keeps scratch
 //! memory, never results, so a frame extracted live and the same frame replayed give the same
@@ -22,10 +22,13 @@ mod kernel;
 mod noise;
 mod output;
 mod path;
+mod report;
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod robustness;
 mod segments;
 pub mod synthetic;
+mod trace;
 
 pub use band::Band;
 pub use config::ExtractorConfig;

@@ -265,11 +265,27 @@ fn haze_whole_table() {
     );
 }
 
+/// Clipped three times over AND hazy: the row stays unbiased, its sd is up to twice too small and
+/// a narrow stripe (sigma 1 px) loses one column in eight.
 #[test]
-#[ignore = "beyond what is promised: clipped and hazy at once"]
+#[ignore = "beyond what is asked; shows the limit"]
 fn haze_and_saturation_together() {
-    let all = clipped(&[1.0, 2.0, 3.0], &[1.5, 3.0], &[3.0]);
-    table(hazy(all, &[0.05], &[80.0]).into_iter(), 4, bias_below(0.05));
+    header();
+    for s in hazy(
+        clipped(&[1.0, 2.0, 3.0], &[1.5, 3.0], &[3.0]),
+        &[0.05],
+        &[80.0],
+    ) {
+        let e = measure(&s, 4);
+        print(
+            &format!(
+                "sigma {} peak {} noise {} hazy",
+                s.sigma_px, s.peak, s.noise_sd
+            ),
+            &e,
+        );
+        assert!(e.bias().abs() < 0.05 && e.coverage() > 0.8, "{s:?}");
+    }
 }
 
 #[test]

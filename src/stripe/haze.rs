@@ -16,8 +16,8 @@ use nalgebra::{Matrix3, Vector3};
 const REACH_PX: usize = 56;
 const SIZE: usize = 2 * REACH_PX + 1;
 /// Columns looked at first, and all in all where the first show a sign of haze.
-const FIRST_COLUMNS: usize = 48;
-const MAX_COLUMNS: usize = 240;
+const FIRST_COLUMNS: usize = 80;
+const MAX_COLUMNS: usize = 360;
 /// Decay lengths tried \[px\].
 const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:
@@ -102,13 +102,16 @@ impl HazeTable {
             .shapes
             .iter()
             .filter_map(|(length, shape)| Some((*length, fit_level(&light.samples, shape)?)))
+            // A lack of light on one side is an excess on the other.
+            .filter(|f| f.1.fraction > 0.0)
             .collect();
-        let least = fits.iter().map(|f| f.1.chi2).min_by(f64::total_cmp)?;
+        let best = fits.iter().min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2))?;
+        let (side, least) = (best.0.signum(), best.1.chi2);
         let scatter = least / (light.samples.len() as f64 - 4.0).max(1.0);
         let unit = scatter.max((noise_sd / light.mean_peak).powi(2));
         let (length_px, level) = fits
             .into_iter()
-            .filter(|f| f.1.chi2 <= least + CHI2_FOR_SHORTER * unit)
+            .filter(|f| f.0.signum() == side && f.1.chi2 <= least + CHI2_FOR_SHORTER * unit)
             .max_by(|a, b| {
                 a.0.abs()
                     .total_cmp(&b.0.abs())

@@ -1,0 +1,338 @@
+//! Following the stripe: path, first fit, pooled width, haze, second fit.
+
+use super::extractor::{Extractor, Track};
+use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
+use super::haze::Haze;
+use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX};
+use super::{path, segments};
+use crate::frame::GreyImage;
+
+/// Columns read ahead of their fits; [`predicted`] reaches back as far.
+const COLUMNS_AHEAD: usize = 4;
+/// Columns from which the first idea of the stripe's width is taken.
+const WIDTH_SAMPLES: usize = 49;
+/// Rows loaded for it.
+pub(super) const WIDTH_ROWS: usize = 64;
+/// Mismatch of a kernel's width that is not worth a second fit: it costs 0.4 % of the bound.
+const WIDTH_TOLERANCE: f64 = 0.05;
+/// How well a column's width is known from its neighbours', relative.
+const POOLED_WIDTH_SD: f64 = 0.03;
+/// How well it is known from the first look, relative, and the height that stands for a clipped
+/// stripe's before it is known \[grey levels\].
+const FIRST_WIDTH_SD: f64 = 0.15;
+const CLIPPED_PEAK: f64 = 400.0;
+
+impl Extractor {
+    /// Path, first fit, haze and second fit. Leaves the columns in `tracks`.
+    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
+        let saturation = self.config.saturation_level;
+        let step_cost = self.config.step_cost_columns as f32;
+        self.tracks.clear();
+        let mut chosen: Vec<(usize, usize)> = Vec::with_capacity(image.width_px);
+        let path = path::choose(&self.spots, image.width_px, step_cost, &mut self.path);
+        chosen.extend(
+            path.enumerate()
+                .filter_map(|(column, spot)| Some((column, spot?))),
+        );
+        let mut window = Window::new();
+        let width = self.first_width(image, &chosen, &mut window);
+        let index = self.kernels.index(width);
+        let kernel = self.kernels.get(index);
+        let rows = fit::rows_needed(kernel);
+        let first_sigma_px = kernel.sigma_px;
+        let prior = width_prior(width, noise_sd, CLIPPED_PEAK, FIRST_WIDTH_SD);
+        let known = Known {
+            width: Some(prior),
+            ..Known::clipping_at(saturation)
+        };
+        let mut ahead = [(); COLUMNS_AHEAD].map(|()| Window::new());
+        let mut near = [None; COLUMNS_AHEAD];
+        for group in chosen.chunks(COLUMNS_AHEAD) {
+            // Pixels first, fits after: a vector load right behind the byte-wise stores it
+            // covers would wait for them.
+            for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&mut near) {
+                let row_px = f64::from(self.spots.column(column)[spot].row_px);
+                *near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
+                match *near {
+                    Some(row_px) => window.load(image, column, row_px, fit::rows_near(kernel)),
+                    None => window.load(image, column, row_px, rows),
+                }
+            }
+            for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&near) {
+                let row_px = f64::from(self.spots.column(column)[spot].row_px);
+                let mut found = None;
+                if let Some(near) = near
+                    && !window.clipped(saturation)
+                {
+                    found = fit::fit(window, kernel, &self.gauss, *near, known);
+                }
+                if found.is_none() {
+                    if near.is_some() {
+                        window.load(image, column, row_px, rows);
+                    }
+                    // The coarse row of a clipped plateau may be off by pixels; its edges are not.
+                    let start = if window.clipped(saturation) {
+                        fit::edges(window, row_px, saturation).map_or(row_px, |(centre, _)| centre)
+                    } else {
+                        fit::brightest(window, row_px)
+                    };
+                    found = fit::fit(window, kernel, &self.gauss, start, known);
+                }
+                if let Some(fit) = found
+                    && fit.peak >= 0.5 * self.config.min_peak
+                {
+                    self.tracks.push(Track {
+                        column,
+                        spot,
+                        fit,
+                        near_step: false,
+                    });
+                }
+            }
+        }
+        self.cut_into_stretches(image.width_px);
+        self.pool_widths(width);
+        let haze = self.find_haze(image, noise_sd);
+        self.refit(image, haze, &mut window, noise_sd, first_sigma_px);
+        haze
+    }
+
+    /// Median width over a sample of columns, from the stripe's edges \[px\].
+    fn first_width(
+        &mut self,
+        image: &GreyImage,
+        chosen: &[(usize, usize)],
+        window: &mut Window,
+    ) -> f64 {
+        let saturation = self.config.saturation_level;
+        let every = chosen.len().div_ceil(WIDTH_SAMPLES).max(1);
+        self.order.clear();
+        for &(column, spot) in chosen.iter().step_by(every) {
+            let row_px = f64::from(self.spots.column(column)[spot].row_px);
+            window.load(image, column, row_px, WIDTH_ROWS);
+            if let Some((_, sigma)) = fit::edges(window, row_px, saturation) {
+                self.order.push(sigma);
+            }
+        }
+        // Edges give the width to a tenth; the same columns, fitted, give it to a hundredth.
+        let width = self.median_width(2.0);
+        let index = self.kernels.index(width);
+        let kernel = self.kernels.get(index);
+        self.order.clear();
+        for &(column, spot) in chosen.iter().step_by(every) {
+            let row_px = f64::from(self.spots.column(column)[spot].row_px);
+            window.load(image, column, row_px, fit::rows_needed(kernel));
+            if !window.clipped(saturation)
+                && let Some(fit) = fit::fit(
+                    window,
+                    kernel,
+                    &self.gauss,
+                    fit::brightest(window, row_px),
+                    Known::clipping_at(saturation),
+                )
+            {
+                self.order.push(fit.sigma_px);
+            }
+        }
+        self.median_width(width)
+    }
+
+    /// Median of `order`, within what kernels there are \[px\].
+    fn median_width(&mut self, fallback: f64) -> f64 {
+        if self.order.is_empty() {
+            return fallback;
+        }
+        let middle = self.order.len() / 2;
+        let (_, median, _) = self.order.select_nth_unstable_by(middle, f64::total_cmp);
+        median.clamp(SIGMA_MIN_PX, SIGMA_MAX_PX)
+    }
+
+    /// Drops stretches too short to be a stripe and marks columns near a step or an end.
+    fn cut_into_stretches(&mut self, columns: usize) {
+        let places = |t: &Track| (t.column, t.fit.row_px);
+        segments::split(self.tracks.iter().map(places), &mut self.stretches);
+        let shortest = self.config.min_stretch_columns.min(columns / 2);
+        if self.stretches.iter().any(|s| s.len() < shortest) {
+            let mut kept = self
+                .stretches
+                .iter()
+                .flat_map(|s| s.clone().map(|_| s.len() >= shortest));
+            self.tracks.retain(|_| kept.next().unwrap_or(false));
+            segments::split(self.tracks.iter().map(places), &mut self.stretches);
+        }
+        self.mark_ends(columns);
+    }
+
+    /// Marks the columns near the ends of each stretch.
+    pub(super) fn mark_ends(&mut self, columns: usize) {
+        let reach = self.config.step_reach_columns;
+        for stretch in &self.stretches {
+            let tracks = &mut self.tracks[stretch.clone()];
+            let (Some(first), Some(last)) = (tracks.first(), tracks.last()) else {
+                continue;
+            };
+            let (first, last) = (first.column, last.column);
+            for t in tracks {
+                // The frame's own edge cuts no profile.
+                t.near_step |= (first > 0 && t.column < first + reach)
+                    || (last + 1 < columns && t.column + reach > last);
+            }
+        }
+    }
+
+    fn pool_widths(&mut self, fallback: f64) {
+        let tracks = &self.tracks;
+        let plausible = |i: usize| {
+            let fit = tracks[i].fit;
+            (!tracks[i].near_step && fit.sigma_px > 0.4 * fallback && fit.sigma_px < 2.5 * fallback)
+                .then_some(fit)
+        };
+        let reach = self.config.pool_reach_columns;
+        let sigma = |i: usize| plausible(i).map(|f| f.sigma_px);
+        segments::pooled(
+            &self.stretches,
+            reach,
+            fallback,
+            sigma,
+            &mut self.pooled_sigma,
+        );
+        segments::pooled(
+            &self.stretches,
+            reach,
+            0.0,
+            |i| plausible(i).map(|f| f.peak),
+            &mut self.pooled_peak,
+        );
+    }
+
+    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
+        if !self.config.correct_haze {
+            return None;
+        }
+        let clean: Vec<(usize, &Fit)> = self
+            .tracks
+            .iter()
+            .filter(|t| !t.near_step && self.spots.column(t.column).len() == 1)
+            .map(|t| (t.column, &t.fit))
+            .collect();
+        self.haze.estimate(image, &clean, noise_sd)
+    }
+
+    /// Second fit with each region's own width and the haze taken out.
+    fn refit(
+        &mut self,
+        image: &GreyImage,
+        haze: Option<Haze>,
+        window: &mut Window,
+        noise_sd: f64,
+        first_sigma_px: f64,
+    ) {
+        let saturation = self.config.saturation_level;
+        let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
+        let mut kept = 0;
+        for i in 0..self.tracks.len() {
+            let track = self.tracks[i];
+            let mismatch = (self.pooled_sigma[i] / first_sigma_px - 1.0).abs();
+            // With nothing new to tell it, a second fit would only repeat the first.
+            if haze.is_none() && !track.fit.saturated && mismatch < WIDTH_TOLERANCE {
+                kept = self.keep(kept, i, track.fit, noise_sd);
+                continue;
+            }
+            let index = self.kernels.index(self.pooled_sigma[i]);
+            let kernel = self.kernels.get(index);
+            let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
+                Some(found) => found,
+                None => {
+                    shapes.push((index, h.shape(kernel)));
+                    shapes.len() - 1
+                }
+            });
+            let shape = shape
+                .zip(haze)
+                .map(|(s, h)| (&shapes[s].1, h.fraction as f32));
+            window.load(
+                image,
+                track.column,
+                track.fit.row_px,
+                fit::rows_needed(kernel),
+            );
+            let width = width_prior(
+                self.pooled_sigma[i],
+                noise_sd,
+                track.fit.peak,
+                POOLED_WIDTH_SD,
+            );
+            let known = Known {
+                saturation,
+                haze: shape,
+                width: Some(width),
+            };
+            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known) {
+                kept = self.keep(kept, i, fit, noise_sd);
+            }
+        }
+        self.tracks.truncate(kept);
+        self.pooled_sigma.truncate(kept);
+    }
+
+    /// Moves track `i` with its final fit to place `kept` if it looks like a stripe; returns the
+    /// next place.
+    fn keep(&mut self, kept: usize, i: usize, fit: Fit, noise_sd: f64) -> usize {
+        if !self.is_stripe(&fit, self.pooled_sigma[i]) {
+            return kept;
+        }
+        // A profile cut by a step, or two on top of each other: too low, or of another width
+        // (whose sd is about that of the row).
+        let off = (fit.sigma_px - self.pooled_sigma[i]).abs();
+        let cut = !fit.saturated
+            && (fit.peak < 0.75 * self.pooled_peak[i]
+                || off > 0.06 * fit.sigma_px && {
+                    let noise = fit.variance.sqrt().min(2.0 * noise_sd);
+                    off > 4.5 * noise * fit.row_variance.sqrt() / fit.peak
+                });
+        if kept != i {
+            self.tracks[kept] = self.tracks[i];
+            self.pooled_sigma[kept] = self.pooled_sigma[i];
+        }
+        let track = &mut self.tracks[kept];
+        track.fit = fit;
+        track.near_step |= cut;
+        kept + 1
+    }
+
+    /// Whether a fit looks like a stripe: high enough, about as wide as its neighbours, and
+    /// explained by the model to a sixth of its height.
+    fn is_stripe(&self, fit: &Fit, sigma_px: f64) -> bool {
+        let misfit = (0.15 * fit.peak.min(255.0)).max(0.3 * self.config.min_peak);
+        fit.peak >= self.config.min_peak
+            && fit.sigma_px > 0.4 * sigma_px
+            && fit.sigma_px < 2.5 * sigma_px
+            && fit.variance < misfit * misfit
+    }
+}
+
+/// Row of the stripe in `column` from its course four to twelve columns before: not nearer, so
+/// that columns do not wait for each other. `None` where the course is not unbroken.
+fn predicted(tracks: &[Track], column: usize) -> Option<f64> {
+    let last = tracks.last()?.column;
+    let at = |back: usize| {
+        // Without gaps the track `back` columns before stands this far from the end.
+        let place = tracks
+            .len()
+            .checked_sub((last + back + 1).checked_sub(column)?)?;
+        tracks
+            .get(place)
+            .filter(|t| t.column + back == column)
+            .map(|t| t.fit.row_px)
+    };
+    let (near, far) = (at(COLUMNS_AHEAD)?, at(3 * COLUMNS_AHEAD)?);
+    let course = near - far;
+    (course.abs() < 16.0).then_some(near + 0.5 * course)
+}
+
+fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {
+    WidthPrior {
+        sigma_px,
+        weight: (noise_sd / (peak * relative_sd * sigma_px)).powi(2),
+    }
+}
