@@ -69,16 +69,37 @@ fn run(stall_ms: u64) -> (Vec<Duration>, u64, u64, u64) {
         room_bytes: u64::MAX,
         stalls: stalls.clone(),
     };
-    let head = Head { rig_toml: String::new(), calibration_toml: None, session: MetadataMap::new() };
+    let head = Head {
+        rig_toml: String::new(),
+        calibration_toml: None,
+        session: MetadataMap::new(),
+    };
     let settings = WriteSettings::live(&rig.log, Some(rig.camera.pixel_format));
     let recorder = Recorder::start(Box::new(disk), head, settings, clock.clone()).unwrap();
     let [x, y, z, phi, theta, psi] = rig.tank.start_pose;
-    let pose = Pose6 { x_m: x, y_m: y, z_m: z, phi_rad: phi, theta_rad: theta, psi_rad: psi };
+    let pose = Pose6 {
+        x_m: x,
+        y_m: y,
+        z_m: z,
+        phi_rad: phi,
+        theta_rad: theta,
+        psi_rad: psi,
+    };
     let image = Renderer::new(&rig).unwrap().render(&pose, 0).0;
     let away = Arc::new(Mutex::new(Vec::new()));
     let inner = SimCamera::new(Still(image), &rig.camera, clock.clone());
-    let source = Box::new(Timed { inner, returned: None, away: away.clone() });
-    let parts = Parts { source, line: None, recorder, clock, map: None };
+    let source = Box::new(Timed {
+        inner,
+        returned: None,
+        away: away.clone(),
+    });
+    let parts = Parts {
+        source,
+        line: None,
+        recorder,
+        clock,
+        map: None,
+    };
     let job = Job {
         rig,
         plan: None,
@@ -89,15 +110,28 @@ fn run(stall_ms: u64) -> (Vec<Duration>, u64, u64, u64) {
     let report = record::run(parts, &job, &Shutdown::new(), &mut |_| {}).unwrap();
     let lost = report.capture.lost.total() + report.log.counts.frames_dropped;
     let away = away.lock().unwrap().clone();
-    (away, report.capture.received, lost, stalls.load(Ordering::Relaxed))
+    (
+        away,
+        report.capture.received,
+        lost,
+        stalls.load(Ordering::Relaxed),
+    )
 }
 
 fn main() {
-    println!("{:<22} {:>7} {:>5} {:>7} {:>10} {:>10} {:>10}", "disk", "frames", "lost", "stalls", "p50 ms", "p99 ms", "max ms");
+    println!(
+        "{:<22} {:>7} {:>5} {:>7} {:>10} {:>10} {:>10}",
+        "disk", "frames", "lost", "stalls", "p50 ms", "p99 ms", "max ms"
+    );
     for (name, stall_ms) in [("good", 0), ("500 ms stall every 2 s", 500)] {
         let (mut away, frames, lost, stalls) = run(stall_ms);
         away.sort();
         let at = |q: f64| away[((away.len() - 1) as f64 * q) as usize].as_secs_f64() * 1e3;
-        println!("{name:<22} {frames:>7} {lost:>5} {stalls:>7} {:>10.3} {:>10.3} {:>10.3}", at(0.5), at(0.99), at(1.0));
+        println!(
+            "{name:<22} {frames:>7} {lost:>5} {stalls:>7} {:>10.3} {:>10.3} {:>10.3}",
+            at(0.5),
+            at(0.99),
+            at(1.0)
+        );
     }
 }

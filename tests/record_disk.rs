@@ -1,9 +1,9 @@
 //! The whole daemon on a bad disk: a stall costs no frame, a full disk ends in a readable file and exit code 3.
 #![allow(clippy::unwrap_used)]
 
-mod support;
 #[path = "support/slow_disk.rs"]
 mod slow_disk;
+mod support;
 
 use hydroline::clock::{Clock, SystemClock};
 use hydroline::log::Record;
@@ -21,7 +21,7 @@ fn record_on(disk: BadDisk, length_s: f64) -> Report {
     rig.log.min_free_bytes = 1 << 20;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let recorder = support::recorder(&rig, Box::new(disk), clock.clone());
-    let source = support::dark_camera(&rig.camera, clock.clone());
+    let source = support::noise_camera(&rig.camera, clock.clone());
     let parts = Parts {
         source,
         line: None,

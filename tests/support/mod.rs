@@ -17,19 +17,27 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The same dark frame again and again: for tests that are not about images.
-pub struct Dark(pub usize);
+/// The same frame of noise again and again, which no compression makes smaller: for tests that are not about stripes.
+pub struct Noise(Vec<u8>);
 
-impl Scene for Dark {
+impl Scene for Noise {
     fn image_at(&mut self, _: f64, _: u64) -> Result<Vec<u8>, CaptureError> {
-        Ok(vec![7; self.0])
+        Ok(self.0.clone())
     }
 }
 
-/// A camera of dark frames on the machine's clock.
-pub fn dark_camera(camera: &Camera, clock: Arc<dyn Clock>) -> Box<dyn FrameSource> {
-    let pixels = (camera.width_px * camera.height_px) as usize;
-    Box::new(SimCamera::new(Dark(pixels), camera, clock))
+/// A camera of noise on the machine's clock.
+pub fn noise_camera(camera: &Camera, clock: Arc<dyn Clock>) -> Box<dyn FrameSource> {
+    let mut state = 1u64;
+    let pixels = (0..camera.width_px * camera.height_px)
+        .map(|_| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 56) as u8
+        })
+        .collect();
+    Box::new(SimCamera::new(Noise(pixels), camera, clock))
 }
 
 /// A job on the built-in rig.

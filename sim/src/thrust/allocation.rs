@@ -185,7 +185,9 @@ impl Allocation {
             let ends = |p: Option<&(f64, f64)>| p.map_or(0.0, |p| p.1);
             let reached = x.clamp(ends(curve.points.first()), ends(curve.points.last()));
             let pulse_us = curve.pulse_us(reached, set.neutral_us);
-            pulse_us.unwrap_or(set.neutral_us).clamp(set.min_us, set.max_us)
+            pulse_us
+                .unwrap_or(set.neutral_us)
+                .clamp(set.min_us, set.max_us)
         };
         Ok(set
             .thrusters
