@@ -2,6 +2,8 @@
 //! log predicts. The predictor here is written from geometry.md alone and shares no code with
 //! the simulator. Skips, with a message, where the cases are absent.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 use hydroline::frame::GreyImage;
 use hydroline::stripe::{Band, Extractor, ExtractorConfig, Profile, quality};
 use nalgebra::{Rotation3, Vector3};

@@ -48,7 +48,7 @@ pub struct Excluded {
 }
 
 /// About one second of the account: from one frame (not counted) to the first frame at least 1 s later
-/// (counted); a longer silence makes it longer.
+/// (counted) that is on time; a silence or a stretch of late frames makes it longer.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SecondCounts {
     /// Stamp of the frame it starts after, from the first frame of the recording \[s\].

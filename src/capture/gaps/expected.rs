@@ -15,7 +15,13 @@ const CARRY: f64 = 0.5;
 /// How well the period of one second foretells that of the next, relative standard deviation.
 const STEADY: f64 = 0.001;
 /// How well a nominal rate foretells the real one, relative standard deviation.
-const NOMINAL: f64 = 0.05;
+const NOMINAL: f64 = 0.03;
+/// Share of a frame's distance from its place that is kept for the next.
+const LEAD_FADES: f64 = 0.95;
+/// The same while the period is only assumed.
+const LEAD_FADES_UNSURE: f64 = 0.7;
+/// Relative variance beyond which a period is only assumed.
+const UNSURE: f64 = 1e-4;
 /// Scatter that a line is credited with at least, share of the period.
 const LEAST_SCATTER: f64 = 1e-4;
 
@@ -58,7 +64,14 @@ impl Expected {
         self.intervals += 1;
         self.length_ns += dt_ns;
         self.all_clean &= (periods - 1.0).abs() < CLEAN;
-        self.line.add(periods);
+        self.line.add(
+            periods,
+            if self.doubt > UNSURE {
+                LEAD_FADES_UNSURE
+            } else {
+                LEAD_FADES
+            },
+        );
     }
 
     /// A pause of whole periods: the phase was lost, so nothing carries over it.
@@ -107,6 +120,7 @@ impl Expected {
 /// Least squares of (stamp in periods - place) on place, from the point (0, 0).
 #[derive(Debug, Clone, Default)]
 struct Line {
+    lead: f64,
     place: f64,
     stamp: f64,
     n: f64,
@@ -118,8 +132,13 @@ struct Line {
 }
 
 impl Line {
-    fn add(&mut self, periods: f64) {
-        self.place += periods.round().max(1.0);
+    fn add(&mut self, periods: f64, fades: f64) {
+        // A late frame takes the places of those that queue up behind it: its lead is kept until they have come.
+        // It fades, so that an assumed period that is some percent off does not add up to a place.
+        self.lead = fades * self.lead + periods;
+        let places = self.lead.round();
+        self.lead -= places;
+        self.place += places;
         self.stamp += periods;
         let (x, y) = (self.place, self.stamp - self.place);
         self.n += 1.0;

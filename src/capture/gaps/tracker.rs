@@ -13,6 +13,10 @@ const LONG_MEMORY: f64 = 250.0;
 /// The second filter is used only while the first agrees with it.
 const LONG_AGREES: f64 = 0.01;
 
+/// A stamp may be late by any amount (a busy host): what is farther off its place than this share of the period is
+/// not followed, or one late frame would drag the grid along and make the next ones early.
+const LATE: f64 = 0.25;
+
 /// No stamp is farther than this many periods: keeps sums of garbage stamps within 64 bits.
 pub(super) const FAR: f64 = 1e12;
 
@@ -111,7 +115,13 @@ impl Tracker {
         self.experience = (self.experience + 1.0).min(MEMORY);
         let (alpha, beta) = gains(self.experience);
         let predicted = self.slot_ns + slots as f64 * self.period_ns;
-        let residual = at_ns - predicted;
+        if slots <= 0 {
+            // It queued up behind a late frame: its stamp says when the jam ended, not when it was due.
+            self.slot_ns = predicted;
+            return;
+        }
+        let far = LATE * self.period_ns;
+        let residual = (at_ns - predicted).clamp(-far, far);
         self.slot_ns = predicted + alpha * residual;
         self.period_ns += beta * residual / slots.max(1) as f64;
     }
