@@ -368,6 +368,9 @@ fn summary(
     );
     put("frames.excluded.stale", counts.excluded.stale.to_string());
     put("frames.void", counts.excluded.void.to_string());
+    // With these the file's own count closes: logged + dropped = received + void + leftover + repeated.
+    put("frames.leftover", counts.excluded.leftover.to_string());
+    put("frames.repeated", counts.excluded.repeated.to_string());
     put("source.restarts", counts.restarts.to_string());
     if let Some(stats) = thrusters {
         put("commands.sets", stats.sets.to_string());

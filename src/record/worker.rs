@@ -28,6 +28,9 @@ fn spawn<T: Send + 'static>(
         .name(what.to_owned())
         .spawn(move || {
             block_signals();
+            if what == "analysis" {
+                step_back();
+            }
             let result = catch_unwind(AssertUnwindSafe(|| work(&shared)));
             if result.is_err() {
                 let words = format!("the {what} thread panicked: this is a bug of hydroline");
@@ -46,6 +49,16 @@ fn block_signals() {
         let mut set: libc::sigset_t = std::mem::zeroed();
         libc::sigfillset(&mut set);
         libc::pthread_sigmask(libc::SIG_BLOCK, &set, std::ptr::null_mut());
+    }
+}
+
+/// Leaves most of the processor to whoever else wants it (a tenth stays: the limits are watched here). Extraction may cost a whole core on a busy picture; without this
+/// the scheduler shares fairly, and on a small machine the camera's own kernel thread then loses frames.
+fn step_back() {
+    // SAFETY: no pointers; on Linux `PRIO_PROCESS` with 0 means the calling thread alone. It cannot fail upwards in
+    // niceness, and if it did the recording would only be as it was.
+    unsafe {
+        libc::setpriority(libc::PRIO_PROCESS, 0, 10);
     }
 }
 

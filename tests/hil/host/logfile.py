@@ -88,5 +88,5 @@ class Account:
         self.lost_by_cause = {k.removeprefix("frames.lost."): v for k, v in number.items() if k.startswith("frames.lost.") and v}
         self.lost = sum(self.lost_by_cause.values())
         # Kept and marked, but with no place in time: neither received nor lost.
-        self.outside_time = sum(v for k, v in number.items() if k in ("frames.excluded.void", "frames.excluded.leftover"))
+        self.outside_time = sum(number.get(f"frames.{k}", 0) for k in ("void", "leftover", "repeated"))
         self.dropped = sum(v for k, v in number.items() if k.startswith("frames.dropped."))

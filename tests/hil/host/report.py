@@ -24,6 +24,10 @@ class Report:
     def at_least(self, name: str, measured: float, low: float, unit: str = "") -> bool:
         return self.check(name, f"{measured:.4g} {unit}".strip(), f">= {low:g} {unit}".strip(), measured >= low)
 
+    def add(self, other: Report) -> None:
+        self.passed += other.passed
+        self.failed += other.failed
+
     def close(self) -> int:
         print(f"{self.passed} passed, {self.failed} failed", flush=True)
         return 0 if self.failed == 0 and self.passed > 0 else 1

@@ -9,7 +9,7 @@ from common import controller, exit_code, rate_fps, sound, stamps
 from logfile import Account, Log
 from report import Report
 
-SECONDS = 7.0
+SECONDS, PLAN_SECONDS = 7.0, 5.0
 CAMERAS = {
     "a-grey": {**rigs.VIVID_TV, "pixel_format": "GREY"},
     "a-yuyv": {**rigs.VIVID_TV, "pixel_format": "YUYV"},
@@ -21,7 +21,7 @@ def run(bench, report: Report) -> None:
     guest = bench.guest(timeout_s=150)
     folder = guest.overlay / "work/rigs"
     rigs.write(bench.repository, folder, CAMERAS)
-    rigs.write_plan(folder / "hil-plan.toml", seconds=5.0)
+    rigs.write_plan(folder / "hil-plan.toml", seconds=PLAN_SECONDS)
     report.equal("a: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-a.sh"), 0)
     devices(report, bench)
     for name, camera in CAMERAS.items():
@@ -30,14 +30,18 @@ def run(bench, report: Report) -> None:
             continue
         rate = camera["rate_fps"]
         a = Account(log.meta("summary"))
-        report.equal(f"{name}: frames lost", a.lost, 0)
+        # A period that the emulated USB camera could not send in time was lost before any driver saw it.
+        late = sum(" late " in l for l in (bench.out / "uvc.txt").read_text().splitlines()) if name == "a-mjpg" else 0
+        report.equal(f"{name}: frames lost (the camera itself: {late})", a.lost, late)
         report.within(f"{name}: frame rate by the driver's stamps", rate_fps(log), rate * 0.98, rate * 1.02, "fps")
         report.at_least(f"{name}: frames received", a.received, (SECONDS - 1) * rate)
+        marks = sum(1 for f in log.frames[2:] if f.fault)
+        report.equal(f"{name}: faulty frames beyond the first two", marks, 0)
         steps = [y.sequence - x.sequence for x, y in zip(log.frames, log.frames[1:])]
         report.equal(f"{name}: sequence steps", sorted(set(steps)), [1])
         stamps(report, log, name, camera["exposure_s"])
-        pixels(report, log, name, camera, bench.cache)
-        controller(report, log, name, SECONDS, rigs.command_rate_hz(bench.repository))
+        pixels(report, log, name, camera, bench.cache, late)
+        controller(report, log, name, SECONDS, PLAN_SECONDS * rigs.command_rate_hz(bench.repository))
 
 
 def devices(report: Report, bench) -> None:
@@ -51,14 +55,15 @@ def devices(report: Report, bench) -> None:
         report.equal(f"a: `devices --json` lists {what}: words lacking", lacking, [])
 
 
-def pixels(report: Report, log: Log, name: str, camera: dict, cache: Path) -> None:
+def pixels(report: Report, log: Log, name: str, camera: dict, cache: Path, late: int) -> None:
     w, h = camera["width_px"], camera["height_px"]
     if camera["pixel_format"] == "MJPG":
         sources = [p.read_bytes() for p in sorted((cache / "jpeg").glob("*.jpg"))]
         wrong = [n for n, data in map(unwrap_jpeg, log.images) if n is None or data != sources[n % len(sources)]]
         report.equal(f"{name}: JPEGs that differ from those the camera sent", wrong[:5], [])
         numbers = [unwrap_jpeg(i)[0] for i in log.images]
-        report.equal(f"{name}: camera's own numbers without gap or repeat", {y - x for x, y in zip(numbers, numbers[1:])}, {1})
+        missing = set(range(numbers[0], numbers[-1] + 1)) - set(numbers)
+        report.equal(f"{name}: camera's own numbers: missing, repeated", (len(missing), len(numbers) - len(set(numbers))), (late, 0))
     else:
         encoding, bytes_per_px = ("mono8", 1) if camera["pixel_format"] == "GREY" else ("yuyv", 2)
         shapes = sorted({(i.encoding, i.width, i.height, i.step, len(i.data)) for i in log.images})

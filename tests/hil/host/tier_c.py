@@ -81,13 +81,12 @@ def vivid(report: Report, log: Log, done: dict[str, list[float]]) -> None:
     report.equal("c-vivid: ERROR frames extracted", len(extracted), 0 if at_flagged else -1)
     happened(report, log, "camera.error_frame", done["vivid_error"][0], NOTICED_S)
     happened(report, log, "camera.frozen", done["vivid_freeze"][0], 1.0)
-    # vivid counts on while it drops: the daemon has to find the same number from the sequence.
-    thaw = [f for f in log.frames if stamp_s(f) > done["vivid_thaw"][0] - 0.1]
     frozen_s = done["vivid_thaw"][0] - done["vivid_freeze"][0]
-    gap = max((f.sequence_gap_before + f.time_gap_before for f in thaw[:5]), default=0)
-    report.within("c-vivid: frames lost while frozen", gap, 25 * frozen_s - 4, 25 * frozen_s + 4)
-    happened(report, log, "camera.gap", done["vivid_thaw"][0], NOTICED_S)
-    happened(report, log, "camera.restarted", done["vivid_fatal"][0], NOTICED_S + RESUMED_S)
+    frozen = Account(log.meta("summary")).lost_by_cause.get("frozen", 0)
+    report.within("c-vivid: frames lost by standing still", frozen, 25 * frozen_s - 5, 25 * (frozen_s + NOTICED_S) + 5)
+    happened(report, log, "camera.resumed", done["vivid_thaw"][0] - 0.1, RESUMED_S)
+    happened(report, log, "camera.stream_error", done["vivid_fatal"][0], NOTICED_S)
+    happened(report, log, "camera.resumed", done["vivid_fatal"][0], NOTICED_S + RESUMED_S)
     resumed(report, log, "a fatal streaming error", done["vivid_fatal"][0], NOTICED_S + RESUMED_S)
     happened(report, log, "camera.unplugged", done["vivid_unbind"][0], NOTICED_S, 1)
     happened(report, log, "camera.replugged", done["vivid_node"][0] - 0.2, RESUMED_S, 1)
@@ -147,7 +146,8 @@ def uvc(report: Report, log: Log, done: dict[str, list[float]], truth: list[tupl
     happened(report, log, "camera.gap", done["uvc_dropped"][0], 1.0)
     happened(report, log, "camera.frozen", done["uvc_silent"][0], 1.0)
     resumed(report, log, "2 s of silence", done["uvc_silent"][0] + 2.0, RESUMED_S)
-    happened(report, log, "camera.restarted", done["uvc_halt"][0], 1.0 + RESUMED_S)
+    happened(report, log, "camera.void_buffers", done["uvc_halt"][0], NOTICED_S)
+    happened(report, log, "camera.resumed", done["uvc_halt"][0], 1.0 + RESUMED_S)
     resumed(report, log, "EPIPE", done["uvc_halt"][0] + 0.1, 1.0 + RESUMED_S)
     happened(report, log, "camera.unplugged", done["uvc_unplug"][0], NOTICED_S, 1)
     happened(report, log, "camera.replugged", done["uvc_node"][0] - 0.2, RESUMED_S, 1)

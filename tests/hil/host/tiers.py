@@ -18,6 +18,9 @@ import vm  # noqa: E402
 from report import Report  # noqa: E402
 
 TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "self": tier_self}
+# A tier that failed while other work held up the guest is run again: the verdict is about the daemon, and a guest without
+# processor time loses frames before any driver sees them. On a machine of its own the first attempt counts.
+ATTEMPTS, BUSY_SHARE = 3, 0.02
 ALL = ["a", "b", "c"]         # self judges the injectors, not the daemon
 
 
@@ -32,12 +35,25 @@ class Bench:
         for old in (self.cache / "runs").glob(f"{name}.*"):       # a failed run keeps its recordings until the next
             shutil.rmtree(old, ignore_errors=True)
         self.out = Path(tempfile.mkdtemp(prefix=f"{name}.", dir=self.cache / "runs"))
+        self.guests: list[vm.Guest] = []
 
     def guest(self, timeout_s: float) -> vm.Guest:
         g = vm.Guest(self.cache, self.out, timeout_s)
+        self.guests.append(g)
         g.add_program(self.binary)
         g.controller_command = [str(self.binary), "sim-controller", "--socket", "{socket}", "--kind", "stamped"]
         return g
+
+
+def evidence(bench: Bench) -> None:
+    console = bench.out / "console.txt"
+    if console.exists():
+        print(f"--- last lines of {console}")
+        print("\n".join(console.read_text(errors="replace").splitlines()[-30:]))
+    for err in sorted(bench.out.glob("*.stderr")):
+        print(f"--- last lines of {err}")
+        print("\n".join(err.read_text(errors="replace").splitlines()[-12:]))
+    print(f"--- everything is kept in {bench.out}", flush=True)
 
 
 def main(words: list[str]) -> int:
@@ -48,23 +64,24 @@ def main(words: list[str]) -> int:
         return 2
     report = Report()
     for name in names:
-        bench = Bench(name)
-        failed_before, started = report.failed, time.monotonic()
         print(f"tier {name}: {TIERS[name].__doc__.strip().splitlines()[0]}", flush=True)
-        try:
-            TIERS[name].run(bench, report)
-        except Exception as e:  # a broken recording must end as a failed check with its evidence, not as a traceback
-            report.check(f"{name}: tier runs to its end", f"{type(e).__name__}: {e}", "no error", False)
-        print(f"tier {name}: {time.monotonic() - started:.1f} s", flush=True)
-        if report.failed > failed_before:
-            console = bench.out / "console.txt"
-            if console.exists():
-                print(f"--- last lines of {console}")
-                print("\n".join(console.read_text(errors="replace").splitlines()[-30:]))
-            for err in sorted(bench.out.glob("*.stderr")):
-                print(f"--- last lines of {err}")
-                print("\n".join(err.read_text(errors="replace").splitlines()[-12:]))
-            print(f"--- everything is kept in {bench.out}", flush=True)
+        for attempt in range(1, ATTEMPTS + 1):
+            bench, tier = Bench(name), Report()
+            started = time.monotonic()
+            try:
+                TIERS[name].run(bench, tier)
+            except Exception as e:  # a broken recording must end as a failed check with its evidence, not as a traceback
+                tier.check(f"{name}: tier runs to its end", f"{type(e).__name__}: {e}", "no error", False)
+            waited = max((g.waited_share for g in bench.guests), default=0.0)
+            print(f"tier {name}: {time.monotonic() - started:.1f} s; the guest's processors waited {100 * waited:.1f} % for the host's", flush=True)
+            if tier.failed and waited > BUSY_SHARE and attempt < ATTEMPTS:
+                print(f"tier {name}: {tier.failed} failed on a machine busy with other work: the emulated cameras themselves "
+                      f"come late then. Again ({attempt + 1} of {ATTEMPTS})", flush=True)
+                continue
+            break
+        report.add(tier)
+        if tier.failed:
+            evidence(bench)
         elif not os.environ.get("HYDROLINE_HIL_KEEP"):
             shutil.rmtree(bench.out)
     return report.close()
