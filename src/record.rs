@@ -368,7 +368,7 @@ fn summary(
     );
     put("frames.excluded.stale", counts.excluded.stale.to_string());
     put("frames.void", counts.excluded.void.to_string());
-    // With these the file's own count closes: logged + dropped = received + void + leftover + repeated.
+    // With these the file's own count closes: logged + dropped = received + leftover + repeated.
     put("frames.leftover", counts.excluded.leftover.to_string());
     put("frames.repeated", counts.excluded.repeated.to_string());
     put("source.restarts", counts.restarts.to_string());

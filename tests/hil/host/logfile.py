@@ -87,6 +87,6 @@ class Account:
         self.expected = number.get("frames.expected", -1)
         self.lost_by_cause = {k.removeprefix("frames.lost."): v for k, v in number.items() if k.startswith("frames.lost.") and v}
         self.lost = sum(self.lost_by_cause.values())
-        # Kept and marked, but with no place in time: neither received nor lost.
-        self.outside_time = sum(number.get(f"frames.{k}", 0) for k in ("void", "leftover", "repeated"))
+        # Kept and marked, but with no place in time: neither received nor lost. (Void buffers hold nothing to keep.)
+        self.outside_time = sum(number.get(f"frames.{k}", 0) for k in ("leftover", "repeated"))
         self.dropped = sum(v for k, v in number.items() if k.startswith("frames.dropped."))

@@ -5,6 +5,8 @@ import shutil
 import tomllib
 from pathlib import Path
 
+from vm import ADAPTER_SERIAL
+
 
 def _value(v: object) -> str:
     if isinstance(v, bool):
@@ -37,8 +39,7 @@ UVC = {"device": "/dev/v4l/by-id/usb-Hydroline_HIL_camera_HIL0001-video-index0",
        "width_px": 640, "height_px": 480, "rate_fps": 30.0, "exposure_s": 0.008, "control": []}
 LOOPBACK = {"device": "/dev/video10", "allow_unstable_node": True, "pixel_format": "GREY",
             "width_px": 720, "height_px": 576, "rate_fps": 25.0, "exposure_s": 0.008, "control": []}
-# qemu's usb-serial in the first slot behind the xhci of host/vm.py
-SERIAL = "/dev/serial/by-id/usb-QEMU_QEMU_USB_SERIAL_1-0000:00:03.0-1-if00-port0"
+SERIAL = f"/dev/serial/by-id/usb-QEMU_QEMU_USB_SERIAL_{ADAPTER_SERIAL}-if00-port0"
 # The guest's tmpfs holds a few hundred MB, and its emulated processor compresses ten times slower than a real one.
 LOG = {"min_free_bytes": 16 << 20, "zstd_level": 0}
 
@@ -66,6 +67,11 @@ def command_rate_hz(repository: Path) -> float:
     """How often the bench rig sends a command."""
     bench = tomllib.loads((repository / "rigs/bench-v4l.toml").read_text())
     return float(bench["thrusters"]["link"]["rate_hz"])
+
+
+def channels(repository: Path) -> dict[str, int]:
+    """Controller channel of each thruster of the bench rig."""
+    return {t["name"]: t["channel"] for t in tomllib.loads((repository / "rigs/bench-v4l.toml").read_text())["thruster"]}
 
 
 def write_plan(path: Path, seconds: float) -> None:

@@ -24,10 +24,12 @@ def run(bench, report: Report) -> None:
     rigs.write_plan(folder / "hil-plan.toml", seconds=PLAN_SECONDS)
     report.equal("a: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-a.sh"), 0)
     devices(report, bench)
+    logs = []
     for name, camera in CAMERAS.items():
         log = sound(report, bench, name, (0,))
         if log is None:
             continue
+        logs.append(log)
         rate = camera["rate_fps"]
         a = Account(log.meta("summary"))
         # A period that the emulated USB camera could not send in time was lost before any driver saw it.
@@ -42,6 +44,18 @@ def run(bench, report: Report) -> None:
         stamps(report, log, name, camera["exposure_s"])
         pixels(report, log, name, camera, bench.cache, late)
         controller(report, log, name, SECONDS, PLAN_SECONDS * rigs.command_rate_hz(bench.repository))
+    controller_saw(report, bench, logs)
+
+
+def controller_saw(report: Report, bench, logs: list[Log]) -> None:
+    """What the controller put out, by its own log, against the commands in the recordings."""
+    put_out = [tuple(l.split()[1:3]) for l in (bench.out / "controller.log").read_text().splitlines() if l.endswith(" Command")]
+    channel = rigs.channels(bench.repository)
+    logged = [(str(channel[c.thruster]), f"{c.pulse_us:.2f}") for log in logs
+              for c in sorted(log.of("/thruster/command"), key=lambda c: (c.sequence, channel[c.thruster])) if c.plan_step]
+    same = sum(1 for x, y in zip(put_out, logged) if x == y)
+    report.check("a: pulses the controller put out vs commands logged", f"{same} of {len(put_out)} equal, {len(logged)} logged", "all equal, in order",
+                 bool(logged) and put_out == logged)
 
 
 def devices(report: Report, bench) -> None:

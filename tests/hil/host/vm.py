@@ -25,6 +25,10 @@ import time
 from pathlib import Path
 
 
+# Left to itself qemu makes the serial number from the USB port, and hands out another port at a replug.
+ADAPTER_SERIAL = "HIL0002"
+
+
 class GuestError(Exception):
     """The guest did not do what it was booted for."""
 
@@ -197,7 +201,7 @@ class Guest:
              "-qmp", f"unix:{qmp_path},server=on,wait=off",
              "-device", "qemu-xhci,id=xhci",
              "-chardev", f"socket,id=cusb,path={usb},server=on,wait=off",
-             "-device", "usb-serial,chardev=cusb,id=ftdi0,bus=xhci.0"],
+             "-device", f"usb-serial,chardev=cusb,id=ftdi0,bus=xhci.0,port=1,serial={ADAPTER_SERIAL}"],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", bufsize=1,
             start_new_session=True)
         go_first(qemu.pid)
@@ -257,7 +261,7 @@ class Guest:
                 qmp.wait_event("DEVICE_DELETED")          # a device_add before that is refused
             elif c.get("adapter") == "plug":
                 answer = json.dumps(qmp.command({"execute": "device_add", "arguments": {
-                    "driver": "usb-serial", "chardev": "cusb", "id": "ftdi0", "bus": "xhci.0"}}))
+                    "driver": "usb-serial", "chardev": "cusb", "id": "ftdi0", "bus": "xhci.0", "port": "1", "serial": ADAPTER_SERIAL}}))
             elif "controller" in c:
                 answer = controller.do(c["controller"])
             elif "note" in c:

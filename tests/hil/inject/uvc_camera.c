@@ -213,7 +213,7 @@ int main(int argc, char **argv) {
   if (faults < 0 || plug_in()) return 1;
   note("plugged 0");
 
-  int fid = 0, error_bit = 0, cut = 0, drop = 0, sending = 0;
+  int fid = 0, error_next = 0, error_bit = 0, cut = 0, drop = 0, sending = 0;
   double due = 0, silent_until = 0;
   for (;;) {
     int wait_ms = !streaming ? 1000 : sending && queued ? 0 : (int)((due - now_s()) * 1000) + 1;
@@ -222,7 +222,7 @@ int main(int argc, char **argv) {
     if (p[1].revents & POLLIN) {
       char k[16]; int n = read(faults, k, sizeof k);
       for (int i = 0; i < n; i++) switch (k[i]) {
-          case 'e': error_bit = 1; break;
+          case 'e': error_next = 1; break;
           case 't': cut = 1; break;
           case 'd': drop = 5; break;
           case 's': silent_until = now_s() + 2; note("silent %u", number); break;
@@ -243,6 +243,7 @@ int main(int argc, char **argv) {
       if (drop) { drop--; note("dropped %u", number); continue; }
       length = compose(number);
       if (cut) { cut = 0; length /= 2; note("truncated %u", number); }
+      error_bit = error_next; error_next = 0;                // a whole frame or none
       if (error_bit) note("error_bit %u", number);
       offset = 0; sending = 1;
     }
