@@ -11,12 +11,12 @@ mod extract;
 mod inputs;
 mod log_tools;
 mod outcome;
+mod print;
 mod progress;
 mod record;
 mod replay;
 mod rig;
 mod rigging;
-mod signals;
 mod sim_controller;
 mod simulate;
 

@@ -6,7 +6,9 @@
 
 use crate::log::Recorder;
 use crate::log::trace::LogLayer;
+use std::io::IsTerminal;
 use std::sync::OnceLock;
+use tracing_appender::non_blocking::WorkerGuard;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
@@ -14,11 +16,21 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 static LAYER: OnceLock<LogLayer> = OnceLock::new();
 
+/// Writes what is left to stderr when dropped: keep it until the process ends.
+#[must_use = "lines still waiting are written when this is dropped"]
+pub struct Diagnostics(#[allow(dead_code)] WorkerGuard);
+
 /// Sets up stderr and the way into a recording's log. A second call keeps the first set-up.
-pub fn init() {
+///
+/// stderr is written by a thread of its own through a bounded queue: a terminal that stands still (Ctrl-S, a
+/// dropped connection) must not hold up capture or thrusters. What it cannot take is dropped there; the
+/// recording's own log has it.
+pub fn init() -> Diagnostics {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    let (writer, guard) = tracing_appender::non_blocking(std::io::stderr());
     let stderr = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(writer)
         .with_target(false)
         .with_filter(filter);
     let into_log = LAYER
@@ -29,6 +41,7 @@ pub fn init() {
         .with(stderr)
         .with(into_log)
         .try_init();
+    Diagnostics(guard)
 }
 
 /// While this lives, diagnostics go into that recording too.

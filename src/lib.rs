@@ -15,6 +15,7 @@ pub mod record;
 pub mod replay;
 pub mod setpoint;
 pub mod shutdown;
+pub mod signals;
 pub mod simulate;
 pub mod simulated;
 pub mod stripe;

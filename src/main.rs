@@ -5,7 +5,7 @@ use hydroline::cli::{Cli, exit_code};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    hydroline::diagnostics::init();
+    let _diagnostics = hydroline::diagnostics::init();
     let result = Cli::parse().run();
     if let Err(error) = &result {
         eprintln!("hydroline: {error}");

@@ -13,6 +13,7 @@ pub mod preflight;
 mod session;
 mod supervise;
 mod tracker;
+mod watch;
 mod worker;
 
 pub use session::{Conditions, SessionInput, head};
@@ -33,6 +34,7 @@ use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 use newest::Newest;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// Everything a recording touches, injected.
@@ -56,7 +58,7 @@ pub struct Job {
     pub rig: Rig,
     /// The plan to run; `None` = thrusters stay at neutral.
     pub plan: Option<Plan>,
-    /// How long to record from the first good frame; `None` = until stopped.
+    /// How long to record from the moment camera (and, with a plan, controller) are ready; `None` = until stopped.
     pub length: Option<Duration>,
     /// Longest wait for the first good frame (and for the controller, when there is a plan).
     pub ready_within: Duration,
@@ -67,7 +69,7 @@ pub struct Job {
 /// The state of a recording, for whoever watches.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Status {
-    /// Time since the first good frame \[s\]; `None` = not ready yet.
+    /// Time since camera and controller were ready \[s\]; `None` = not ready yet.
     pub elapsed_s: Option<f64>,
     /// Frames received.
     pub frames: u64,
@@ -138,12 +140,14 @@ struct Shared {
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
+    floor: Mutex<Option<watch::Measured>>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Progress {
     counts: CaptureCounts,
     first_good_ns: Option<u64>,
+    last_good_ns: Option<u64>,
     analysed: u64,
     points: usize,
 }
@@ -173,7 +177,54 @@ impl Shared {
     }
 }
 
-/// Records until the job is done or `shutdown` is raised; `watch` is told the state about ten times a second.
+/// Is told the state of a recording about ten times a second, on a thread of its own: a terminal that
+/// stands still must not hold up the recording.
+pub type Watch = Box<dyn FnMut(&Status) + Send>;
+
+struct Threads {
+    capture: JoinHandle<Option<CaptureCounts>>,
+    analysis: JoinHandle<Option<()>>,
+    limits: JoinHandle<Option<()>>,
+}
+
+fn start_threads(
+    shared: &Arc<Shared>,
+    source: Box<dyn FrameSource>,
+    map: Option<Arc<dyn PlaneMap>>,
+    job: &Job,
+    service: Option<&ThrusterService>,
+) -> Result<Threads, RecordError> {
+    let neutral = service.map(ThrusterService::handle);
+    let analysis = worker::analysis(shared.clone(), job, map)?;
+    let limits = watch::start(shared.clone(), job, neutral)?;
+    let capture = worker::capture(shared.clone(), source)?;
+    Ok(Threads {
+        capture,
+        analysis,
+        limits,
+    })
+}
+
+/// Shows the newest status on a thread that nobody waits for.
+fn show(status: Arc<Newest<Status>>, mut watch: Watch) {
+    let work = move || {
+        loop {
+            match status.take(Duration::from_secs(1)) {
+                newest::Taken::Item(status) => watch(&status),
+                newest::Taken::Nothing => {}
+                newest::Taken::Closed => return,
+            }
+        }
+    };
+    let spawned = std::thread::Builder::new()
+        .name("status".to_owned())
+        .spawn(work);
+    if let Err(error) = spawned {
+        tracing::warn!("no status line: {error}");
+    }
+}
+
+/// Records until the job is done or `shutdown` is raised.
 ///
 /// # Errors
 /// [`RecordError`] when a part could not be started; what goes wrong later ends the run and stands in
@@ -182,7 +233,7 @@ pub fn run(
     parts: Parts,
     job: &Job,
     shutdown: &Shutdown,
-    watch: &mut dyn FnMut(&Status),
+    watch: Watch,
 ) -> Result<Report, RecordError> {
     let shared = Arc::new(Shared {
         recorder: parts.recorder.clone(),
@@ -192,28 +243,37 @@ pub fn run(
         progress: Mutex::new(Progress::default()),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
+        floor: Mutex::new(None),
     });
     announce(&shared, &job.rig, parts.map.as_deref());
     let service = match parts.line {
         Some(opener) => Some(start_service(&shared, &job.rig, opener)?),
         None => None,
     };
-    let analysis = worker::analysis(
-        shared.clone(),
-        job,
-        parts.map.clone(),
-        service.as_ref().map(ThrusterService::handle),
-    )?;
-    let capture = worker::capture(shared.clone(), parts.source)?;
-
-    let stop = supervise::supervise(&shared, job, service.as_ref(), watch)?;
+    let started = start_threads(&shared, parts.source, parts.map, job, service.as_ref());
+    let status = Arc::new(Newest::default());
+    show(status.clone(), watch);
+    // Whatever failed to start, the parts that did are taken down in order and the file gets its end.
+    let result = match &started {
+        Ok(_) => supervise::supervise(&shared, job, service.as_ref(), &status),
+        Err(error) => Ok(StopReason::Failed(error.to_string())),
+    };
+    let stop = result.unwrap_or_else(|error| StopReason::Failed(error.to_string()));
 
     // Neutral before anything else is taken down; shutdown() waits until the echo confirms it.
     shutdown.raise(stop.clone());
     let thrusters = service.map(ThrusterService::shutdown);
-    let counts = worker::join(capture).unwrap_or_default();
-    shared.newest.close();
-    worker::join(analysis);
+    if let Ok(signals) = crate::signals::listen() {
+        signals.detach_all();
+    }
+    status.close();
+    let mut counts = CaptureCounts::default();
+    if let Ok(threads) = started {
+        counts = worker::join(threads.capture).unwrap_or_default();
+        shared.newest.close();
+        worker::join(threads.analysis);
+        worker::join(threads.limits);
+    }
     shared.say(Severity::Info, "daemon.stop", stop.to_string());
 
     let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
@@ -339,7 +399,7 @@ fn summary(
         ("restarted", counts.lost.restarted),
     ];
     let mut summary = SummaryInput::clean(stop.to_string());
-    summary.clean = !matches!(stop, StopReason::Failed(_));
+    summary.clean = !matches!(stop, StopReason::Failed(_) | StopReason::PlanAborted(_));
     summary.frames = Some(FrameLedger {
         expected: counts.expected,
         received: counts.received,

@@ -212,8 +212,9 @@ fn write_commands(
             cause: "plan".to_owned(),
         };
         log.write(at_ns(t_s), &Entry::command(&message))?;
-        *sequence = sequence.wrapping_add(1);
     }
+    // As the thruster service: one sequence per set, shared by all thrusters.
+    *sequence = sequence.wrapping_add(1);
     Ok(())
 }
 

@@ -146,7 +146,7 @@ fn the_simulated_vehicle_moves_as_commanded() {
 
 #[test]
 fn ctrl_c_and_sigterm_end_a_recording_cleanly_with_neutral_last() {
-    for (signal, words) in [("INT", "Ctrl-C"), ("TERM", "SIGTERM")] {
+    for (signal, words) in [("INT", "Ctrl-C"), ("TERM", "SIGTERM"), ("HUP", "SIGHUP")] {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("run.mcap");
         let child = hydroline()
@@ -249,7 +249,7 @@ fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
         parts,
         &job,
         &hydroline::shutdown::Shutdown::new(),
-        &mut |_| {},
+        Box::new(|_| {}),
     )
     .unwrap();
     let hydroline::shutdown::StopReason::Limit(words) = &report.stop else {
@@ -262,4 +262,103 @@ fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
             .iter()
             .any(|r| matches!(r, Record::Event(e) if e.kind == "limit.passed"))
     );
+}
+
+/// A pseudo-terminal: master and slave.
+fn terminal() -> (std::fs::File, std::fs::File) {
+    use std::os::fd::FromRawFd;
+    let (mut master, mut slave) = (0, 0);
+    let null = std::ptr::null_mut();
+    // SAFETY: both descriptors are written by openpty and owned by nobody else.
+    unsafe {
+        assert_eq!(
+            libc::openpty(&mut master, &mut slave, null, null.cast(), null.cast()),
+            0
+        );
+        (
+            std::fs::File::from_raw_fd(master),
+            std::fs::File::from_raw_fd(slave),
+        )
+    }
+}
+
+#[test]
+fn space_among_other_keys_brings_neutral_and_the_recording_goes_on_until_q() {
+    use std::io::Write;
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("run.mcap");
+    let (mut master, slave) = terminal();
+    let mut child = hydroline()
+        .args([
+            "record", "--rig", "lshpi", "--plan", "surge-4n", "--json", "--out",
+        ])
+        .arg(&out)
+        .stdin(Stdio::from(slave))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(2500));
+    // Several keys in one burst: a buffered reader once swallowed the Space behind the first one.
+    master.write_all(b"xx x").unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1000));
+    assert!(child.try_wait().unwrap().is_none(), "still recording");
+    master.write_all(b"q").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 3)));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("the q key"));
+    let (records, _) = read(&out);
+    let sets: Vec<_> = records
+        .iter()
+        .filter_map(|r| match r {
+            Record::Command(c) if c.thruster == "h_fore_stbd" => Some(c.pulse_us),
+            _ => None,
+        })
+        .collect();
+    let moved = sets.iter().position(|p| *p > 1500.0).unwrap();
+    let stopped = sets.iter().rposition(|p| *p > 1500.0).unwrap();
+    assert!(moved < stopped && stopped + 1 < sets.len());
+    assert!(sets[stopped + 1..].iter().all(|p| *p == 1500.0));
+    let told = |word: &str| {
+        records
+            .iter()
+            .any(|r| matches!(r, Record::Event(e) if e.kind == "thruster.neutral" && e.message.contains(word)))
+    };
+    assert!(told("Space"));
+}
+
+#[test]
+fn a_plan_without_an_answering_controller_fails_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = dir.path().join("rig.toml");
+    let text = Rig::builtin("lshpi").unwrap().effective_toml;
+    // A pseudo-terminal that nobody serves.
+    let (_master, slave) = terminal();
+    let node = std::fs::read_link(format!(
+        "/proc/self/fd/{}",
+        std::os::fd::AsRawFd::as_raw_fd(&slave)
+    ))
+    .unwrap();
+    let port = format!("port = \"{}\"\nallow_unstable_node = true", node.display());
+    let silent = text.replace("port = \"sim\"", &port);
+    assert_ne!(silent, text);
+    std::fs::write(&rig, silent).unwrap();
+    let out = dir.path().join("run.mcap");
+    let output = hydroline()
+        .args([
+            "record",
+            "--plan",
+            "surge-4n",
+            "--ready-within",
+            "2s",
+            "--rig",
+        ])
+        .arg(&rig)
+        .arg("--out")
+        .arg(&out)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("controller does not answer"), "{stderr}");
 }

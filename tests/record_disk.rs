@@ -33,7 +33,7 @@ fn record_on(disk: BadDisk, length_s: f64) -> Report {
         parts,
         &support::job(&rig, None, length_s),
         &Shutdown::new(),
-        &mut |_| {},
+        Box::new(|_| {}),
     )
     .unwrap()
 }

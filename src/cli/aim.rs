@@ -1,5 +1,6 @@
 //! `hydroline aim`: focus, exposure and laser at a glance, twice a second.
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs, rigging};
 use crate::analysis::Analyst;
 use crate::capture::{Captured, FrameSource};
@@ -25,7 +26,7 @@ pub struct Args {
     /// Ends after this time; default: until Ctrl-C
     #[arg(long = "for", value_parser = inputs::duration, value_name = "TIME")]
     length: Option<Duration>,
-    /// Writes the last frame with its stripe in red here, at the end
+    /// Writes the last frame with its stripe drawn in (green; yellow near steps, red saturated, blue other candidates) here, at the end
     #[arg(long, value_name = "PNG")]
     png: Option<PathBuf>,
     /// One JSON object per half second
@@ -39,12 +40,12 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     if let Some(png) = &args.png {
-        inputs::new_file(png)?;
+        inputs::new_file("--png", png)?;
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let mut rigged = rigging::open(&rig, &clock, false)?;
-    let stop = super::signals::stop_flag()?;
-    let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), &stop)?;
+    let stop = crate::signals::listen().map_err(CliError::run)?;
+    let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), stop)?;
     match (&args.png, last) {
         (Some(path), Some(frame)) => save(path, &frame)?,
         (Some(path), None) => {
@@ -64,7 +65,7 @@ fn watch(
     rig: &Rig,
     source: &mut dyn FrameSource,
     clock: &dyn Clock,
-    stop: &super::signals::StopFlag,
+    stop: &crate::signals::Signals,
 ) -> Result<Option<Frame>, CliError> {
     let mut analyst = Analyst::new(ExtractorConfig::default(), None);
     let mut gatherer = Gatherer::default();
@@ -94,9 +95,9 @@ fn watch(
         let over = args
             .length
             .is_some_and(|l| now_ns - start_ns >= l.as_nanos() as u64);
-        if over || stop.is_raised() {
+        if over || stop.heard().is_some() {
             if std::io::stdout().is_terminal() && !args.json {
-                println!();
+                outln!();
             }
             return Ok(newest);
         }
@@ -137,6 +138,6 @@ fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {
     annotate(&image, &profile)
         .save(path)
         .map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
-    println!("{}", path.display());
+    outln!("{}", path.display());
     Ok(())
 }

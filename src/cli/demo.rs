@@ -1,10 +1,12 @@
 //! `hydroline demo`: the main job end to end on the built-in rig, without hardware.
 
+use super::print::outln;
 use super::record::Recording;
 use super::{CliError, Outcome, progress};
 use crate::log::{LogReader, Record};
 use crate::record::{Conditions, Report, floor, preflight::preflight};
 use crate::replay::{Options, replay};
+use crate::shutdown::StopReason;
 use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_rigs::{Plan, Rig};
@@ -40,26 +42,24 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         let plan = Plan::builtin(name).map_err(CliError::config)?;
         lossy |= one_run(args, &rig, &plan, name)?;
     }
-    println!();
-    println!("Everything is in {}. Look closer:", args.out.display());
-    println!(
+    outln!();
+    outln!("Everything is in {}. Look closer:", args.out.display());
+    outln!(
         "  hydroline info {}",
         args.out.join("surge-4n.mcap").display()
     );
-    println!(
+    outln!(
         "  hydroline doctor {}",
         args.out.join("surge-4n.mcap").display()
     );
-    println!(
-        "  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it"
-    );
+    outln!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
     Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
 }
 
 /// Records, replays and describes one run; true when something was lost.
 fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliError> {
     let check = preflight(rig, plan).map_err(CliError::config)?;
-    println!(
+    outln!(
         "{name}: {:.1} s, recorded in real time ...",
         check.duration_s
     );
@@ -79,8 +79,10 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
     };
     let report = recording.record(&log)?;
     print_recording(&report);
-    if let crate::shutdown::StopReason::Failed(words) = &report.stop {
-        return Err(CliError::Run(words.clone()));
+    match &report.stop {
+        StopReason::Finished => {}
+        StopReason::LogStopped(_) => return Ok(true),
+        other => return Err(CliError::Run(other.to_string())),
     }
     let bar = progress::bar(report.capture.received, "replaying");
     let options = Options {
@@ -93,7 +95,7 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
     });
     bar.finish_and_clear();
     let (replayed, _) = result.map_err(CliError::run)?;
-    println!(
+    outln!(
         "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same",
         replayed.frames,
         replayed.with_stripe,
@@ -105,14 +107,14 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
     let picture = args.out.join(format!("{name}.png"));
     draw_middle_frame(&log, replayed.frames / 2, &picture)?;
     for path in [&log, &stripes, &picture] {
-        println!("  {}", path.display());
+        outln!("  {}", path.display());
     }
     Ok(report.lost_anything())
 }
 
 fn print_recording(report: &Report) {
     let capture = &report.capture;
-    println!(
+    outln!(
         "  recorded: {} frames received + {} lost = {} expected, {} extracted live, {:.1} MB",
         capture.received,
         capture.lost.total(),
@@ -121,9 +123,10 @@ fn print_recording(report: &Report) {
         report.log.counts.bytes as f64 / 1e6
     );
     if let Some(stats) = report.thrusters {
-        println!(
+        outln!(
             "  thrusters: {} command sets sent, {} echoed by the simulated controller",
-            stats.sets, stats.echoed
+            stats.sets,
+            stats.echoed
         );
     }
 }
@@ -152,7 +155,7 @@ fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
             _ => {}
         }
     }
-    println!(
+    outln!(
         "  floor seen {:.2} mm (median) below the CG, roll {:.3} deg, in {} frames; the rig says {:.2} mm",
         1e3 * median(&mut heights_m),
         median(&mut rolls_rad).to_degrees(),
@@ -160,7 +163,7 @@ fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
         -1e3 * rig.tank.start_pose[2],
     );
     if let Some(clock) = clock {
-        println!(
+        outln!(
             "  controller clock: drift {:.1} +- {:.1} ppm, offset known to {:.0} us, command round trip {:.2} ms (median)",
             clock.drift_ppm,
             clock.drift_sd_ppm,

@@ -1,5 +1,6 @@
 //! `hydroline devices`: cameras and serial ports by stable id, and what stands in the way.
 
+use super::print::outln;
 use super::{CliError, Outcome};
 use crate::capture::devices::{CameraListing, cameras};
 use crate::thruster::ports::{Port, Roots};
@@ -22,20 +23,20 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let cameras = cameras();
     let ports = Roots::default().ports();
     if args.json {
-        println!(
+        outln!(
             "{}",
             serde_json::json!({ "cameras": cameras, "serial": ports })
         );
         return Ok(Outcome::Done);
     }
     if cameras.is_empty() {
-        println!("no camera (no /dev/video*); plug one in, or use backend = \"sim\"");
+        outln!("no camera (no /dev/video*); plug one in, or use backend = \"sim\"");
     }
     for camera in &cameras {
         print_camera(camera, args.long);
     }
     if ports.is_empty() {
-        println!("no serial port; plug the controller in, or use port = \"sim\"");
+        outln!("no serial port; plug the controller in, or use port = \"sim\"");
     }
     for port in &ports {
         print_port(port);
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn print_camera(camera: &CameraListing, long: bool) {
-    println!(
+    outln!(
         "camera {} ({}, driver {}, {})",
         camera.node.display(),
         camera.card,
@@ -53,33 +54,37 @@ fn print_camera(camera: &CameraListing, long: bool) {
     );
     for (folder, names) in [("by-id", &camera.by_id), ("by-path", &camera.by_path)] {
         for name in names {
-            println!(
+            outln!(
                 "  device = \"{}\"",
                 Path::new("/dev/v4l").join(folder).join(name).display()
             );
         }
     }
     if !camera.problem.is_empty() {
-        println!("  PROBLEM: {}", camera.problem);
+        outln!("  PROBLEM: {}", camera.problem);
     }
     if long {
         for offer in &camera.offers {
-            println!("  {offer}");
+            outln!("  {offer}");
         }
         for control in &camera.controls {
             let value = control
                 .value
                 .map_or_else(|| "-".to_owned(), |v| v.to_string());
-            println!(
+            outln!(
                 "  {} = {value} ({} .. {} step {}, default {})",
-                control.name, control.min, control.max, control.step, control.default
+                control.name,
+                control.min,
+                control.max,
+                control.step,
+                control.default
             );
         }
     }
 }
 
 fn print_port(port: &Port) {
-    println!(
+    outln!(
         "serial {} ({}, driver {})",
         port.node.display(),
         port.description,
@@ -87,13 +92,13 @@ fn print_port(port: &Port) {
     );
     for (folder, name) in [("by-id", &port.by_id), ("by-path", &port.by_path)] {
         if let Some(name) = name {
-            println!(
+            outln!(
                 "  port = \"{}\"",
                 Path::new("/dev/serial").join(folder).join(name).display()
             );
         }
     }
     if let Some(problem) = &port.problem {
-        println!("  PROBLEM: {problem}");
+        outln!("  PROBLEM: {problem}");
     }
 }

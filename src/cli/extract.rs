@@ -15,7 +15,7 @@ pub struct Args {
     /// headed by a '# file' line. Without it a summary line per image
     #[arg(long)]
     csv: bool,
-    /// Writes the image with its stripe in red here (one image only)
+    /// Writes the image with its stripe drawn in (green; yellow near steps, red saturated, blue other candidates) here; one image only
     #[arg(long, value_name = "PNG")]
     annotate: Option<PathBuf>,
     /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ));
     }
     if let Some(path) = &args.annotate {
-        inputs::new_file(path)?;
+        inputs::new_file("--annotate", path)?;
     }
     let config = ExtractorConfig {
         whole_pixel: args.whole_pixel,

@@ -2,6 +2,7 @@
 
 use super::CliError;
 use hydroline_rigs::{Plan, Rig};
+use hydroline_sim::EffectStack;
 use std::time::Duration;
 
 /// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
@@ -11,6 +12,14 @@ pub fn duration(text: &str) -> Result<Duration, String> {
             .map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"));
     }
     humantime::parse_duration(text).map_err(|e| format!("{e}; write 30s, 2m or 1h30m"))
+}
+
+/// A length of time that is longer than nothing.
+pub fn some_duration(text: &str) -> Result<Duration, String> {
+    match duration(text)? {
+        Duration::ZERO => Err("must be longer than 0".to_owned()),
+        length => Ok(length),
+    }
 }
 
 /// A number that is finite and not negative.
@@ -23,7 +32,11 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 
 /// A rig by file or built-in name.
 pub fn rig(argument: &str) -> Result<Rig, CliError> {
-    Rig::load_or_builtin(argument).map_err(CliError::config)
+    let rig = Rig::load_or_builtin(argument).map_err(CliError::config)?;
+    // Which effects there are is the simulator's knowledge, not the rig file's.
+    EffectStack::<f64>::build(&rig.physics)
+        .map_err(|e| CliError::Config(format!("{argument}: [[physics]]: {e}")))?;
+    Ok(rig)
 }
 
 /// A plan by file or built-in name, checked against the rig that is to run it.
@@ -33,18 +46,18 @@ pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
     Ok(plan)
 }
 
-/// Refuses to overwrite what is there.
-pub fn new_file(path: &std::path::Path) -> Result<(), CliError> {
+/// Refuses to overwrite what is there; `flag` = how the user named it.
+pub fn new_file(flag: &str, path: &std::path::Path) -> Result<(), CliError> {
     if path.exists() {
         return Err(CliError::Config(format!(
-            "{} exists; hydroline never overwrites: name another --out or move it away",
+            "{} exists; hydroline never overwrites: name another {flag} or move it away",
             path.display()
         )));
     }
     match path.parent() {
         Some(dir) if !dir.as_os_str().is_empty() && !dir.is_dir() => {
             Err(CliError::Config(format!(
-                "--out {}: the folder {} does not exist; create it first",
+                "{flag} {}: the folder {} does not exist; create it first",
                 path.display(),
                 dir.display()
             )))

@@ -91,7 +91,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
 }
 
 pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
-    inputs::new_file(&args.out)?;
+    inputs::new_file("--out", &args.out)?;
     let recovery = log::recover::recover(&args.log, &args.out).map_err(failed)?;
     print(args.json, &recovery)?;
     Ok(if recovery.lossy {

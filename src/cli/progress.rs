@@ -10,11 +10,15 @@ pub fn bar(length: u64, what: &'static str) -> ProgressBar {
     } else {
         ProgressDrawTarget::hidden()
     };
-    let bar = ProgressBar::with_draw_target(Some(length), target).with_message(what);
-    if let Ok(style) =
-        ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {per_sec} eta {eta}")
-    {
+    let bar = ProgressBar::with_draw_target((length > 0).then_some(length), target);
+    let template = if length > 0 {
+        "{msg} {bar:20} {pos}/{len} {prefix}"
+    } else {
+        // Nobody knows how long: a count, no bar that would pretend to know.
+        "{spinner} {msg} {pos} {prefix}"
+    };
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
-    bar
+    bar.with_message(what)
 }

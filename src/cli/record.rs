@@ -1,5 +1,6 @@
 //! `hydroline record`: the daemon on the command line.
 
+use super::print::{out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use crate::clock::{Clock, SystemClock};
@@ -14,7 +15,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, Rig};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -32,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "PLAN")]
     plan: Option<String>,
     /// Length of the recording; default: the plan and one second, or until stopped
-    #[arg(long = "for", value_parser = inputs::duration, value_name = "TIME")]
+    #[arg(long = "for", value_parser = inputs::some_duration, allow_hyphen_values = true, value_name = "TIME")]
     length: Option<Duration>,
     /// Repeats the plan N times, each into its own log (LOG-1.mcap, LOG-2.mcap, ...)
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
@@ -50,7 +51,7 @@ pub struct Args {
     #[arg(long, value_name = "DEGC", allow_negative_numbers = true)]
     water_temp: Option<f64>,
     /// Salinity [g/kg]
-    #[arg(long, value_name = "GPKG")]
+    #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, value_name = "GPKG")]
     salinity: Option<f64>,
     /// Ballast on the vehicle [kg]
     #[arg(long, value_name = "KG", allow_negative_numbers = true)]
@@ -101,25 +102,47 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .map(|k| run_path(out, k, args.runs))
         .collect();
     for out in &outs {
-        inputs::new_file(out)?;
+        inputs::new_file("--out", out)?;
     }
+    let mut reports = Vec::new();
+    let result = record_all(&rig, plan.as_ref(), args, &conditions, &outs, &mut reports);
+    if args.json {
+        outln!("{}", serde_json::json!({ "runs": reports }));
+    }
+    result
+}
+
+/// Run after run; a run that fails or is stopped is the last one.
+fn record_all(
+    rig: &Rig,
+    plan: Option<&Plan>,
+    args: &Args,
+    conditions: &Conditions,
+    outs: &[PathBuf],
+    reports: &mut Vec<serde_json::Value>,
+) -> Result<Outcome, CliError> {
     let mut outcome = Outcome::Done;
     for (k, out) in outs.iter().enumerate() {
         let run = (k as u32 + 1, args.runs);
         let recording = Recording {
-            rig: &rig,
-            plan: plan.as_ref(),
-            conditions: &conditions,
+            rig,
+            plan,
+            conditions,
             run,
             length: args.length,
             ready_within: args.ready_within,
             with_thrusters: !args.no_thrusters,
         };
         let report = recording.record(out)?;
-        print_report(out, &report, args.json);
+        if args.json {
+            reports.push(json_report(out, &report));
+        } else {
+            print_report(out, &report);
+        }
         match &report.stop {
-            StopReason::Failed(words) => return Err(CliError::Run(words.clone())),
-            StopReason::Limit(_) => return Err(CliError::Run(report.stop.to_string())),
+            StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {
+                return Err(CliError::Run(report.stop.to_string()));
+            }
             StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
             StopReason::LogStopped(_) => return Ok(Outcome::Lossy),
             StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
@@ -148,9 +171,9 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<(), CliError> {
     let report = preflight(rig, plan).map_err(CliError::config)?;
     if args.dry_run {
         if args.json {
-            println!("{}", serde_json::json!(report));
+            outln!("{}", serde_json::json!(report));
         } else {
-            print!("{report}");
+            out!("{report}");
         }
     }
     match report.violations.first() {
@@ -181,28 +204,23 @@ fn run_path(out: &Path, k: u32, runs: u32) -> PathBuf {
     out.with_file_name(format!("{stem}-{k}{extension}"))
 }
 
-/// Waits between runs; false when Ctrl-C or SIGTERM ended the wait.
+/// Waits between runs; false when a signal ended the wait.
 fn settle(pause: Duration) -> Result<bool, CliError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(CliError::run)?;
+    let signals = crate::signals::listen().map_err(CliError::run)?;
     let bar = progress::bar(pause.as_secs(), "settling [s]");
-    runtime.block_on(async {
-        use tokio::signal::unix::{SignalKind, signal};
-        let mut terminate = signal(SignalKind::terminate()).map_err(CliError::run)?;
-        let mut second = tokio::time::interval(Duration::from_secs(1));
-        let end = tokio::time::sleep(pause);
-        tokio::pin!(end);
-        loop {
-            tokio::select! {
-                () = &mut end => { bar.finish_and_clear(); return Ok(true) }
-                _ = second.tick() => bar.inc(1),
-                _ = tokio::signal::ctrl_c() => return Ok(false),
-                _ = terminate.recv() => return Ok(false),
-            }
+    let end = Instant::now() + pause;
+    loop {
+        if signals.heard().is_some() {
+            return Ok(false);
         }
-    })
+        let left = end.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            bar.finish_and_clear();
+            return Ok(true);
+        }
+        bar.set_position((pause - left).as_secs());
+        std::thread::sleep(left.min(Duration::from_millis(50)));
+    }
 }
 
 /// One run: everything opened, recorded, closed.
@@ -291,9 +309,9 @@ impl Recording<'_> {
             clock,
             map: Some(map),
         };
-        let result = record::run(parts, &job, &Shutdown::new(), &mut |status| {
-            show(&bar, status)
-        });
+        let shown = bar.clone();
+        let watch = Box::new(move |status: &Status| show(&shown, status));
+        let result = record::run(parts, &job, &Shutdown::new(), watch);
         bar.finish_and_clear();
         drop(controller);
         result.map_err(CliError::run)
@@ -309,43 +327,40 @@ fn bytes_per_px(rig: &Rig) -> f64 {
 }
 
 fn show(bar: &indicatif::ProgressBar, status: &Status) {
-    bar.set_position(status.elapsed_s.unwrap_or(0.0) as u64);
-    let state = if status.elapsed_s.is_some() {
-        "recording"
-    } else {
-        "waiting for the camera"
+    let Some(elapsed_s) = status.elapsed_s else {
+        bar.set_message("waiting for camera and controller");
+        return;
     };
+    bar.set_position(elapsed_s as u64);
     bar.set_message(format!(
-        "{state}: {} frames, {} lost, {} dropped, stripe {} points, {:.0} MB |",
+        "{} frames, {} lost, stripe {}, {:.0} MB",
         status.frames,
-        status.lost,
-        status.dropped,
+        status.lost + status.dropped,
         status.points,
         status.bytes as f64 / 1e6,
     ));
 }
 
-fn print_report(out: &Path, report: &Report, json: bool) {
+fn json_report(out: &Path, report: &Report) -> serde_json::Value {
+    serde_json::json!({
+        "log": out,
+        "files": report.log.files,
+        "stop": report.stop.to_string(),
+        "lost": report.lost_anything(),
+        "capture": report.capture,
+        "frames_dropped": report.log.counts.frames_dropped,
+        "frames_analysed": report.analysed,
+        "frames_not_analysed": report.skipped,
+        "command_sets": report.thrusters.map(|t| t.sets),
+        "command_sets_echoed": report.thrusters.map(|t| t.echoed),
+        "bytes": report.log.counts.bytes,
+    })
+}
+
+fn print_report(out: &Path, report: &Report) {
     let capture = &report.capture;
-    if json {
-        let object = serde_json::json!({
-            "log": out,
-            "files": report.log.files,
-            "stop": report.stop.to_string(),
-            "lost": report.lost_anything(),
-            "capture": capture,
-            "frames_dropped": report.log.counts.frames_dropped,
-            "frames_analysed": report.analysed,
-            "frames_not_analysed": report.skipped,
-            "command_sets": report.thrusters.map(|t| t.sets),
-            "command_sets_echoed": report.thrusters.map(|t| t.echoed),
-            "bytes": report.log.counts.bytes,
-        });
-        println!("{object}");
-        return;
-    }
-    println!("{}: {}", out.display(), report.stop);
-    println!(
+    outln!("{}: {}", out.display(), report.stop);
+    outln!(
         "  frames: {} received + {} lost = {} expected; {} dropped by the log, {} extracted live",
         capture.received,
         capture.lost.total(),
@@ -354,19 +369,21 @@ fn print_report(out: &Path, report: &Report, json: bool) {
         report.analysed,
     );
     if capture.disagreement != 0 {
-        println!(
+        outln!(
             "  the count by time differs by {} frames: see the log's events",
             capture.disagreement
         );
     }
     if let Some(stats) = &report.thrusters {
-        println!(
+        outln!(
             "  commands: {} sets sent, {} echoed, {} link losses",
-            stats.sets, stats.echoed, stats.losses
+            stats.sets,
+            stats.echoed,
+            stats.losses
         );
     }
     for file in report.log.files.iter().filter(|f| f.as_path() != out) {
-        println!("  and {}", file.display());
+        outln!("  and {}", file.display());
     }
 }
 

@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 
 fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
     if let [log] = args.logs.as_slice() {
-        inputs::new_file(&args.out)?;
+        inputs::new_file("--out", &args.out)?;
         return Ok(vec![(log.clone(), args.out.clone())]);
     }
     std::fs::create_dir_all(&args.out)
@@ -70,7 +70,7 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
             .file_name()
             .ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
         let out = args.out.join(name);
-        inputs::new_file(&out)?;
+        inputs::new_file("--out", &out)?;
         Ok((log.clone(), out))
     });
     named.collect()

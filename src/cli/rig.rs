@@ -1,5 +1,6 @@
 //! `hydroline rig new`: a commented rig for one's own vehicle.
 
+use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
 use clap::Subcommand;
 use hydroline_rigs::{Plan, Rig};
@@ -25,26 +26,26 @@ pub enum Command {
 pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::New { out } => {
-            inputs::new_file(out)?;
+            inputs::new_file("--out", out)?;
             std::fs::write(out, Rig::template()).map_err(|e| {
                 CliError::Run(format!(
                     "{}: {e}; check that the folder is writable",
                     out.display()
                 ))
             })?;
-            println!("{}", out.display());
+            outln!("{}", out.display());
             eprintln!(
                 "edit it, then: hydroline rig show {0}; hydroline check --rig {0}",
                 out.display()
             );
         }
-        Command::Show { rig } => print!("{}", inputs::rig(rig)?.effective_toml),
+        Command::Show { rig } => out!("{}", inputs::rig(rig)?.effective_toml),
         Command::List => {
             for name in Rig::builtin_names() {
-                println!("rig  {name}");
+                outln!("rig  {name}");
             }
             for name in Plan::builtin_names() {
-                println!("plan {name}");
+                outln!("plan {name}");
             }
         }
     }

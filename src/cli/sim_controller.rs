@@ -1,5 +1,6 @@
 //! `hydroline sim-controller` (hidden): a thruster controller for tests of real serial drivers.
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs};
 use crate::clock::{Clock, SystemClock};
 use crate::thruster::controller::{
@@ -46,9 +47,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     let controller = SimController::new(ControllerConfig::bench(kind));
     let mut print = |event: ControllerEvent| {
-        println!(
+        outln!(
             "{} {} {:.2} {:?}",
-            event.host_monotonic_ns, event.channel, event.pulse_us, event.cause
+            event.host_monotonic_ns,
+            event.channel,
+            event.pulse_us,
+            event.cause
         );
     };
     if let Some(path) = &args.pty {

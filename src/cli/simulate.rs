@@ -1,7 +1,10 @@
 //! `hydroline simulate`: a plan through the forward model, without waiting.
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
+use crate::record::preflight::preflight;
 use crate::simulate::{Options, simulate};
+use hydroline_rigs::{Plan, Rig};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -39,7 +42,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = inputs::plan(&args.plan, &rig)?;
-    inputs::new_file(&args.out)?;
+    inputs::new_file("--out", &args.out)?;
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -48,13 +51,33 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         tail_s: args.tail.as_secs_f64(),
         note: args.note.clone(),
     };
-    let bar = progress::bar(0, "frames");
-    let result = simulate(&rig, &plan, &args.out, &options, &mut |done, all| {
-        bar.set_length(all);
-        bar.set_position(done);
+    warn(&rig, &plan)?;
+    let length_s = plan.duration_s() + options.tail_s;
+    let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
+    // Under another name until it is whole, so that Ctrl-C leaves no half log behind that looks like a whole one.
+    let mut part = args.out.clone().into_os_string();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    inputs::new_file("the unfinished", &part)?;
+    let result = simulate(&rig, &plan, &part, &options, &mut |done, _| {
+        bar.set_position(done)
     });
     bar.finish_and_clear();
     result.map_err(CliError::run)?;
-    println!("{}", args.out.display());
+    std::fs::rename(&part, &args.out)
+        .map_err(|e| CliError::Run(format!("{}: {e}", args.out.display())))?;
+    outln!("{}", args.out.display());
     Ok(Outcome::Done)
+}
+
+/// A simulation may leave the tank; the person should know that a recording of this plan would be refused.
+fn warn(rig: &Rig, plan: &Plan) -> Result<(), CliError> {
+    let report = preflight(rig, plan).map_err(CliError::config)?;
+    for violation in &report.violations {
+        eprintln!(
+            "hydroline: `record` would refuse this plan: at {:.2} s {}",
+            violation.at_s, violation.what
+        );
+    }
+    Ok(())
 }

@@ -5,6 +5,8 @@
 //! A target only raises the stripe, so the floor is the LOWEST line that many points agree on.
 //! Pitch is taken as zero: at 5 deg it moves H by l_laser sin 5 deg = 24 mm, little against a limit.
 
+use crate::log::messages::pb::StripeProfile;
+
 /// One stripe point in the laser plane: xi to port, eta up \[m\].
 pub type PlanePointM = (f64, f64);
 
@@ -17,6 +19,15 @@ pub struct Floor {
     pub phi_rad: f64,
     /// Share of the points that lie on it, 0..1.
     pub share: f64,
+}
+
+/// The points of a profile that have plane coordinates.
+pub fn points(profile: &StripeProfile) -> Vec<PlanePointM> {
+    let pairs = profile.xi_m.iter().zip(&profile.eta_m);
+    pairs
+        .map(|(xi, eta)| (f64::from(*xi), f64::from(*eta)))
+        .filter(|(xi, eta)| xi.is_finite() && eta.is_finite())
+        .collect()
 }
 
 /// Points within this distance of the line count as lying on it \[m\]: half the thinnest target step (20 mm) less noise.

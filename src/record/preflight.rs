@@ -86,7 +86,7 @@ struct Check<'a> {
     ranges: Vec<Range>,
     violations: Vec<Violation>,
     last_pulses_us: Vec<f64>,
-    target_x_m: Option<(f64, f64)>,
+    target: Option<Extent>,
     on_target_s: Option<(f64, f64)>,
 }
 
@@ -128,7 +128,7 @@ impl<'a> Check<'a> {
                 .collect(),
             violations: Vec::new(),
             last_pulses_us: vec![rig.thrusters.neutral_us; rig.thrusters.thrusters.len()],
-            target_x_m: rig.target.as_ref().and_then(extent_x_m),
+            target: rig.target.as_ref().and_then(extent),
             on_target_s: None,
         }
     }
@@ -214,9 +214,10 @@ impl<'a> Check<'a> {
         self.on_target(t_s, eta);
     }
 
-    /// Whether the sheet's foot, l_laser ahead of the CG, lies between the target's ends.
+    /// Whether the lit line reaches the target: its foot between the target's ends, and at least one of the
+    /// target's long edges inside the fan (an estimator needs an edge to see sway and yaw).
     fn on_target(&mut self, t_s: f64, eta: &[f64; 6]) {
-        let (Some((x0, x1)), Some(target)) = (self.target_x_m, self.rig.target.as_ref()) else {
+        let (Some(extent), Some(target)) = (self.target, self.rig.target.as_ref()) else {
             return;
         };
         let [origin_x, origin_y, heading] = target.origin;
@@ -226,11 +227,29 @@ impl<'a> Check<'a> {
             eta[1] + l_laser_m * eta[5].sin() - origin_y,
         );
         let along = x * heading.cos() + y * heading.sin();
-        if (x0..=x1).contains(&along) {
+        let across = y * heading.cos() - x * heading.sin();
+        let yaw = eta[5] - heading;
+        // The line runs across the heading; at distance s from its foot it is s cos(yaw) further across.
+        let half_fan_m = -eta[2] * (0.5 * self.rig.laser.fan_rad).tan();
+        let lit = |edge_m: f64| ((edge_m - across) / yaw.cos()).abs() <= half_fan_m;
+        let ends = (extent.x0_m..=extent.x1_m).contains(&along);
+        let sides = lit(0.5 * extent.width_m) || lit(-0.5 * extent.width_m);
+        if ends && sides {
             self.on_target_s = Some(self.on_target_s.map_or((t_s, t_s), |(from, _)| (from, t_s)));
         } else if t_s <= self.plan.duration_s() {
-            self.violate(t_s, "stripe off the lit target", || {
-                format!("at {along:.3} m along it, it reaches from {x0:.3} to {x1:.3} m")
+            let kind = if ends {
+                "stripe off the lit target sideways"
+            } else {
+                "stripe off the lit target"
+            };
+            self.violate(t_s, kind, || {
+                if ends {
+                    let half_m = 0.5 * extent.width_m;
+                    format!("foot {across:.3} m across, fan +-{half_fan_m:.3} m, target's edges at +-{half_m:.3} m")
+                } else {
+                    let (x0, x1) = (extent.x0_m, extent.x1_m);
+                    format!("at {along:.3} m along it, it reaches from {x0:.3} to {x1:.3} m")
+                }
             });
         }
     }
@@ -245,27 +264,51 @@ impl<'a> Check<'a> {
     }
 }
 
-/// From where to where a target reaches along its own X \[m\].
-fn extent_x_m(target: &Target) -> Option<(f64, f64)> {
+/// A target's extent in its own frame \[m\].
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    x0_m: f64,
+    x1_m: f64,
+    /// Full width of its widest slab.
+    width_m: f64,
+}
+
+fn extent(target: &Target) -> Option<Extent> {
     let of = |outline: &SlabOutline| match outline {
-        SlabOutline::Rectangle { x0_m, x1_m, .. } => (*x0_m, *x1_m),
-        // A regular hexagon with its joints across X is sqrt(3) sides long (geometry.md).
+        SlabOutline::Rectangle {
+            x0_m,
+            x1_m,
+            width_m,
+        } => Extent {
+            x0_m: *x0_m,
+            x1_m: *x1_m,
+            width_m: *width_m,
+        },
+        // A regular hexagon with its joints across X is sqrt(3) sides long and two sides wide (geometry.md).
         SlabOutline::HexagonChain {
             x0_m,
             side_m,
             count,
-        } => (*x0_m, x0_m + f64::from(*count) * 3f64.sqrt() * side_m),
-        SlabOutline::Polygon { points_m } => points_m
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
-                (low.min(p[0]), high.max(p[0]))
-            }),
+        } => Extent {
+            x0_m: *x0_m,
+            x1_m: x0_m + f64::from(*count) * 3f64.sqrt() * side_m,
+            width_m: 2.0 * side_m,
+        },
+        SlabOutline::Polygon { points_m } => Extent {
+            x0_m: points_m.iter().map(|p| p[0]).fold(f64::INFINITY, f64::min),
+            x1_m: points_m
+                .iter()
+                .map(|p| p[0])
+                .fold(f64::NEG_INFINITY, f64::max),
+            width_m: 2.0 * points_m.iter().map(|p| p[1].abs()).fold(0.0, f64::max),
+        },
     };
-    target
-        .slabs
-        .iter()
-        .map(|s| of(&s.outline))
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    let all = target.slabs.iter().map(|s| of(&s.outline));
+    all.reduce(|a, b| Extent {
+        x0_m: a.x0_m.min(b.x0_m),
+        x1_m: a.x1_m.max(b.x1_m),
+        width_m: a.width_m.max(b.width_m),
+    })
 }
 
 impl std::fmt::Display for Preflight {
@@ -334,6 +377,25 @@ mod tests {
             words.iter().any(|w| w.starts_with("x against")),
             "{words:?}"
         );
+    }
+
+    #[test]
+    fn leaving_the_target_sideways_is_refused() {
+        let mut rig = rig();
+        rig.limits.y_m = [-10.0, 10.0];
+        rig.tank.y_m = [-10.0, 10.0];
+        let text = "[[step]]\nfor_s = 25\nwrench = { sway_n = 8 }\n";
+        let report = preflight(&rig, &plan(text)).unwrap();
+        let words: Vec<_> = report.violations.iter().map(|v| v.what.as_str()).collect();
+        assert!(
+            words
+                .iter()
+                .any(|w| w.starts_with("stripe off the lit target sideways")),
+            "{words:?}"
+        );
+        // 0.28 m of sway, the paper's range, still shows an edge.
+        let text = "[[step]]\nfor_s = 6\nwrench = { sway_n = 4 }\n";
+        assert_eq!(preflight(&rig, &plan(text)).unwrap().violations, Vec::new());
     }
 
     #[test]

@@ -1,93 +1,83 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
+use super::newest::Newest;
 use super::{Job, RecordError, Shared, Status, keys::Keys, loads};
 use crate::event::Severity;
 use crate::log::messages;
 use crate::shutdown::StopReason;
+use crate::signals::Signals;
 use crate::thruster::ThrusterService;
 use crate::thruster::safety::{NeutralReason, State};
+use crate::thruster::service::PlanState;
 use std::sync::PoisonError;
 use std::time::Duration;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// How often the main thread looks around.
 const TICK: Duration = Duration::from_millis(100);
 /// From the moment everything is ready to the plan's first command.
 const LEAD: Duration = Duration::from_millis(500);
 
-struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
-}
-
-impl Signals {
-    fn listen() -> std::io::Result<Self> {
-        Ok(Self {
-            interrupt: signal(SignalKind::interrupt())?,
-            terminate: signal(SignalKind::terminate())?,
-        })
-    }
-}
-
 /// Runs until something ends the recording and says what.
 pub(super) fn supervise(
     shared: &Shared,
     job: &Job,
     service: Option<&ThrusterService>,
-    watch: &mut dyn FnMut(&Status),
+    status: &Newest<Status>,
 ) -> Result<StopReason, RecordError> {
     let start = |source| RecordError::Start {
         what: "signal handlers",
         source,
     };
+    let signals = crate::signals::listen().map_err(start)?;
+    if let Some(service) = service {
+        signals.attach(service.handle());
+    }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(start)?;
-    let supervisor = Supervisor {
+    let mut supervisor = Supervisor {
         shared,
         job,
         service,
-        keys: Keys::on_terminal(),
+        signals,
+        keys: Keys::watch(service.map(ThrusterService::handle)),
         started_ns: shared.clock.monotonic_ns(),
+        began_ns: None,
+        spaced: false,
     };
-    runtime.block_on(async {
-        let mut signals = Signals::listen().map_err(start)?;
-        supervisor.run(&mut signals, watch).await
-    })
+    runtime.block_on(supervisor.run(status))
 }
 
 struct Supervisor<'a> {
     shared: &'a Shared,
     job: &'a Job,
     service: Option<&'a ThrusterService>,
+    signals: &'static Signals,
     keys: Option<Keys>,
     started_ns: u64,
+    /// When the recording proper began: the first good frame and, with a plan, an answering controller.
+    began_ns: Option<u64>,
+    /// Space was pressed: the plan is over because someone wanted it.
+    spaced: bool,
 }
 
 impl Supervisor<'_> {
-    async fn run(
-        &self,
-        signals: &mut Signals,
-        watch: &mut dyn FnMut(&Status),
-    ) -> Result<StopReason, RecordError> {
+    async fn run(&mut self, status: &Newest<Status>) -> Result<StopReason, RecordError> {
         let mut tick = tokio::time::interval(TICK);
         let mut second = tokio::time::interval(Duration::from_secs(1));
-        let mut plan_started = false;
         loop {
             tokio::select! {
-                _ = signals.interrupt.recv() => return Ok(self.stop("Ctrl-C")),
-                _ = signals.terminate.recv() => return Ok(self.stop("SIGTERM")),
                 _ = second.tick() => self.log_clocks(),
                 _ = tick.tick() => {
                     if let Some(reason) = self.look() {
                         return Ok(reason);
                     }
-                    if !plan_started && self.ready() {
-                        plan_started = true;
+                    if self.began_ns.is_none() && self.ready() {
+                        self.began_ns = Some(self.shared.clock.monotonic_ns());
                         self.begin()?;
                     }
-                    watch(&self.status());
+                    status.put(self.status());
                 }
             }
         }
@@ -105,9 +95,12 @@ impl Supervisor<'_> {
     }
 
     /// Anything that ends the recording?
-    fn look(&self) -> Option<StopReason> {
+    fn look(&mut self) -> Option<StopReason> {
         if let Some(reason) = self.shared.shutdown.reason() {
             return Some(reason);
+        }
+        if let Some(signal) = self.signals.heard() {
+            return Some(self.stop(signal));
         }
         if let Some(reason) = self.shared.recorder.stopped() {
             self.neutral(NeutralReason::Exit);
@@ -117,29 +110,46 @@ impl Supervisor<'_> {
             return Some(reason);
         }
         match (self.elapsed(), self.job.length) {
-            (Some(elapsed), Some(length)) if elapsed >= length => {
-                return Some(StopReason::Finished);
-            }
-            (None, _) if self.waited() > self.job.ready_within => return Some(self.not_ready()),
-            _ => {}
-        }
-        None
-    }
-
-    fn watch_keys(&self) -> Option<StopReason> {
-        match self.keys.as_ref()?.next(Duration::ZERO)? {
-            b' ' => {
-                self.neutral(NeutralReason::Request);
-                self.shared.say(
-                    Severity::Warning,
-                    "thruster.neutral",
-                    "Space: thrusters to neutral, the plan is over; recording goes on, q ends it",
-                );
-                None
-            }
-            b'q' => Some(self.stop("the q key")),
+            (Some(elapsed), Some(length)) if elapsed >= length => Some(self.finished()),
+            (None, _) if self.waited() > self.job.ready_within => Some(self.not_ready()),
             _ => None,
         }
+    }
+
+    /// The time is over: well, unless the plan did not come to its end.
+    fn finished(&self) -> StopReason {
+        if self.spaced {
+            return StopReason::Asked("Space (thrusters to neutral)");
+        }
+        let plan = self.service.map(ThrusterService::plan_state);
+        match (plan, &self.job.plan) {
+            (Some(PlanState::Aborted(why)), Some(plan)) => StopReason::PlanAborted(format!(
+                "plan '{}' was aborted to neutral: {why}",
+                plan.name
+            )),
+            (Some(PlanState::Refused(why)), Some(plan)) => {
+                StopReason::PlanAborted(format!("plan '{}' did not start: {why}", plan.name))
+            }
+            (Some(PlanState::None | PlanState::Waiting), Some(plan)) => {
+                StopReason::PlanAborted(format!("plan '{}' never started", plan.name))
+            }
+            _ => StopReason::Finished,
+        }
+    }
+
+    fn watch_keys(&mut self) -> Option<StopReason> {
+        let keys = self.keys.as_ref()?;
+        if keys.quit() {
+            return Some(self.stop("the q key"));
+        }
+        if keys.space() {
+            self.spaced = true;
+            let words =
+                "Space: thrusters to neutral, the plan is over; recording goes on, q ends it";
+            self.shared
+                .say(Severity::Warning, "thruster.neutral", words);
+        }
+        None
     }
 
     fn waited(&self) -> Duration {
@@ -151,27 +161,36 @@ impl Supervisor<'_> {
         )
     }
 
-    /// Time since the first good frame.
+    /// Time since the recording proper began.
     fn elapsed(&self) -> Option<Duration> {
-        let first_ns = self.shared.progress(|p| p.first_good_ns)?;
-        Some(Duration::from_nanos(
-            self.shared.clock.monotonic_ns().saturating_sub(first_ns),
-        ))
+        let now_ns = self.shared.clock.monotonic_ns();
+        Some(Duration::from_nanos(now_ns.saturating_sub(self.began_ns?)))
     }
 
+    fn good_frame(&self) -> bool {
+        self.shared.progress(|p| p.first_good_ns.is_some())
+    }
+
+    /// An open line alone proves nothing: the controller has to have echoed a command.
     fn link_up(&self) -> bool {
-        self.service.is_none_or(|s| s.state() != State::Lost)
+        let answers = |s: &ThrusterService| s.state() != State::Lost && s.stats().echoed > 0;
+        self.service.is_none_or(answers)
     }
 
     /// A good frame, and an answering controller where a plan needs one.
     fn ready(&self) -> bool {
-        self.elapsed().is_some() && (self.job.plan.is_none() || self.link_up())
+        self.good_frame() && (self.job.plan.is_none() || self.link_up())
     }
 
     fn not_ready(&self) -> StopReason {
         let seconds = self.job.ready_within.as_secs_f64();
+        let missing = if self.good_frame() {
+            "the thruster controller does not answer: is it powered, and is thrusters.link right?"
+        } else {
+            "no good frame: is the camera plugged in and free?"
+        };
         StopReason::Failed(format!(
-            "no good frame within {seconds:.0} s: is the camera plugged in and free? `hydroline check` says more"
+            "after {seconds:.0} s {missing} `hydroline check` says more"
         ))
     }
 

@@ -1,5 +1,5 @@
-//! Where the model says the vehicle is, from the commands that were really sent: the only estimate
-//! of x and y while running until a pose estimator reads the target.
+//! Where the model says the vehicle is, from the commands that were really sent: the only estimate of
+//! x, y and pitch while running until a pose estimator reads the target.
 
 use super::limits::Estimate;
 use crate::clock::ClockTriple;
@@ -47,6 +47,11 @@ impl Tracker {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether there is a model that has not diverged.
+    pub fn is_tracking(&self) -> bool {
+        self.lock().is_some()
+    }
+
     /// Takes a command that was sent.
     pub fn command(&self, command: &CommandRecord, now: &ClockTriple) {
         let Some(place) = self.names.iter().position(|n| **n == *command.thruster) else {
@@ -78,13 +83,17 @@ impl Tracker {
         };
         let t_s = (unix_ns.saturating_sub(start) as f64 / 1e9).max(state.last_t_s);
         state.last_t_s = t_s;
-        match state.world.state_at(t_s) {
-            Ok(vehicle) => Estimate {
-                x_m: Some(vehicle.eta[0]),
-                y_m: Some(vehicle.eta[1]),
-                ..Estimate::default()
-            },
-            Err(_) => Estimate::default(),
+        let Ok(vehicle) = state.world.state_at(t_s) else {
+            *slot = None;
+            return Estimate::default();
+        };
+        let [x, y, z, phi, theta, _] = vehicle.eta.map(Some);
+        Estimate {
+            x_m: x,
+            y_m: y,
+            z_m: z,
+            phi_rad: phi,
+            theta_rad: theta,
         }
     }
 }

@@ -1,17 +1,15 @@
 //! The two threads around the camera: capture, which waits for nothing else, and analysis, which
 //! takes the newest frame when it has time.
 
-use super::{Job, RecordError, Shared, floor, limits::LimitMonitor, newest::Taken};
+use super::{Job, RecordError, Shared, floor, newest::Taken};
 use crate::analysis::Analyst;
 use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
-use crate::log::messages::{self, pb::StripeProfile};
+use crate::log::messages;
 use crate::shutdown::StopReason;
-use crate::thruster::NeutralHandle;
-use crate::thruster::safety::NeutralReason;
 use hydroline_calib::plane::PlaneMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -19,7 +17,7 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Starts a thread. Should it panic, the run ends at once (and with it the thrusters), with words.
-fn spawn<T: Send + 'static>(
+pub(super) fn spawn<T: Send + 'static>(
     what: &'static str,
     shared: Arc<Shared>,
     work: impl FnOnce(&Shared) -> T + Send + 'static,
@@ -28,9 +26,6 @@ fn spawn<T: Send + 'static>(
         .name(what.to_owned())
         .spawn(move || {
             block_signals();
-            if what == "analysis" {
-                step_back();
-            }
             let result = catch_unwind(AssertUnwindSafe(|| work(&shared)));
             if result.is_err() {
                 let words = format!("the {what} thread panicked: this is a bug of hydroline");
@@ -52,8 +47,9 @@ fn block_signals() {
     }
 }
 
-/// Leaves most of the processor to whoever else wants it (a tenth stays: the limits are watched here). Extraction may cost a whole core on a busy picture; without this
-/// the scheduler shares fairly, and on a small machine the camera's own kernel thread then loses frames.
+/// Leaves most of the processor to whoever else wants it. Extraction may cost a whole core on a busy
+/// picture; without this the scheduler shares fairly, and on a small machine the camera's own kernel
+/// thread then loses frames.
 fn step_back() {
     // SAFETY: no pointers; on Linux `PRIO_PROCESS` with 0 means the calling thread alone. It cannot fail upwards in
     // niceness, and if it did the recording would only be as it was.
@@ -84,8 +80,9 @@ pub(super) fn capture(
                     shared.progress(|p| {
                         p.counts = counts;
                         if good {
-                            p.first_good_ns
-                                .get_or_insert(frame.meta.received_monotonic_ns);
+                            let at_ns = frame.meta.received_monotonic_ns;
+                            p.first_good_ns.get_or_insert(at_ns);
+                            p.last_good_ns = Some(at_ns);
                         }
                     });
                     shared.newest.put(frame);
@@ -106,53 +103,36 @@ pub(super) fn capture(
     })
 }
 
-/// Analyses the newest frame whenever there is time, and watches the rig's limits.
+/// Analyses the newest frame whenever there is time.
 pub(super) fn analysis(
     shared: Arc<Shared>,
     job: &Job,
     map: Option<Arc<dyn PlaneMap>>,
-    neutral: Option<NeutralHandle>,
 ) -> Result<JoinHandle<Option<()>>, RecordError> {
     let mut analyst = Analyst::new(job.extractor.clone(), map);
-    let mut monitor = LimitMonitor::new(job.rig.limits);
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
+        step_back();
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
                     let profile = analyst.analyse(&frame);
                     shared.recorder.profile(&profile);
-                    shared
-                        .recorder
-                        .annotations(&messages::stripe_annotations(&profile));
+                    let drawing = messages::stripe_annotations(&profile);
+                    shared.recorder.annotations(&drawing);
+                    if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
+                        let at_ns = frame.meta.received_monotonic_ns;
+                        *shared.floor.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some((at_ns, floor));
+                    }
                     shared.progress(|p| {
                         p.analysed += 1;
                         p.points = profile.row_px.len();
                     });
-                    let mut estimate = shared.tracker.estimate(frame.meta.mid_exposure_ns);
-                    if let Some(floor) = floor::floor(&plane_points(&profile), h_centre_m) {
-                        estimate.z_m = Some(-floor.height_m);
-                        estimate.phi_rad = Some(floor.phi_rad);
-                    }
-                    if let Some(words) = monitor.update(&estimate) {
-                        if let Some(neutral) = &neutral {
-                            neutral.request(NeutralReason::Limit);
-                        }
-                        shared.say(Severity::Error, "limit.passed", words.clone());
-                        shared.shutdown.raise(StopReason::Limit(words));
-                    }
                 }
                 Taken::Nothing => {}
                 Taken::Closed => return,
             }
         }
     })
-}
-
-fn plane_points(profile: &StripeProfile) -> Vec<floor::PlanePointM> {
-    let pairs = profile.xi_m.iter().zip(&profile.eta_m);
-    pairs
-        .map(|(xi, eta)| (f64::from(*xi), f64::from(*eta)))
-        .filter(|(xi, eta)| xi.is_finite() && eta.is_finite())
-        .collect()
 }

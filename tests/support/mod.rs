@@ -84,7 +84,7 @@ pub fn record_into(path: &Path, rig: &Rig, source: Box<dyn FrameSource>, length_
         parts,
         &job(rig, None, length_s),
         &Shutdown::new(),
-        &mut |_| {},
+        Box::new(|_| {}),
     )
     .unwrap()
 }
