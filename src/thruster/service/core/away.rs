@@ -124,7 +124,7 @@ impl Core {
             self.shared.stats(|s| s.losses += 1);
             self.feed_until_ns = None;
             if !self.config.resume_after_loss {
-                self.plan = None;
+                self.abort_plan(NeutralReason::Lost);
             }
             self.event(
                 Severity::Error,
