@@ -1,7 +1,8 @@
 //! The thruster service: one thread that owns the port, and the promise that the thrusters stop.
 //!
 //! Neutral is sent on [`ThrusterService::shutdown`] and on drop, on a panic inside the service (whatever its sink
-//! does), on a lost link (first thing when it is back; meanwhile the controller's watchdog has acted), on a missed
+//! does), on a lost link (first thing when it is back; meanwhile the controller's own watchdog has acted: we set that of
+//! a `stamped` controller, a Maestro's is a setting in its own memory, see [`super::link::MaestroProtocol`]), on a missed
 //! deadline, on a refused set-point, and when anyone calls [`NeutralHandle::request`], which is one atomic
 //! store and may be called from a panic hook or a signal handler. It is repeated until an echo confirms it.
 
