@@ -26,7 +26,7 @@ pub mod stamped;
 pub mod transport;
 
 pub use record::{CommandRecord, ControllerClock, EchoRecord, LinkRecord};
-pub use service::{NeutralHandle, ServiceConfig, SetPoint, ThrusterService};
+pub use service::{NeutralHandle, PlanState, ServiceConfig, SetPoint, ThrusterService};
 
 /// One channel's pulse as the wire carries it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! The thruster service: one thread that owns the port, and the promise that the thrusters stop.
 //!
 //! Neutral is sent on [`ThrusterService::shutdown`] and on drop, on a panic inside the service (whatever its sink
-//! does), on a lost link (first thing when it is back; meanwhile the controller's watchdog has acted), on a missed
+//! does), on a lost link (first thing when it is back; meanwhile the controller's own watchdog has acted: we set that of
+//! a `stamped` controller, a Maestro's is a setting in its own memory, see [`super::link::MaestroProtocol`]), on a missed
 //! deadline, on a refused set-point, and when anyone calls [`NeutralHandle::request`], which is one atomic
 //! store and may be called from a panic hook or a signal handler. It is repeated until an echo confirms it.
 
@@ -96,6 +97,37 @@ pub struct ServiceStats {
     pub cpu_s: f64,
 }
 
+/// What became of the plan last handed to [`ThrusterService::run_plan`].
+///
+/// Final are `Completed`, `Aborted` and `Refused`; they stay until the next plan.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum PlanState {
+    /// None was ever handed over.
+    #[default]
+    None,
+    /// Taken or on its way; no set-point of it has been sent yet.
+    Waiting,
+    /// Its set-points go out. With `resume_after_loss` also while a lost link is waited for.
+    Running,
+    /// Its end was reached with the thrusters following it.
+    Completed,
+    /// Ended before its end; the thrusters went to neutral for this reason (`Range` = one of its set-points was
+    /// refused, `Lost` = no link or no echoes, also at its end).
+    Aborted(NeutralReason),
+    /// Never started, for the reason in words.
+    Refused(String),
+}
+
+impl PlanState {
+    /// Whether the plan is over, one way or another; false also for [`PlanState::None`].
+    pub fn is_final(&self) -> bool {
+        matches!(
+            self,
+            PlanState::Completed | PlanState::Aborted(_) | PlanState::Refused(_)
+        )
+    }
+}
+
 /// Orders to the thread.
 pub enum Order {
     /// Take set-points.
@@ -120,6 +152,7 @@ pub struct Shared {
     stop: AtomicBool,
     state: Mutex<Option<State>>,
     stats: Mutex<ServiceStats>,
+    plan: Mutex<PlanState>,
 }
 
 const REASONS: [NeutralReason; 8] = [
@@ -148,6 +181,19 @@ impl Shared {
 
     fn set_state(&self, state: State) {
         *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
+    }
+
+    fn plan<R>(&self, f: impl FnOnce(&mut PlanState) -> R) -> R {
+        f(&mut self.plan.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Nobody is left to run it.
+    fn abandon_plan(&self, reason: NeutralReason) {
+        self.plan(|p| {
+            if matches!(p, PlanState::Waiting | PlanState::Running) {
+                *p = PlanState::Aborted(reason);
+            }
+        });
     }
 
     fn stats<R>(&self, f: impl FnOnce(&mut ServiceStats) -> R) -> R {
@@ -205,6 +251,8 @@ impl ThrusterService {
                     .unwrap_or_default();
                 core.panicked(&words);
             }
+            // A plan still in the queue, or one that a panic kept from being closed.
+            core.end_plans();
         };
         let thread = std::thread::Builder::new()
             .name("thruster".into())
@@ -253,11 +301,29 @@ impl ThrusterService {
         duration_s: f64,
         load: LoadAt,
     ) -> Result<(), ServiceError> {
-        self.order(Order::Plan {
+        // Before the order: whoever asks right after this call must not read the last plan's end.
+        let before = self
+            .shared
+            .plan(|p| std::mem::replace(p, PlanState::Waiting));
+        let ordered = self.order(Order::Plan {
             start_ns,
             duration_s,
             load,
-        })
+        });
+        if ordered.is_err() {
+            self.shared.plan(|p| *p = before);
+        }
+        ordered
+    }
+
+    /// What became of the plan last handed to [`Self::run_plan`].
+    pub fn plan_state(&self) -> PlanState {
+        let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+        if ended {
+            // Ordered in the very moment in which the thread ended.
+            self.shared.abandon_plan(NeutralReason::Exit);
+        }
+        self.shared.plan(|p| p.clone())
     }
 
     /// Neutral now, until armed again.

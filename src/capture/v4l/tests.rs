@@ -370,6 +370,24 @@ fn unplugged_and_replugged_in_the_same_recording() {
 }
 
 #[test]
+fn unplugged_for_good_is_lost_until_the_stop() {
+    let (system, clock) = system();
+    let mut source = open(&rig_camera(), &system, &clock).unwrap();
+    let at = clock.monotonic_ns() + 2_000 * MS;
+    system.world().faults.push_back((at, Fault::Unplug));
+    let mut r = go(&mut source, &clock, 60.0);
+    source.finish();
+    r.counts = source.counts();
+    r.balanced();
+    // 60 s at 25 frames/s, less what is in flight at both ends.
+    assert!((1495..=1500).contains(&r.counts.expected), "{:?}", r.counts);
+    assert_eq!(
+        r.counts.lost.unplugged,
+        r.counts.expected - r.counts.received
+    );
+}
+
+#[test]
 fn a_control_changed_behind_our_back_is_said_once() {
     let r = with_faults(&rig_camera(), &[(3.0, Fault::Control(EXPOSURE, 300))]);
     assert_eq!(r.events("camera.control_changed").len(), 1);

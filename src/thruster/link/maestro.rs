@@ -19,8 +19,14 @@ struct OpenSet {
 
 /// Pololu Maestro, compact protocol.
 ///
-/// The controller has no clock and no Ack; its own serial timeout (set in the Maestro Control Center, with
-/// "on startup or error: go to neutral" per channel) is the watchdog.
+/// The controller has no clock and no Ack.
+///
+/// # Its watchdog is a setting in its own memory
+/// The Maestro stops the thrusters on a dead link only if its serial timeout is set. The protocol can neither set it nor
+/// read it back; from the factory it is 0 = off, and the last pulse then goes out for ever. In the Pololu Maestro
+/// Control Center: *Serial Settings -> Timeout* (0.5 s fits `timeout_s` of the example rigs), and per channel
+/// *Channel Settings -> On startup or error -> Go to* the rig's `neutral_us`; *Apply Settings*. "Ignore" keeps the last
+/// pulse. To be sure: run at low thrust, pull the cable, and see the thrusters stop.
 #[derive(Debug)]
 pub struct MaestroProtocol {
     responses: Responses,

@@ -5,7 +5,7 @@ mod listening;
 mod sending;
 
 use super::noise::Noise;
-use super::{Opener, Order, ServiceConfig, SetPoint, Shared, Sink};
+use super::{Opener, Order, PlanState, ServiceConfig, SetPoint, Shared, Sink};
 use crate::clock::Clock;
 use crate::event::{Event, Severity};
 use crate::thruster::link::{Protocol, WireLink};
@@ -162,6 +162,24 @@ impl Core {
         flow
     }
 
+    fn set_plan(&self, state: PlanState) {
+        self.shared.plan(|p| *p = state);
+    }
+
+    /// Drops the plan, if there is one, before its end.
+    fn abort_plan(&mut self, reason: NeutralReason) {
+        if self.plan.take().is_some() {
+            self.set_plan(PlanState::Aborted(reason));
+        }
+    }
+
+    /// The thread ends: no plan is left waiting or running.
+    pub(super) fn end_plans(&mut self) {
+        while self.inbox.try_recv().is_ok() {}
+        self.abort_plan(NeutralReason::Exit);
+        self.shared.abandon_plan(NeutralReason::Exit);
+    }
+
     fn now(&self) -> u64 {
         self.clock.monotonic_ns()
     }
@@ -176,6 +194,9 @@ impl Core {
         }
         while let Ok(order) = self.inbox.try_recv() {
             if self.farewell_ns.is_some() {
+                if matches!(order, Order::Plan { .. }) {
+                    self.set_plan(PlanState::Refused("the thruster service is ending".into()));
+                }
                 continue;
             }
             match order {
@@ -193,15 +214,13 @@ impl Core {
                         Scheduler::new(start_ns, link.rate_hz, duration_s, link.deadline_s);
                     self.feed_until_ns = None;
                     self.plan = Some(PlanRun { scheduler, load });
+                    self.set_plan(PlanState::Waiting);
                     if !self.safety.arm() && !self.config.resume_after_loss {
                         self.plan = None;
-                        self.event(
-                            Severity::Error,
-                            "thruster.refused",
-                            "the plan is not started: there is no link to the thruster controller"
-                                .into(),
-                            &[],
-                        );
+                        let why =
+                            "the plan is not started: there is no link to the thruster controller";
+                        self.set_plan(PlanState::Refused(why.into()));
+                        self.event(Severity::Error, "thruster.refused", why.into(), &[]);
                     }
                 }
             }
@@ -299,6 +318,7 @@ impl Core {
             }
         }
         self.link = None;
+        self.abort_plan(NeutralReason::Panic);
         self.shared.set_state(State::Neutral(NeutralReason::Panic));
     }
 }

@@ -2,6 +2,7 @@
 
 mod line;
 mod neutral;
+mod plan;
 mod wild;
 
 use super::error::check;

@@ -4,7 +4,27 @@ use super::{AWAY_NS, Core, Flow, REOPEN_NS};
 use crate::event::Severity;
 use crate::thruster::link::{ThrusterLink, WireLink};
 use crate::thruster::safety::NeutralReason;
+use hydroline_rigs::{Link, LinkKind};
 use std::time::Duration;
+
+/// Said once per service: the setting is in the controller's memory and its protocol cannot read it back.
+const MAESTRO_TIMEOUT: &str = "a Maestro goes to neutral on a dead link only if its own serial timeout is set, which cannot be \
+    read back: in the Pololu Maestro Control Center set Serial Settings > Timeout (0 = off) and, for each channel, \
+    Channel Settings > On startup or error: Go to 1500 us (the rig's neutral); then pull the cable once to see it work";
+
+/// What the controller does by itself while the link is gone.
+pub(super) fn watchdog_words(link: &Link) -> String {
+    match link.kind {
+        // Configured by us at every opening of the line.
+        LinkKind::Stamped => format!(
+            "the controller's own watchdog ({:.0} ms) goes to neutral",
+            link.timeout_s * 1e3
+        ),
+        LinkKind::Maestro => "the Maestro goes to neutral only if its serial timeout is set; \
+            see thruster.maestro_timeout at the start"
+            .into(),
+    }
+}
 
 impl Core {
     pub(super) fn disconnected(&mut self) -> Flow {
@@ -80,6 +100,14 @@ impl Core {
         if !self.ever_open {
             self.ever_open = true;
             self.event(Severity::Info, "serial.open", how.to_owned(), &[]);
+            if self.config.set.link.kind == LinkKind::Maestro {
+                self.event(
+                    Severity::Warning,
+                    "thruster.maestro_timeout",
+                    MAESTRO_TIMEOUT.into(),
+                    &[],
+                );
+            }
         } else if let Some(lost_ns) = self.lost_ns.take() {
             let away_s = self.now().saturating_sub(lost_ns) as f64 * 1e-9;
             self.event(
@@ -124,12 +152,13 @@ impl Core {
             self.shared.stats(|s| s.losses += 1);
             self.feed_until_ns = None;
             if !self.config.resume_after_loss {
-                self.plan = None;
+                self.abort_plan(NeutralReason::Lost);
             }
+            let alone = watchdog_words(&self.config.set.link);
             self.event(
                 Severity::Error,
                 "serial.lost",
-                format!("link to the thruster controller lost: {why}; its watchdog goes to neutral, so do we when it is back"),
+                format!("link to the thruster controller lost: {why}; {alone}; we send neutral first when it is back"),
                 &[],
             );
         }

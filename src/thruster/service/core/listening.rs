@@ -7,6 +7,7 @@ use crate::thruster::link::{Echo, LinkEvent, ThrusterLink};
 use crate::thruster::record::{CommandRecord, EchoRecord, LinkRecord};
 use crate::thruster::safety::{NeutralReason, State};
 use crate::thruster::scheduler::Tick;
+use crate::thruster::service::PlanState;
 use std::time::Duration;
 
 impl Core {
@@ -76,9 +77,21 @@ impl Core {
                 let load = (plan.load)(t_s);
                 self.shared.stats(|s| s.skipped += skipped);
                 self.run_thrust(&load.thrust_n, due_ns, load.plan_step, "plan");
+                if self.plan.is_some() && self.safety.state() == State::Running {
+                    self.set_plan(PlanState::Running);
+                }
             }
             Tick::Missed { late_ns, .. } => self.missed(late_ns),
-            Tick::Finished => self.go_neutral(NeutralReason::Idle, "the plan is over"),
+            Tick::Finished => {
+                self.plan = None;
+                // Its end passed while the link was away: nobody followed it there.
+                self.set_plan(if running {
+                    PlanState::Completed
+                } else {
+                    PlanState::Aborted(NeutralReason::Lost)
+                });
+                self.go_neutral(NeutralReason::Idle, "the plan is over");
+            }
         }
     }
 

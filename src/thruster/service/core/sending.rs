@@ -172,7 +172,7 @@ impl Core {
     }
 
     pub(super) fn go_neutral(&mut self, reason: NeutralReason, why: &str) {
-        self.plan = None;
+        self.abort_plan(reason);
         self.feed_until_ns = None;
         let was = self.safety.state();
         let (_, changed) = self.safety.neutral(reason, self.now());

@@ -50,6 +50,32 @@ fn an_unplugged_line_is_closed_found_again_and_neutral_comes_first() {
 }
 
 #[test]
+fn what_the_controller_does_alone_is_said_by_kind() {
+    for (kind, words, warnings) in [
+        (
+            LinkKind::Stamped,
+            "own watchdog (300 ms) goes to neutral",
+            0,
+        ),
+        (LinkKind::Maestro, "only if its serial timeout is set", 1),
+    ] {
+        let mut b = bench(kind, |_| {});
+        b.run_ms(200);
+        for _ in 0..2 {
+            b.cable.unplug();
+            b.run_ms(600);
+            b.cable.replug();
+            b.run_ms(600);
+        }
+        let lost = b.events("serial.lost");
+        assert_eq!(lost.len(), 2);
+        assert!(lost[0].message.contains(words), "{}", lost[0].message);
+        // Once per service, however often the line comes back.
+        assert_eq!(b.events("thruster.maestro_timeout").len(), warnings);
+    }
+}
+
+#[test]
 fn with_resume_the_plan_goes_on_after_a_confirmed_neutral() {
     let mut b = bench(LinkKind::Stamped, |c| c.resume_after_loss = true);
     b.plan(60.0, constant(10.0));
