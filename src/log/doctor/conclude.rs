@@ -10,7 +10,12 @@ impl Checks {
     pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
         let ours = learnt.library.starts_with("hydroline") || learnt.metadata.contains_key("rig");
         self.log_times(ours);
-        self.frames_and_commands();
+        self.frames_and_commands(
+            learnt
+                .metadata
+                .get("session")
+                .and_then(|s| s.get("replay.of")),
+        );
         self.clocks();
         let errors = std::mem::take(&mut self.error_events);
         for (kind, n) in errors {
@@ -93,9 +98,19 @@ impl Checks {
         self.add(grade, "log_time", None, message, next);
     }
 
-    fn frames_and_commands(&mut self) {
+    /// `replay_of` = the log that this one is a replay of: it need not hold the images.
+    fn frames_and_commands(&mut self, replay_of: Option<&String>) {
         let (infos, images) = (self.frames.infos, self.frames.images);
-        if infos > 0 && infos != images {
+        if let (Some(of), true) = (replay_of, infos > 0 && images == 0) {
+            let message = format!("a replay of {of} without its images ({infos} frame infos)");
+            self.add(
+                Grade::Note,
+                "image",
+                None,
+                message,
+                "the images are in that log; `hydroline replay --keep-images` copies them",
+            );
+        } else if infos > 0 && infos != images {
             let message = format!("{images} images but {infos} frame infos");
             self.add(
                 Grade::Error,
@@ -256,6 +271,18 @@ impl Checks {
                     "the log lost count; report it as a bug",
                 );
             }
+        }
+        let derived = sum("derived.dropped.");
+        if derived > 0 {
+            let message =
+                format!("{derived} profiles and annotations were dropped, the queue was full");
+            self.add(
+                Grade::Note,
+                "derived",
+                None,
+                message,
+                "`hydroline replay` computes them again from the images",
+            );
         }
         for (key, stated) in summary {
             let Some(topic) = key.strip_prefix("messages./") else {
