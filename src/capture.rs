@@ -41,6 +41,12 @@ pub trait FrameSource: Send {
     /// Only what the source cannot mend: the caller ends the recording, in an orderly way.
     fn next(&mut self, wait: Duration) -> Result<Captured, CaptureError>;
 
+    /// The caller stops here: frames that were due since the last one and never came are counted as lost.
+    ///
+    /// To be called once, after the last [`Self::next`] and before the last [`Self::counts`]. A source that ends by
+    /// itself (a log) has nothing to add.
+    fn finish(&mut self) {}
+
     /// Frames received, lost per cause, and expected, up to now.
     fn counts(&self) -> CaptureCounts;
 }

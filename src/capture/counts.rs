@@ -72,7 +72,7 @@ pub struct CaptureCounts {
     pub excluded: Excluded,
     /// Frames that never came.
     pub lost: Losses,
-    /// Frames that must have been due from the first to the last stamp, by time alone
+    /// Frames that must have been due from the first stamp to the last (once finished: to the stop), by time alone
     /// (see `capture::gaps::expected`).
     pub expected: u64,
     /// `received + lost.total() - expected`: 0 when both ways of counting agree.

@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::gaps::due_after;
 use super::{CaptureCounts, CaptureError, Captured, FrameSource, SourceDescription};
 use crate::clock::Clock;
 use crate::event::Event;
@@ -31,6 +32,8 @@ pub struct FakeSource {
     description: SourceDescription,
     steps: VecDeque<FakeStep>,
     counts: CaptureCounts,
+    /// When the last frame was delivered \[ns\].
+    last_ns: Option<u64>,
 }
 
 impl FakeSource {
@@ -45,6 +48,7 @@ impl FakeSource {
             description,
             steps: steps.into_iter().collect(),
             counts: CaptureCounts::default(),
+            last_ns: None,
         }
     }
 
@@ -74,6 +78,7 @@ impl FrameSource for FakeSource {
             None => Ok(Captured::Finished),
             Some(FakeStep::Frame(frame)) => {
                 self.account(&frame);
+                self.last_ns = Some(self.clock.monotonic_ns());
                 Ok(Captured::Frame(frame))
             }
             Some(FakeStep::Event(event)) => Ok(Captured::Event(event)),
@@ -89,7 +94,43 @@ impl FrameSource for FakeSource {
         }
     }
 
+    /// Silence since the last frame counts as frozen, at the rate of the description (0 = no rate, nothing is due).
+    fn finish(&mut self) {
+        if let Some(last_ns) = self.last_ns.take() {
+            let period_ns = 1e9 / self.description.rate_fps;
+            self.counts.lost.frozen += due_after(last_ns, self.clock.monotonic_ns(), period_ns);
+            self.counts.expected = self.counts.received + self.counts.lost.total();
+        }
+    }
+
     fn counts(&self) -> CaptureCounts {
         self.counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::ManualClock;
+
+    #[test]
+    fn a_silence_at_the_end_is_lost_frames() {
+        let clock = Arc::new(ManualClock::new(0, 1_700_000_000_000_000_000));
+        let frames = (0..3).map(|i| FakeStep::Frame(crate::log::testing::grey_frame(i, 8, 8)));
+        let steps = frames.chain([FakeStep::Silence(Duration::from_secs(2))]);
+        let description = SourceDescription {
+            rate_fps: 25.0,
+            ..SourceDescription::default()
+        };
+        let mut source = FakeSource::new(clock, description, steps);
+        while source.next(Duration::from_millis(100)).unwrap() != Captured::Finished {}
+        source.finish();
+        source.finish();
+        let counts = source.counts();
+        // 2 s at 25 frames/s less the one in flight, and the transfer.
+        assert_eq!(
+            (counts.received, counts.lost.frozen, counts.expected),
+            (3, 48, 51)
+        );
     }
 }

@@ -36,8 +36,24 @@ const RATE_SPREAD: f64 = 1.2;
 const RATE_STEP: f64 = 0.10;
 /// Intervals within this share of the period are calm.
 const CALM: f64 = 0.25;
+/// Readout and transfer of a frame after its stamp, beyond one period \[ns\]: USB, decoding in the driver, a busy host.
+const TRANSFER_NS: f64 = 20e6;
 /// One account entry per this many nanoseconds of stamps.
 const SECOND_NS: f64 = 1e9;
+
+/// Whole periods after the frame stamped `last_ns` whose frames must have been here by `now_ns` (same scale).
+///
+/// A frame may come up to one period and a transfer after its stamp (drivers stamp start or end of the exposure): the
+/// one in flight at `now_ns` is not due.
+pub fn due_after(last_ns: u64, now_ns: u64, period_ns: f64) -> u64 {
+    if !(period_ns.is_finite() && period_ns > 0.0) {
+        return 0;
+    }
+    let since_ns = now_ns.saturating_sub(last_ns) as f64;
+    ((since_ns - TRANSFER_NS) / period_ns - 1.0)
+        .floor()
+        .clamp(0.0, tracker::FAR) as u64
+}
 
 /// Why the stream stood still.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,6 +159,8 @@ pub struct Account {
     nominal_ns: f64,
     /// No rate has been settled on yet.
     rate_unsettled: bool,
+    /// Frames due between the last one and the end of the recording.
+    tail: Option<(Pause, u64)>,
 }
 
 impl Account {
@@ -171,6 +189,7 @@ impl Account {
             expected_closed: 0,
             nominal_ns: period_ns,
             rate_unsettled: true,
+            tail: None,
         }
     }
 
@@ -207,6 +226,7 @@ impl Account {
         let mut notes = Vec::new();
         let mark = Mark { sequence, stamp_ns };
         self.received += 1;
+        self.tail = None;
         let origin = *self.origin_ns.get_or_insert(stamp_ns);
         let at_ns = stamp_ns as f64 - origin as f64;
         let resumed = self.pending_pause.take();
@@ -398,9 +418,7 @@ impl Account {
             self.tracker.unlearn_phase();
         }
         match step.pause {
-            Some((Pause::Frozen, lost)) => self.closed.frozen += lost,
-            Some((Pause::Restarted, lost)) => self.closed.restarted += lost,
-            Some((Pause::Unplugged, lost)) => self.closed.unplugged += lost,
+            Some((cause, lost)) => *self.closed.of(cause) += lost,
             None => {
                 self.closed.sequence_gap += step.sequence_gap;
                 self.closed.time_gap += step.time_gap.max(0) as u64;
@@ -433,7 +451,20 @@ impl Account {
         on_time(step) && self.open.iter().take(3).all(on_time)
     }
 
-    /// The account up to the last frame.
+    /// The recording ends at `now_ns` (the stamps' scale): a pause or silence since the last frame is closed, in whole
+    /// periods. Silence without a named pause counts as frozen. Returns the frames lost by it.
+    ///
+    /// Nothing is counted where no frame ever came: there is no stamp to count from.
+    pub fn finish(&mut self, now_ns: u64) -> u64 {
+        let lost = self
+            .last
+            .map_or(0, |last| due_after(last.stamp_ns, now_ns, self.period_ns()));
+        let cause = self.pending_pause.unwrap_or(Pause::Frozen);
+        self.tail = (lost > 0).then_some((cause, lost));
+        lost
+    }
+
+    /// The account up to the last frame, or, after [`Self::finish`], up to the end.
     pub fn counts(&self) -> CaptureCounts {
         let mut end = self.clone();
         while let Some(step) = end.open.pop_front() {
@@ -441,7 +472,12 @@ impl Account {
         }
         end.expected_closed += end.expected.close();
         let first = u64::from(self.last.is_some());
-        let expected = end.expected_closed + first;
+        // As across any pause, time is the only witness here: both sides take the same whole periods.
+        let tail = end.tail.map_or(0, |(cause, lost)| {
+            *end.closed.of(cause) += lost;
+            lost
+        });
+        let expected = end.expected_closed + first + tail;
         CaptureCounts {
             received: self.received,
             excluded: self.excluded,
@@ -450,6 +486,16 @@ impl Account {
             disagreement: (self.received + end.closed.total()) as i64 - expected as i64,
             period_s: self.period_ns() / 1e9,
             restarts: self.restarts,
+        }
+    }
+}
+
+impl Losses {
+    fn of(&mut self, cause: Pause) -> &mut u64 {
+        match cause {
+            Pause::Frozen => &mut self.frozen,
+            Pause::Restarted => &mut self.restarted,
+            Pause::Unplugged => &mut self.unplugged,
         }
     }
 }

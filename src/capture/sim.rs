@@ -156,6 +156,21 @@ impl<S: Scene> FrameSource for SimCamera<S> {
         }
     }
 
+    fn finish(&mut self) {
+        let now_ns = self.clock.monotonic_ns();
+        self.run_driver(now_ns);
+        // The frame that fell due in the last period is the one in flight: the caller was about to fetch it.
+        let period_ns = (1e9 / self.camera.rate_fps) as u64;
+        let from = self.last_delivered.map_or(0, |last| last + 1);
+        let due = (from..self.seen)
+            .take_while(|index| self.due_ns(*index).saturating_add(period_ns) <= now_ns)
+            .count() as u64;
+        self.counts.lost.sequence_gap += due;
+        self.counts.expected = from + due;
+        self.filled.clear();
+        self.last_delivered = (from + due).checked_sub(1);
+    }
+
     fn counts(&self) -> CaptureCounts {
         let mut counts = self.counts;
         counts.disagreement =
@@ -211,6 +226,43 @@ mod tests {
         }
         assert_eq!(asked.lock().unwrap()[3], (3.0 / 25.0 + 0.005, 3));
         assert_eq!(source.counts().disagreement, 0);
+    }
+
+    #[test]
+    fn what_was_due_at_the_stop_and_never_fetched_is_lost() {
+        let clock = Arc::new(ManualClock::new(0, 1_700_000_000_000_000_000));
+        let mut source = SimCamera::new(Times(Arc::default()), &camera(), clock.clone());
+        let mut received = 0;
+        while received < 50 {
+            if let Captured::Frame(_) = source.next(Duration::from_millis(40)).unwrap() {
+                received += 1;
+            }
+        }
+        // Just after a frame, and a whole period later: only the frame in flight is missing.
+        source.finish();
+        assert_eq!(
+            (source.counts().lost.total(), source.counts().expected),
+            (0, 50)
+        );
+        clock.advance(Duration::from_millis(60));
+        source.finish();
+        assert_eq!(
+            (source.counts().lost.total(), source.counts().expected),
+            (0, 50)
+        );
+        // Frame 49 fell due at 1.978 s; by 10 s frame 249 (due 9.978 s) is in flight, 50..=248 are lost.
+        clock.advance(Duration::from_nanos(10_000_000_000 - clock.monotonic_ns()));
+        source.finish();
+        let counts = source.counts();
+        assert_eq!(
+            (
+                counts.received,
+                counts.lost.total(),
+                counts.expected,
+                counts.disagreement
+            ),
+            (50, 199, 249, 0)
+        );
     }
 
     #[test]

@@ -479,6 +479,10 @@ impl FrameSource for V4lSource {
         }
     }
 
+    fn finish(&mut self) {
+        self.account.finish(self.clock.monotonic_ns());
+    }
+
     fn counts(&self) -> CaptureCounts {
         self.account.counts()
     }

@@ -55,6 +55,8 @@ pub struct Counts {
     pub frames_faulty: u64,
     /// Frames dropped because the queue was full.
     pub frames_dropped: u64,
+    /// Derived messages dropped because the queue was full, by topic name: `replay` computes them again.
+    pub derived_dropped: BTreeMap<&'static str, u64>,
     /// Messages in the file(s) by topic name, open chunk included.
     pub messages: BTreeMap<&'static str, u64>,
     /// Messages that could not be written (disk full or failed), by topic name.
@@ -72,7 +74,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Whether anything that should be in the log is not.
+    /// Whether anything that should be in the log is not; what can be computed again is not meant.
     pub fn lost_anything(&self) -> bool {
         self.frames_dropped > 0 || !self.unwritten.is_empty()
     }
@@ -164,6 +166,9 @@ pub(super) fn summary_map(
     put("messages.total".into(), total.to_string());
     for (topic, n) in &counts.unwritten {
         put(format!("unwritten.{topic}"), n.to_string());
+    }
+    for (topic, n) in &counts.derived_dropped {
+        put(format!("derived.dropped.queue.{topic}"), n.to_string());
     }
     put(
         "queue.peak_bytes".into(),

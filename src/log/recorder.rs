@@ -174,7 +174,7 @@ impl Recorder {
             match queue.push(Queued { log_ns, entry }) {
                 Admission::Queued => {}
                 Admission::Closed => producers.after_end += 1,
-                Admission::Dropped { first: false } => {}
+                Admission::Dropped { first: false } | Admission::DroppedDerived => {}
                 Admission::Dropped { first: true } => {
                     let used = queue.used_bytes() as f64 / 1e6;
                     let message = format!(
@@ -280,6 +280,10 @@ fn producer_counts(queue: &Queue<Producers>, mut counts: Counts) -> Counts {
         counts.frames.clone_from(&producers.frames);
         counts.frames_faulty = producers.faulty;
         counts.frames_dropped = queue.dropped_frames();
+        counts.derived_dropped.clear();
+        for (topic, n) in queue.dropped_derived() {
+            *counts.derived_dropped.entry(topic.name()).or_default() += n;
+        }
         counts.after_end = producers.after_end;
         counts.queue_bytes = queue.used_bytes();
         counts.queue_peak_bytes = queue.peak_bytes();

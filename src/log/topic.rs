@@ -145,6 +145,11 @@ impl Topic {
     pub fn is_urgent(self) -> bool {
         matches!(self, Topic::Command | Topic::Event)
     }
+
+    /// Whether `replay` computes its messages again from the images.
+    pub fn is_derived(self) -> bool {
+        matches!(self, Topic::Profile | Topic::Annotations)
+    }
 }
 
 /// Descriptors of `hydroline.proto` and its imports, as compiled by the build script.

@@ -46,6 +46,62 @@ fn an_unbroken_stream_loses_nothing() {
 }
 
 #[test]
+fn a_camera_that_never_comes_back_is_lost_until_the_stop() {
+    for (cause, named) in [
+        (Some(Pause::Unplugged), Pause::Unplugged),
+        (Some(Pause::Restarted), Pause::Restarted),
+        (None, Pause::Frozen),
+    ] {
+        // 2 s of 25 frames/s, then nothing until 60 s.
+        let mut account = Account::new(0.04);
+        run(&mut account, (0..50).map(|i| (i, f64::from(i) * 40.0 * MS)));
+        if let Some(cause) = cause {
+            account.pause(cause);
+        }
+        assert_eq!(account.counts().lost.total(), 0);
+        // Frames 50..=1498 were due: 1499's stamp is at 59.96 s, and it may be in flight at 60 s.
+        let lost = account.finish((1e12 + 60e9) as u64);
+        let counts = account.counts();
+        assert_eq!(lost, 1498 - 50 + 1);
+        let mut losses = Losses::default();
+        *losses.of(named) = lost;
+        assert_eq!((counts.received, counts.lost), (50, losses));
+        assert_eq!((counts.expected, counts.disagreement), (50 + lost, 0));
+        // Asked twice it is the same; a frame after all makes it a pause like any other.
+        account.finish((1e12 + 60e9) as u64);
+        assert_eq!(account.counts(), counts);
+        account.frame(0, (1e12 + 61e9) as u64);
+        let after = account.counts();
+        assert_eq!((after.received, after.disagreement), (51, 0));
+        assert_eq!(after.received + after.lost.total(), 61 * 25 + 1);
+    }
+}
+
+#[test]
+fn the_frame_in_flight_at_the_stop_is_no_loss() {
+    for (stop_ms, lost) in [
+        (0.0, 0),
+        (39.0, 0),
+        (80.0, 0),
+        (99.0, 0),
+        (101.0, 1),
+        (139.0, 1),
+        (141.0, 2),
+    ] {
+        let mut account = Account::new(0.04);
+        run(&mut account, (0..50).map(|i| (i, f64::from(i) * 40.0 * MS)));
+        let stop_ns = 1e12 + 49.0 * 40.0 * MS + stop_ms * MS;
+        assert_eq!(account.finish(stop_ns as u64), lost, "{stop_ms} ms");
+        assert_eq!(account.counts().expected, 50 + lost);
+    }
+    // Nothing to count from, nothing to count with.
+    assert_eq!(Account::new(0.04).finish(u64::MAX), 0);
+    let mut unknown = Account::new(0.0);
+    unknown.frame(0, 5);
+    assert_eq!(unknown.finish(u64::MAX), 0);
+}
+
+#[test]
 fn the_sequence_wraps() {
     let mut account = Account::new(0.04);
     let start = u32::MAX - 5;
@@ -399,6 +455,7 @@ proptest! {
                 _ => { account.frame(*sequence, *stamp); whole += 1; }
             }
         }
+        account.finish(frames.iter().map(|f| f.1).fold(0, u64::wrapping_add));
         let counts = account.counts();
         prop_assert_eq!(counts.received + counts.excluded.leftover + counts.excluded.repeated, whole);
         prop_assert_eq!(counts.disagreement as i128, i128::from(counts.received) + i128::from(counts.lost.total()) - i128::from(counts.expected));
