@@ -146,6 +146,11 @@ impl Topic {
         matches!(self, Topic::Command | Topic::Event)
     }
 
+    /// Whether it is sent once and holds for all that follows.
+    pub fn is_calibration(self) -> bool {
+        matches!(self, Topic::CameraCalibration | Topic::PlaneCalibration)
+    }
+
     /// Whether `replay` computes its messages again from the images.
     pub fn is_derived(self) -> bool {
         matches!(self, Topic::Profile | Topic::Annotations)

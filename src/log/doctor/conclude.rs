@@ -222,7 +222,16 @@ impl Checks {
                 "what is in the file is sound; see the event before the end",
             );
         }
-        let (received, expected) = (number("frames.received"), number("frames.expected"));
+        // A part that is not the last states a running count (parts of older logs: under `frames`).
+        let ledger = if summary.contains_key("frames_so_far.received") {
+            "frames_so_far"
+        } else {
+            "frames"
+        };
+        let (received, expected) = (
+            number(&format!("{ledger}.received")),
+            number(&format!("{ledger}.expected")),
+        );
         let (Some(received), Some(expected)) = (received, expected) else {
             self.add(
                 Grade::Warning,
@@ -233,7 +242,7 @@ impl Checks {
             );
             return;
         };
-        let lost = sum("frames.lost.");
+        let lost = sum(&format!("{ledger}.lost."));
         if received + lost != expected {
             let message =
                 format!("frames: received {received} + lost {lost} is not expected {expected}");
