@@ -1,11 +1,16 @@
 //! `replay`: every frame of a log extracted again, offline and deterministic.
 //!
-//! Everything but the images is carried over; profiles are computed anew with the code that ran
+//! Everything of ours but the images is carried over; messages of foreign topics cannot be written
+//! by our writer and are counted by topic. Profiles are computed anew with the code that ran
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
 use crate::analysis::Analyst;
 use crate::frame::Frame;
-use crate::log::messages::{self, pb::StripeProfile, unix_ns};
+use crate::log::messages::{
+    self,
+    pb::{FrameInfo, StripeProfile},
+    unix_ns,
+};
 use crate::log::{
     Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
     SummaryInput, WriteSettings,
@@ -54,10 +59,24 @@ pub struct Report {
     pub live: u64,
     /// Of these, profiles that came out bit for bit the same.
     pub live_identical: u64,
+    /// Of these, profiles that came out otherwise; the rest have no image in the log to compare with.
+    pub live_different: u64,
+    /// Messages of topics or schemas that are not ours, by topic: not carried over.
+    pub foreign: std::collections::BTreeMap<String, u64>,
     /// Commands carried over.
     pub commands: u64,
     /// First and last stamp of a frame, UNIX \[ns\].
     pub span_ns: Option<(u64, u64)>,
+}
+
+impl Report {
+    fn compared(&mut self, identical: bool) {
+        if identical {
+            self.live_identical += 1;
+        } else {
+            self.live_different += 1;
+        }
+    }
 }
 
 /// Why a replay failed.
@@ -115,12 +134,14 @@ pub fn replay(
         frames_pending: 0,
         report: Report::default(),
         index: 0,
+        info: None,
     };
     for message in first.into_iter().map(Ok).chain(reader) {
         state.take(message?)?;
         progress(state.report.frames);
     }
     state.flush()?;
+    state.release_info()?;
     progress(state.report.frames);
     let mut summary = SummaryInput::clean("replayed to the end");
     summary
@@ -130,6 +151,15 @@ pub fn replay(
         "replay.live_identical".to_owned(),
         state.report.live_identical.to_string(),
     );
+    summary.more.insert(
+        "replay.live_different".to_owned(),
+        state.report.live_different.to_string(),
+    );
+    for (topic, n) in &state.report.foreign {
+        summary
+            .more
+            .insert(format!("replay.not_copied.{topic}"), n.to_string());
+    }
     let outcome = state.writer.finish(&summary)?;
     Ok((state.report, outcome))
 }
@@ -180,6 +210,8 @@ struct Replay<'a> {
     frames_pending: usize,
     report: Report,
     index: u64,
+    /// With images kept: a frame's account waiting for the image that brings it along.
+    info: Option<(u64, FrameInfo)>,
 }
 
 impl Replay<'_> {
@@ -223,8 +255,13 @@ impl Replay<'_> {
         let entry = match message.record {
             Record::Frame(frame) => {
                 if self.options.keep_images {
-                    self.writer
-                        .write(log_ns, &Entry::frame(&frame, self.index))?;
+                    // The frame writes its account itself; only the recording's index is taken over.
+                    let own = self
+                        .info
+                        .take_if(|(_, info)| info.sequence == frame.meta.sequence);
+                    self.release_info()?;
+                    let index = own.map_or(self.index, |(_, info)| info.frame_index);
+                    self.writer.write(log_ns, &Entry::frame(&frame, index))?;
                 }
                 self.index += 1;
                 if let Some(profile) = profile {
@@ -244,16 +281,26 @@ impl Replay<'_> {
                 self.report.live += 1;
                 let bytes = fingerprint(&live);
                 match self.ours.remove(&key) {
-                    Some(ours) => self.report.live_identical += u64::from(ours == bytes),
+                    Some(ours) => self.report.compared(ours == bytes),
                     None => {
                         self.live.insert(key, bytes);
                     }
                 }
                 return Ok(());
             }
-            // Drawn again from the new profile; the frame's own account stands with the image it is about.
-            Record::Annotations(_) | Record::Log(_) | Record::Other { .. } => return Ok(()),
+            // Drawn again from the new profile.
+            Record::Annotations(_) => return Ok(()),
+            Record::Other { topic, .. } => {
+                *self.report.foreign.entry(topic).or_default() += 1;
+                return Ok(());
+            }
+            Record::FrameInfo(info) if self.options.keep_images => {
+                self.release_info()?;
+                self.info = Some((log_ns, info));
+                return Ok(());
+            }
             Record::FrameInfo(info) => Entry::frame_info(&info),
+            Record::Log(line) => Entry::log_line(&line),
             Record::Command(command) => {
                 self.report.commands += 1;
                 Entry::command(&command)
@@ -268,6 +315,14 @@ impl Replay<'_> {
             Record::Pose(pose) => Entry::pose(&pose),
         };
         Ok(self.writer.write(log_ns, &entry)?)
+    }
+
+    /// Writes an account whose image did not follow.
+    fn release_info(&mut self) -> Result<(), ReplayError> {
+        if let Some((log_ns, info)) = self.info.take() {
+            self.writer.write(log_ns, &Entry::frame_info(&info))?;
+        }
+        Ok(())
     }
 
     fn count(&mut self, frame: &Frame, profile: &StripeProfile) {
@@ -294,7 +349,7 @@ impl Replay<'_> {
         let key = (stamp_ns, profile.sequence);
         let bytes = fingerprint(profile);
         match self.live.remove(&key) {
-            Some(live) => report.live_identical += u64::from(live == bytes),
+            Some(live) => report.compared(live == bytes),
             None => {
                 self.ours.insert(key, bytes);
             }

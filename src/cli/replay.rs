@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Exit code 0: done; 3: profiles extracted live came out otherwise with the same rig and settings."
+)]
 pub struct Args {
     /// Logs with images
     #[arg(required = true, value_name = "LOG")]
@@ -34,8 +37,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let targets = targets(args)?;
     let mut reports = Vec::new();
+    let mut outcome = Outcome::Done;
     for (log, out) in &targets {
-        let options = options(args, log, rig.as_ref())?;
+        let (options, comparable) = options(args, log, rig.as_ref())?;
         let length = std::fs::metadata(log)
             .map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?
             .len();
@@ -50,12 +54,22 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         if !args.json {
             print_report(log, out, &report);
         }
+        if comparable && report.live_different > 0 {
+            eprintln!(
+                "hydroline: {}: {} of {} profiles extracted live came out otherwise with the same rig and settings: \
+                 another version recorded it (`hydroline info` shows `version`), or the extraction is not reproducible: report it as a bug",
+                log.display(),
+                report.live_different,
+                report.live
+            );
+            outcome = Outcome::Lossy;
+        }
         reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
     }
     if args.json {
         println!("{}", serde_json::json!({ "replays": reports }));
     }
-    Ok(Outcome::Done)
+    Ok(outcome)
 }
 
 fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
@@ -77,11 +91,12 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
 }
 
 /// Rig: from --rig, else from the log's head. A log without either is extracted without plane coordinates.
-fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliError> {
+/// True: rig and settings are those of the recording, so that live profiles must come out the same.
+fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<(Options, bool), CliError> {
+    let reader = LogReader::open(log).map_err(CliError::run)?;
     let own = match rig {
         Some(_) => None,
         None => {
-            let reader = LogReader::open(log).map_err(CliError::run)?;
             let name = format!("rig in {}", log.display());
             reader
                 .rig_toml()
@@ -90,6 +105,13 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliErr
                 .map_err(CliError::config)?
         }
     };
+    // A replay's profiles were not extracted live, and with settings of their own.
+    let is_replay = reader
+        .metadata()
+        .get("session")
+        .is_some_and(|s| s.contains_key("replay.of"));
+    let same_rig = rig.is_none_or(|r| reader.rig_toml() == Some(r.effective_toml.as_str()));
+    let comparable = same_rig && !args.whole_pixel && !is_replay;
     let rig = rig.or(own.as_ref());
     if rig.is_none() {
         eprintln!(
@@ -104,7 +126,7 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliErr
     options.extractor.whole_pixel = args.whole_pixel;
     options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
-    Ok(options)
+    Ok((options, comparable))
 }
 
 fn print_report(log: &Path, out: &Path, report: &Report) {
@@ -115,6 +137,9 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     );
     for (reason, n) in &report.without_stripe {
         println!("  {n} frames without: {reason}");
+    }
+    for (topic, n) in &report.foreign {
+        println!("  {n} messages of {topic} not carried over: not a topic and schema of hydroline");
     }
     if report.live > 0 {
         println!(

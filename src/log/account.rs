@@ -55,6 +55,8 @@ pub struct Counts {
     pub frames_faulty: u64,
     /// Frames dropped because the queue was full.
     pub frames_dropped: u64,
+    /// Derived messages dropped because the queue was full, by topic name: `replay` computes them again.
+    pub derived_dropped: BTreeMap<&'static str, u64>,
     /// Messages in the file(s) by topic name, open chunk included.
     pub messages: BTreeMap<&'static str, u64>,
     /// Messages that could not be written (disk full or failed), by topic name.
@@ -72,7 +74,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Whether anything that should be in the log is not.
+    /// Whether anything that should be in the log is not; what can be computed again is not meant.
     pub fn lost_anything(&self) -> bool {
         self.frames_dropped > 0 || !self.unwritten.is_empty()
     }
@@ -116,8 +118,10 @@ pub struct LogOutcome {
     pub counts: Counts,
 }
 
-/// Metadata `summary` of one part. `frames.*` run over the whole recording so far, `messages.*`
-/// are of this part: `received + sum(lost.*) = expected`, `logged + sum(dropped.*) = received`.
+/// Metadata `summary` of one part. `messages.*` are of this part. `frames.*` of the last part are
+/// of the whole recording: `received + sum(lost.*) = expected`, `logged + sum(dropped.*) = received`.
+/// In the parts before they are called `frames_so_far.*`: counted on arrival, so that some of what
+/// is received there still waits in the queue and is logged in a later part.
 pub(super) fn summary_map(
     counts: &Counts,
     part_messages: &BTreeMap<Topic, u64>,
@@ -128,14 +132,15 @@ pub(super) fn summary_map(
     let mut map = input.more.clone();
     let frames = input.frames.as_ref().unwrap_or(&counts.frames);
     let mut put = |key: String, value: String| map.insert(key, value);
+    let ledger = if last { "frames" } else { "frames_so_far" };
     put("part.number".into(), part.to_string());
     put("part.last".into(), last.to_string());
     put("stop.reason".into(), input.stop_reason.clone());
     put("stop.clean".into(), input.clean.to_string());
-    put("frames.expected".into(), frames.expected.to_string());
-    put("frames.received".into(), frames.received.to_string());
+    put(format!("{ledger}.expected"), frames.expected.to_string());
+    put(format!("{ledger}.received"), frames.received.to_string());
     for (cause, n) in &frames.lost {
-        put(format!("frames.lost.{cause}"), n.to_string());
+        put(format!("{ledger}.lost.{cause}"), n.to_string());
     }
     let image = Topic::RawImage.name();
     let logged = counts.messages.get(image).copied().unwrap_or(0);
@@ -146,12 +151,15 @@ pub(super) fn summary_map(
         on_disk_refusal += frames.received.saturating_sub(accounted);
     }
     put(
-        "frames.dropped.queue".into(),
+        format!("{ledger}.dropped.queue"),
         counts.frames_dropped.to_string(),
     );
-    put("frames.dropped.disk".into(), on_disk_refusal.to_string());
-    put("frames.faulty".into(), counts.frames_faulty.to_string());
-    put("frames.logged".into(), logged.to_string());
+    put(
+        format!("{ledger}.dropped.disk"),
+        on_disk_refusal.to_string(),
+    );
+    put(format!("{ledger}.faulty"), counts.frames_faulty.to_string());
+    put(format!("{ledger}.logged"), logged.to_string());
     let mut total = 0;
     let mut by_name: BTreeMap<&str, u64> = BTreeMap::new();
     for (topic, n) in part_messages {
@@ -164,6 +172,9 @@ pub(super) fn summary_map(
     put("messages.total".into(), total.to_string());
     for (topic, n) in &counts.unwritten {
         put(format!("unwritten.{topic}"), n.to_string());
+    }
+    for (topic, n) in &counts.derived_dropped {
+        put(format!("derived.dropped.queue.{topic}"), n.to_string());
     }
     put(
         "queue.peak_bytes".into(),

@@ -18,7 +18,7 @@ pub enum Entry {
         /// Counts frames received by the daemon, from 0.
         index: u64,
     },
-    /// Any other message, already encoded. Never dropped by the queue.
+    /// Any other message, already encoded. The queue drops only what can be computed again.
     Message {
         /// Where it goes.
         topic: Topic,
@@ -130,9 +130,17 @@ impl Entry {
         }
     }
 
-    /// Whether the queue may drop it.
-    pub fn is_droppable(&self) -> bool {
+    /// A frame: the queue may drop it, and tells when it does.
+    pub fn is_frame(&self) -> bool {
         matches!(self, Entry::Frame { .. })
+    }
+
+    /// The topic of a message that `replay` computes again from the images: the queue may drop it.
+    pub fn derived_topic(&self) -> Option<Topic> {
+        match self {
+            Entry::Message { topic, .. } if topic.is_derived() => Some(*topic),
+            _ => None,
+        }
     }
 
     /// Whether it must reach the disk within the command flush time.

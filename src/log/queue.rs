@@ -1,14 +1,16 @@
 //! The one queue between everything that happens and the log writer.
 //!
-//! Bounded in bytes. Only frames may be dropped, newest first: an arriving frame that does not
-//! fit is counted and forgotten, so what is queued already stays contiguous. Everything else is
-//! admitted beyond the bound. Order is first in, first out. The core has no locks and no clock.
+//! Bounded in bytes. Frames and what `replay` computes again from them (profiles, annotations) may
+//! be dropped, newest first: what does not fit on arrival is counted and forgotten, so what is
+//! queued already stays contiguous. Everything else is admitted beyond the bound: it is small, and
+//! nothing brings it back. Order is first in, first out. The core has no locks and no clock.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::entry::Entry;
+use super::topic::Topic;
 
 /// An entry with the log time it was given on arrival.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +36,8 @@ pub enum Admission {
         /// Start of an episode.
         first: bool,
     },
+    /// A derived message that did not fit; `replay` computes it again.
+    DroppedDerived,
     /// The queue is closed: the recording has ended.
     Closed,
 }
@@ -47,11 +51,12 @@ pub struct QueueCore {
     peak_bytes: u64,
     dropped_in_a_row: u64,
     dropped_frames: u64,
+    dropped_derived: BTreeMap<Topic, u64>,
     closed: bool,
 }
 
 impl QueueCore {
-    /// An empty queue that takes frames up to `bound_bytes` in all.
+    /// An empty queue that takes frames and derived messages up to `bound_bytes` in all.
     pub fn new(bound_bytes: u64) -> Self {
         Self {
             entries: VecDeque::new(),
@@ -60,6 +65,7 @@ impl QueueCore {
             peak_bytes: 0,
             dropped_in_a_row: 0,
             dropped_frames: 0,
+            dropped_derived: BTreeMap::new(),
             closed: false,
         }
     }
@@ -70,8 +76,13 @@ impl QueueCore {
             return Admission::Closed;
         }
         let size = item.entry.size_bytes();
-        let is_frame = item.entry.is_droppable();
-        if is_frame && self.used_bytes.saturating_add(size) > self.bound_bytes {
+        let is_frame = item.entry.is_frame();
+        let fits = self.used_bytes.saturating_add(size) <= self.bound_bytes;
+        if let (Some(topic), false) = (item.entry.derived_topic(), fits) {
+            *self.dropped_derived.entry(topic).or_default() += 1;
+            return Admission::DroppedDerived;
+        }
+        if is_frame && !fits {
             self.dropped_frames += 1;
             self.dropped_in_a_row += 1;
             return Admission::Dropped {
@@ -95,6 +106,14 @@ impl QueueCore {
         Some(item)
     }
 
+    /// No more pushes and no more pops: nobody is left to write. Returns how many were given up.
+    pub fn give_up(&mut self) -> u64 {
+        self.closed = true;
+        self.used_bytes = 0;
+        let left = std::mem::take(&mut self.entries);
+        left.len() as u64
+    }
+
     /// No more pushes; what is queued can still be popped.
     pub fn close(&mut self) {
         self.closed = true;
@@ -113,6 +132,11 @@ impl QueueCore {
     /// Frames dropped so far.
     pub fn dropped_frames(&self) -> u64 {
         self.dropped_frames
+    }
+
+    /// Derived messages dropped so far, by topic.
+    pub fn dropped_derived(&self) -> &BTreeMap<Topic, u64> {
+        &self.dropped_derived
     }
 
     /// Entries queued now.
@@ -187,6 +211,7 @@ impl<T> Queue<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::messages::pb;
     use super::super::testing::{command, grey_frame};
     use super::*;
     use proptest::prelude::*;
@@ -197,12 +222,13 @@ mod tests {
 
     proptest! {
         /// Whatever arrives and leaves in whatever order: commands all come out, in order; frames
-        /// come out or are counted; frames never push the queue beyond its bound.
+        /// and profiles come out or are counted; they never push the queue beyond its bound.
         #[test]
-        fn nothing_is_lost_uncounted(steps in proptest::collection::vec(0u8..4, 1..300), bound in 0u64..20_000) {
+        fn nothing_is_lost_uncounted(steps in proptest::collection::vec(0u8..5, 1..300), bound in 0u64..20_000) {
             let mut q = QueueCore::new(bound);
             let (mut frames_in, mut out, mut commands_in) = (0u64, Vec::new(), 0u32);
             let (mut drops, mut episodes_closed) = (0u64, 0u64);
+            let mut profiles_in = 0u64;
             for (n, step) in steps.iter().enumerate() {
                 match step {
                     0 | 1 => {
@@ -225,14 +251,27 @@ mod tests {
                         let admitted = q.push(item(n as u64, Entry::command(&command(commands_in))));
                         prop_assert_eq!(admitted, Admission::Queued);
                     }
+                    3 => {
+                        profiles_in += 1;
+                        let before = q.used_bytes();
+                        let profile = pb::StripeProfile { row_px: vec![1.0; 60], ..Default::default() };
+                        let entry = Entry::profile(&profile);
+                        let size = entry.size_bytes();
+                        let dropped = q.push(item(n as u64, entry)) == Admission::DroppedDerived;
+                        prop_assert_eq!(dropped, before + size > bound);
+                        prop_assert!(q.used_bytes() <= bound.max(before));
+                    }
                     _ => out.extend(q.pop()),
                 }
             }
             while let Some(i) = q.pop() { out.push(i); }
             prop_assert_eq!(q.used_bytes(), 0);
             prop_assert!(out.windows(2).all(|w| w[0].log_ns < w[1].log_ns));
-            let frames_out = out.iter().filter(|i| i.entry.is_droppable()).count() as u64;
-            prop_assert_eq!(out.len() as u64 - frames_out, u64::from(commands_in));
+            let frames_out = out.iter().filter(|i| i.entry.is_frame()).count() as u64;
+            let profiles_out = out.iter().filter(|i| i.entry.derived_topic().is_some()).count() as u64;
+            let profiles_dropped = q.dropped_derived().values().sum::<u64>();
+            prop_assert_eq!(profiles_out + profiles_dropped, profiles_in);
+            prop_assert_eq!(out.len() as u64 - frames_out - profiles_out, u64::from(commands_in));
             prop_assert_eq!(frames_out + q.dropped_frames(), frames_in);
             prop_assert_eq!(drops, q.dropped_frames());
             prop_assert!(episodes_closed <= drops);

@@ -1,5 +1,6 @@
 //! The live log: a cheap handle for every producer, one queue, one writer thread.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -29,7 +30,7 @@ struct Shared {
     queue: Arc<Queue<Producers>>,
     writer_counts: Arc<Mutex<Counts>>,
     clock: Arc<dyn Clock>,
-    thread: Mutex<Option<JoinHandle<LogWriter>>>,
+    thread: Mutex<Option<JoinHandle<Option<LogWriter>>>>,
 }
 
 /// Handle to a running recording. Clone it freely; no call waits for the disk.
@@ -174,7 +175,7 @@ impl Recorder {
             match queue.push(Queued { log_ns, entry }) {
                 Admission::Queued => {}
                 Admission::Closed => producers.after_end += 1,
-                Admission::Dropped { first: false } => {}
+                Admission::Dropped { first: false } | Admission::DroppedDerived => {}
                 Admission::Dropped { first: true } => {
                     let used = queue.used_bytes() as f64 / 1e6;
                     let message = format!(
@@ -219,7 +220,7 @@ impl Recorder {
         producer_counts(&self.shared.queue, writer)
     }
 
-    /// Why writing stopped (disk full or failed), if it did: the recording should end.
+    /// Why writing stopped (disk full or failed, the writer panicked), if it did: the recording should end.
     pub fn stopped(&self) -> Option<String> {
         let counts = self
             .shared
@@ -250,7 +251,9 @@ impl Shared {
         let writer = thread
             .ok_or(LogError::Finished)?
             .join()
-            .map_err(|_| LogError::WriterPanicked)?;
+            .ok()
+            .flatten()
+            .ok_or(LogError::WriterPanicked)?;
         let now_ns = self.clock.monotonic_ns();
         let counts = || producer_counts(&self.queue, Counts::default());
         let outcome = writer.finish(now_ns, summary, &counts);
@@ -280,6 +283,10 @@ fn producer_counts(queue: &Queue<Producers>, mut counts: Counts) -> Counts {
         counts.frames.clone_from(&producers.frames);
         counts.frames_faulty = producers.faulty;
         counts.frames_dropped = queue.dropped_frames();
+        counts.derived_dropped.clear();
+        for (topic, n) in queue.dropped_derived() {
+            *counts.derived_dropped.entry(topic.name()).or_default() += n;
+        }
         counts.after_end = producers.after_end;
         counts.queue_bytes = queue.used_bytes();
         counts.queue_peak_bytes = queue.peak_bytes();
@@ -290,12 +297,47 @@ fn producer_counts(queue: &Queue<Producers>, mut counts: Counts) -> Counts {
 /// Longest sleep of the writer: bounds how late a clock that is not the machine's is noticed.
 const IDLE: Duration = Duration::from_millis(500);
 
+/// Writes until the queue ends. `None`: the writer panicked; then [`Recorder::stopped`] says so at
+/// once and the queue takes nothing more, instead of growing until somebody asks for the end.
 fn run(
     mut writer: LogWriter,
     queue: &Queue<Producers>,
     shared: &Mutex<Counts>,
     clock: &dyn Clock,
-) -> LogWriter {
+) -> Option<LogWriter> {
+    // Unwind safety: after a panic the writer is only dropped; queue and counts are whole between
+    // any two of their statements.
+    let written = catch_unwind(AssertUnwindSafe(|| {
+        drain(&mut writer, queue, shared, clock)
+    }));
+    let Err(panic) = written else {
+        return Some(writer);
+    };
+    let words = panic
+        .downcast_ref::<&str>()
+        .map(|s| (*s).to_owned())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no words".to_owned());
+    let given_up = queue.with(|queue, _| queue.give_up());
+    let why = format!(
+        "the log's writer panicked ({words}), {given_up} queued entries are lost; `hydroline recover` mends the file"
+    );
+    tracing::error!("{why}");
+    shared
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .stopped = Some(why);
+    // What panicked while writing may panic again while being dropped.
+    catch_unwind(AssertUnwindSafe(|| drop(writer))).ok();
+    None
+}
+
+fn drain(
+    writer: &mut LogWriter,
+    queue: &Queue<Producers>,
+    shared: &Mutex<Counts>,
+    clock: &dyn Clock,
+) {
     let counts = || producer_counts(queue, Counts::default());
     loop {
         let wait = match writer.next_deadline_ns() {
@@ -313,7 +355,7 @@ fn run(
                 writer.write(now_ns, item.log_ns, &item.entry, &counts);
             }
             Popped::Timeout => writer.tick(now_ns, &counts),
-            Popped::End => return writer,
+            Popped::End => return,
         }
         let mut latest = Counts::default();
         writer.count_into(&mut latest);

@@ -68,6 +68,8 @@ pub struct Disk {
     pub room: Option<u64>,
     /// Writes fail outright after that many bytes although `reserve` agreed.
     pub fails_after: Option<u64>,
+    /// Writes panic beyond that many bytes.
+    pub panics_after: Option<u64>,
     pub claimed: Vec<u64>,
 }
 
@@ -116,6 +118,7 @@ impl Write for MemorySink {
         }
         let mut state = self.disk.state.lock().unwrap();
         let used: u64 = state.files.iter().map(|f| f.len() as u64).sum();
+        assert!(used <= state.panics_after.unwrap_or(u64::MAX), "bad sink");
         let limit = [state.room, state.fails_after]
             .into_iter()
             .flatten()

@@ -431,3 +431,96 @@ fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
         "{ended}"
     );
 }
+
+#[test]
+fn a_writer_that_panics_is_told_at_once_and_the_queue_stops_growing() {
+    let disk = MemoryDisk::default();
+    let log = Recorder::start(disk.opener(), head(), live(), Arc::new(SystemClock)).unwrap();
+    let head_bytes = disk.file(0).len() as u64;
+    disk.state.lock().unwrap().panics_after = Some(head_bytes + 20_000);
+    let mut sent = 0;
+    // Bounded by the number of entries, not by time: 20 kB are some ten frames, the queue holds 256 MB.
+    while log.stopped().is_none() && sent < 2_000 {
+        log.frame(&grey_frame(sent, 72, 58), u64::from(sent));
+        sent += 1;
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let words = log.stopped().unwrap();
+    assert!(
+        words.contains("bad sink") && words.contains("recover"),
+        "{words}"
+    );
+    assert_eq!(log.counts().queue_bytes, 0);
+    let before = log.counts().after_end;
+    for i in 0..50 {
+        log.command(&command(i));
+    }
+    let counts = log.counts();
+    assert_eq!((counts.queue_bytes, counts.after_end - before), (0, 50));
+    assert!(matches!(
+        log.finish(&SummaryInput::clean("plan done")),
+        Err(LogError::WriterPanicked)
+    ));
+}
+
+#[test]
+fn every_part_holds_the_calibrations_and_says_that_its_ledger_runs_on() {
+    let disk = MemoryDisk::default();
+    let settings = WriteSettings {
+        limits: Limits {
+            rotate_bytes: 60_000,
+            chunk_bytes: 10_000,
+            ..offline().limits
+        },
+        ..offline()
+    };
+    let mut log = FileRecorder::with_opener(disk.opener(), head(), settings).unwrap();
+    let plane = |n: u64| messages::pb::PlaneCalibration {
+        timestamp: Some(messages::timestamp(T0_NS + n)),
+        ..Default::default()
+    };
+    let camera = messages::CameraCalibration {
+        width: 72,
+        ..Default::default()
+    };
+    log.write(T0_NS, &Entry::camera_calibration(&camera))
+        .unwrap();
+    log.write(T0_NS, &Entry::plane_calibration(&plane(1)))
+        .unwrap();
+    log.write(T0_NS, &Entry::plane_calibration(&plane(2)))
+        .unwrap();
+    for i in 0..100 {
+        let t = T0_NS + u64::from(i) * 40_000_000;
+        log.write(t, &Entry::frame(&grey_frame(i, 72, 58), u64::from(i)))
+            .unwrap();
+    }
+    let outcome = log.finish(&SummaryInput::clean("plan done")).unwrap();
+    let parts = outcome.files.len();
+    assert!(parts >= 3, "{parts} parts");
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..parts {
+        let bytes = disk.file(part);
+        let path = dir.path().join(format!("{part}.mcap"));
+        std::fs::write(&path, &bytes).unwrap();
+        let diagnosis = doctor::doctor(&path).unwrap();
+        assert!(diagnosis.sound, "part {part}: {diagnosis}");
+        let mut reader = LogReader::from_source(Path::new("m"), Cursor::new(bytes)).unwrap();
+        let records: Vec<Record> = reader.by_ref().map(|m| m.unwrap().record).collect();
+        let first_frame = records
+            .iter()
+            .position(|r| matches!(r, Record::FrameInfo(_)));
+        let before = &records[..first_frame.unwrap()];
+        assert!(
+            before.contains(&Record::CameraCalibration(camera.clone())),
+            "part {part} begins without /camera/calibration"
+        );
+        let last_plane = before
+            .iter()
+            .rfind(|r| matches!(r, Record::PlaneCalibration(_)));
+        assert_eq!(last_plane, Some(&Record::PlaneCalibration(plane(2))));
+        let summary = &reader.metadata()["summary"];
+        let last = part + 1 == parts;
+        assert_eq!(summary.contains_key("frames.received"), last);
+        assert_eq!(summary.contains_key("frames_so_far.received"), !last);
+    }
+}

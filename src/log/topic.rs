@@ -145,6 +145,16 @@ impl Topic {
     pub fn is_urgent(self) -> bool {
         matches!(self, Topic::Command | Topic::Event)
     }
+
+    /// Whether it is sent once and holds for all that follows.
+    pub fn is_calibration(self) -> bool {
+        matches!(self, Topic::CameraCalibration | Topic::PlaneCalibration)
+    }
+
+    /// Whether `replay` computes its messages again from the images.
+    pub fn is_derived(self) -> bool {
+        matches!(self, Topic::Profile | Topic::Annotations)
+    }
 }
 
 /// Descriptors of `hydroline.proto` and its imports, as compiled by the build script.

@@ -30,6 +30,8 @@ pub struct LogWriter {
     unwritten: BTreeMap<&'static str, u64>,
     stopped: Option<String>,
     rotation_refused: bool,
+    /// The last calibrations: sent once, needed in every part.
+    calibrations: BTreeMap<Topic, Entry>,
 }
 
 impl LogWriter {
@@ -58,6 +60,7 @@ impl LogWriter {
             unwritten: BTreeMap::new(),
             stopped: None,
             rotation_refused: false,
+            calibrations: BTreeMap::new(),
         })
     }
 
@@ -66,6 +69,11 @@ impl LogWriter {
     pub fn write(&mut self, now_ns: u64, log_ns: u64, entry: &Entry, counts: &dyn Fn() -> Counts) {
         self.last_log_ns = self.last_log_ns.max(log_ns);
         let log_ns = self.last_log_ns;
+        if let Entry::Message { topic, .. } = entry
+            && topic.is_calibration()
+        {
+            self.calibrations.insert(*topic, entry.clone());
+        }
         let written = match self.try_write(now_ns, log_ns, entry) {
             Ok(closed_a_chunk) => {
                 if closed_a_chunk {
@@ -181,6 +189,9 @@ impl LogWriter {
                 }
                 self.number = number;
                 self.files.push(path);
+                for entry in self.calibrations.clone().values() {
+                    self.own_entry(now_ns, entry);
+                }
                 let message = format!("the log goes on in part {number}");
                 let event = Event::new(self.last_log_ns, Severity::Info, "log.rotated", message)
                     .with("part", f64::from(number));
@@ -205,9 +216,13 @@ impl LogWriter {
     }
 
     fn own_event(&mut self, now_ns: u64, event: &Event) {
+        self.own_entry(now_ns, &Entry::event(event));
+    }
+
+    fn own_entry(&mut self, now_ns: u64, entry: &Entry) {
         // A failure here shows again at the next entry, which is then counted.
-        if let Err(Some(fault)) = self.try_write(now_ns, self.last_log_ns, &Entry::event(event)) {
-            tracing::error!("event `{}` not logged: {fault}", event.kind);
+        if let Err(Some(fault)) = self.try_write(now_ns, self.last_log_ns, entry) {
+            tracing::error!("the log's own entry was not written: {fault}");
         }
     }
 

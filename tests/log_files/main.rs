@@ -4,5 +4,6 @@
 mod crash;
 mod damage;
 mod real;
+mod replayed;
 mod stall;
 mod support;

@@ -10,7 +10,12 @@ impl Checks {
     pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
         let ours = learnt.library.starts_with("hydroline") || learnt.metadata.contains_key("rig");
         self.log_times(ours);
-        self.frames_and_commands();
+        self.frames_and_commands(
+            learnt
+                .metadata
+                .get("session")
+                .and_then(|s| s.get("replay.of")),
+        );
         self.clocks();
         let errors = std::mem::take(&mut self.error_events);
         for (kind, n) in errors {
@@ -93,9 +98,19 @@ impl Checks {
         self.add(grade, "log_time", None, message, next);
     }
 
-    fn frames_and_commands(&mut self) {
+    /// `replay_of` = the log that this one is a replay of: it need not hold the images.
+    fn frames_and_commands(&mut self, replay_of: Option<&String>) {
         let (infos, images) = (self.frames.infos, self.frames.images);
-        if infos > 0 && infos != images {
+        if let (Some(of), true) = (replay_of, infos > 0 && images == 0) {
+            let message = format!("a replay of {of} without its images ({infos} frame infos)");
+            self.add(
+                Grade::Note,
+                "image",
+                None,
+                message,
+                "the images are in that log; `hydroline replay --keep-images` copies them",
+            );
+        } else if infos > 0 && infos != images {
             let message = format!("{images} images but {infos} frame infos");
             self.add(
                 Grade::Error,
@@ -207,7 +222,16 @@ impl Checks {
                 "what is in the file is sound; see the event before the end",
             );
         }
-        let (received, expected) = (number("frames.received"), number("frames.expected"));
+        // A part that is not the last states a running count (parts of older logs: under `frames`).
+        let ledger = if summary.contains_key("frames_so_far.received") {
+            "frames_so_far"
+        } else {
+            "frames"
+        };
+        let (received, expected) = (
+            number(&format!("{ledger}.received")),
+            number(&format!("{ledger}.expected")),
+        );
         let (Some(received), Some(expected)) = (received, expected) else {
             self.add(
                 Grade::Warning,
@@ -218,7 +242,7 @@ impl Checks {
             );
             return;
         };
-        let lost = sum("frames.lost.");
+        let lost = sum(&format!("{ledger}.lost."));
         if received + lost != expected {
             let message =
                 format!("frames: received {received} + lost {lost} is not expected {expected}");
@@ -256,6 +280,18 @@ impl Checks {
                     "the log lost count; report it as a bug",
                 );
             }
+        }
+        let derived = sum("derived.dropped.");
+        if derived > 0 {
+            let message =
+                format!("{derived} profiles and annotations were dropped, the queue was full");
+            self.add(
+                Grade::Note,
+                "derived",
+                None,
+                message,
+                "`hydroline replay` computes them again from the images",
+            );
         }
         for (key, stated) in summary {
             let Some(topic) = key.strip_prefix("messages./") else {
