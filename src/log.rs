@@ -30,6 +30,7 @@ pub mod recover;
 mod scan;
 mod settings;
 mod sink;
+mod space;
 #[cfg(test)]
 pub(crate) mod testing;
 mod time;
@@ -46,6 +47,7 @@ pub use reader::{LogMessage, LogReader, Record};
 pub use recorder::{Recorder, WeakRecorder};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use sink::{FileSink, LogSink, free_bytes};
+pub use space::{bytes_per_frame, bytes_per_s};
 pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
 pub use writer::LogWriter;

@@ -6,7 +6,7 @@ use crate::analysis::Analyst;
 use crate::capture::{Captured, FrameSource};
 use crate::clock::{Clock, SystemClock};
 use crate::frame::Frame;
-use crate::log::free_bytes;
+use crate::log::{bytes_per_s, free_bytes};
 use crate::record::glance::Gatherer;
 use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_rigs::Rig;
@@ -105,8 +105,7 @@ fn watch(
 }
 
 fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<(), CliError> {
-    let bytes_per_min =
-        f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps * 60.0;
+    let bytes_per_min = bytes_per_s(&rig.camera) * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
     let glance = gatherer.glance(window_s, disk_min);

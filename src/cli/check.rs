@@ -3,7 +3,7 @@
 use super::{CliError, Outcome, inputs, rigging};
 use crate::capture::Captured;
 use crate::clock::{Clock, SystemClock};
-use crate::log::free_bytes;
+use crate::log::{bytes_per_s, free_bytes};
 use crate::thruster::ports::Roots;
 use hydroline_rigs::{LinkPort, Rig};
 use serde::Serialize;
@@ -185,7 +185,7 @@ fn clock() -> Finding {
 }
 
 fn disk(rig: &Rig, args: &Args) -> Finding {
-    let bytes_per_s = f64::from(rig.camera.width_px * rig.camera.height_px) * rig.camera.rate_fps;
+    let bytes_per_s = bytes_per_s(&rig.camera);
     let look = || {
         let free = free_bytes(&args.disk).ok_or_else(|| {
             format!(

@@ -43,9 +43,9 @@ pub struct RecoverArgs {
 pub struct ExportArgs {
     /// Log
     log: PathBuf,
-    /// Folder to write to; made if need be
+    /// Folder to write to, made if need be; default: a new folder beside the log, named like it
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// Only the tables (CSV per topic)
     #[arg(long, conflicts_with = "frames_only")]
     tables_only: bool,
@@ -101,12 +101,35 @@ pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
     })
 }
 
+/// `--out`, or the log's name without its extension beside it: only if nothing is there yet, since
+/// nobody named it.
+fn export_folder(args: &ExportArgs) -> Result<PathBuf, CliError> {
+    if let Some(out) = &args.out {
+        return Ok(out.clone());
+    }
+    let out = args.log.with_extension("");
+    if out == args.log {
+        return Err(CliError::Config(format!(
+            "{}: has no extension to leave out: name a folder with --out",
+            args.log.display()
+        )));
+    }
+    if out.exists() {
+        return Err(CliError::Config(format!(
+            "{} exists: name another folder with --out",
+            out.display()
+        )));
+    }
+    Ok(out)
+}
+
 pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
     let options = ExportOptions {
         tables: !args.frames_only,
         frames: !args.tables_only,
     };
-    let exported = log::export::export(&args.log, &args.out, options).map_err(failed)?;
+    let out = export_folder(args)?;
+    let exported = log::export::export(&args.log, &out, options).map_err(failed)?;
     if args.json {
         println!(
             "{}",
@@ -120,7 +143,7 @@ pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
     if options.frames {
         println!(
             "{}: {} frames as PNG, {} without an image",
-            args.out.display(),
+            out.display(),
             exported.frames,
             exported.frames_skipped
         );

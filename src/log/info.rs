@@ -68,6 +68,8 @@ pub struct Info {
     pub compression: BTreeMap<String, u64>,
     /// First log time, UNIX \[ns\]; 0 without messages.
     pub start_ns: u64,
+    /// The same as RFC 3339 in UTC.
+    pub start_utc: String,
     /// Last log time, UNIX \[ns\]; 0 without messages.
     pub end_ns: u64,
     /// Their difference \[s\].
@@ -152,12 +154,19 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
         attachments: learnt.attachments,
         compression: learnt.compressions,
         start_ns,
+        start_utc: utc(start_ns),
         end_ns,
         duration_s: (end_ns - start_ns) as f64 / 1e9,
         topics,
         metadata: learnt.metadata,
         damage,
     })
+}
+
+/// RFC 3339 with milliseconds, UTC. 64 bits of nanoseconds end in 2554, inside what it can say.
+fn utc(unix_ns: u64) -> String {
+    let time = std::time::UNIX_EPOCH + std::time::Duration::from_nanos(unix_ns);
+    humantime::format_rfc3339_millis(time).to_string()
 }
 
 impl fmt::Display for Info {
@@ -175,8 +184,8 @@ impl fmt::Display for Info {
         )?;
         writeln!(
             f,
-            "  duration     {:.3} s from {} ns (UNIX)",
-            self.duration_s, self.start_ns
+            "  duration     {:.3} s from {} ns (UNIX) = {}",
+            self.duration_s, self.start_ns, self.start_utc
         )?;
         writeln!(f, "  messages     {}", self.messages)?;
         let ending = match self.ending {
@@ -210,5 +219,16 @@ impl fmt::Display for Info {
             writeln!(f, "  DAMAGE at byte {offset}: {damage}")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::utc;
+
+    #[test]
+    fn times_are_told_in_utc() {
+        assert_eq!(utc(1_760_000_000_123_456_789), "2025-10-09T08:53:20.123Z");
+        assert_eq!(utc(u64::MAX), "2554-07-21T23:34:33.709Z");
     }
 }
