@@ -15,6 +15,7 @@ pub mod devices;
 pub mod error;
 pub mod fake;
 pub mod gaps;
+pub mod log;
 pub mod queue;
 pub mod sim;
 pub mod thread;
@@ -24,6 +25,7 @@ pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
 pub use fake::{FakeSource, FakeStep};
+pub use log::LogSource;
 pub use thread::{CaptureEnd, CaptureThread, FrameReceiver, FrameSender, frame_channel};
 pub use v4l::{OpenOptions, V4lSource};
 
