@@ -18,7 +18,6 @@ pub mod gaps;
 pub mod log;
 pub mod queue;
 pub mod sim;
-pub mod thread;
 pub mod v4l;
 
 pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
@@ -26,7 +25,6 @@ pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
 pub use fake::{FakeSource, FakeStep};
 pub use log::LogSource;
-pub use thread::{CaptureEnd, CaptureThread, FrameReceiver, FrameSender, frame_channel};
 pub use v4l::{OpenOptions, V4lSource};
 
 /// A camera, or something that stands for one.
