@@ -20,7 +20,7 @@ use super::{
     CaptureCounts, CaptureError, Captured, FrameSource, NegotiatedFormat, SourceDescription,
 };
 use crate::clock::Clock;
-use crate::frame::{Frame, FrameMeta, StampClock};
+use crate::frame::{Frame, FrameMeta};
 use crate::log::messages::format_name;
 use crate::log::{LogError, LogReader, Record};
 
@@ -104,7 +104,8 @@ impl LogSource {
     }
 
     fn count(&mut self, meta: &FrameMeta) {
-        let (_, notes) = self.account.frame(meta.sequence, stamp_ns(meta));
+        // Mid-exposure is on one scale for every frame and every log; a driver's raw stamp may be on any clock, or missing.
+        let (_, notes) = self.account.frame(meta.sequence, meta.mid_exposure_ns);
         if !notes.iter().any(|n| matches!(n, Note::Repeated { .. }))
             && let Some(fault) = meta.fault
         {
@@ -143,15 +144,6 @@ impl FrameSource for LogSource {
 
     fn counts(&self) -> CaptureCounts {
         self.account.counts()
-    }
-}
-
-/// The driver's own stamp where it is on a clock that nobody sets; else mid-exposure.
-fn stamp_ns(meta: &FrameMeta) -> u64 {
-    if meta.stamp_clock == StampClock::Monotonic && meta.driver_stamp_ns > 0 {
-        meta.driver_stamp_ns
-    } else {
-        meta.mid_exposure_ns
     }
 }
 
