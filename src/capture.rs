@@ -15,16 +15,16 @@ pub mod devices;
 pub mod error;
 pub mod fake;
 pub mod gaps;
+pub mod log;
 pub mod queue;
 pub mod sim;
-pub mod thread;
 pub mod v4l;
 
 pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
 pub use fake::{FakeSource, FakeStep};
-pub use thread::{CaptureEnd, CaptureThread, FrameReceiver, FrameSender, frame_channel};
+pub use log::LogSource;
 pub use v4l::{OpenOptions, V4lSource};
 
 /// A camera, or something that stands for one.

@@ -252,6 +252,9 @@ impl SimController {
             let Some(output) = self.outputs.iter_mut().find(|o| o.channel == pulse.channel) else {
                 continue;
             };
+            if self.faults.stuck {
+                continue;
+            }
             output.quarter_us = pulse.quarter_us;
             on_event(ControllerEvent {
                 host_monotonic_ns: at_ns,
@@ -260,7 +263,10 @@ impl SimController {
                 cause: OutputCause::Command,
             });
         }
-        if let Some(answer) = reaction.answer {
+        if let Some(mut answer) = reaction.answer {
+            if self.faults.misnumbered {
+                answer.misnumber();
+            }
             let bytes = answer.bytes(&self.outputs);
             self.transmit(start_ns, &bytes);
         }

@@ -40,6 +40,13 @@ pub(super) enum Answer {
 }
 
 impl Answer {
+    /// Makes an Ack one of a command that was never sent.
+    pub fn misnumber(&mut self) {
+        if let Answer::Message(ControllerMessage::Ack { sequence, .. }) = self {
+            *sequence ^= 0x8000_0000;
+        }
+    }
+
     pub fn bytes(self, outputs: &[ChannelPulse]) -> Vec<u8> {
         match self {
             Answer::Bytes(bytes) => bytes,

@@ -10,6 +10,10 @@ pub struct Faults {
     pub mute: bool,
     /// It hears nothing: the watchdog will see to neutral.
     pub deaf: bool,
+    /// It obeys, but its acknowledgements carry sequence numbers of its own (`stamped`): alive, yet nothing is echoed.
+    pub misnumbered: bool,
+    /// It acknowledges set-points but its outputs do not follow them.
+    pub stuck: bool,
     /// Chance that a byte towards the host has one bit flipped.
     pub corrupt_tx: f64,
     /// Chance that a byte towards the controller has one bit flipped.

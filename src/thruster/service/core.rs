@@ -8,6 +8,7 @@ use super::noise::Noise;
 use super::{Opener, Order, PlanState, ServiceConfig, SetPoint, Shared, Sink};
 use crate::clock::Clock;
 use crate::event::{Event, Severity};
+use crate::thruster::ChannelPulse;
 use crate::thruster::link::{Protocol, WireLink};
 use crate::thruster::record::{CommandRecord, LinkRecord};
 use crate::thruster::safety::{NeutralReason, PulseLimits, Safety, State};
@@ -32,6 +33,9 @@ const REPEAT_LOST_NS: u64 = 250_000_000;
 /// How long a shutdown waits for the neutral's echo at most.
 const FAREWELL_NS: u64 = 300_000_000;
 
+/// Sets remembered for their echo: more than the slowest link leaves open before they are given up.
+const UNECHOED_SETS: usize = 64;
+
 type Link = WireLink<Box<dyn Protocol>, Box<dyn Transport>>;
 
 /// Whether to go on.
@@ -48,6 +52,13 @@ struct Outgoing {
     sequence: u32,
     out_ns: u64,
     records: Vec<CommandRecord>,
+}
+
+/// A set on its way, for comparison with its echo.
+struct Unechoed {
+    sequence: u32,
+    pulses: Vec<ChannelPulse>,
+    before: Vec<ChannelPulse>,
 }
 
 struct PlanRun {
@@ -80,6 +91,11 @@ pub struct Core {
     noise: Noise,
     farewell_ns: Option<u64>,
     last_clock_ns: u64,
+    /// Since when set-points go out without any echo coming back \[ns\].
+    unechoed_since_ns: Option<u64>,
+    /// Sets sent and not echoed yet, with the pulses of the set before: what an echo is held against.
+    unechoed: VecDeque<Unechoed>,
+    last_pulses: Vec<ChannelPulse>,
 }
 
 impl Core {
@@ -129,6 +145,9 @@ impl Core {
             noise: Noise::default(),
             farewell_ns: None,
             last_clock_ns: 0,
+            unechoed_since_ns: None,
+            unechoed: VecDeque::with_capacity(UNECHOED_SETS),
+            last_pulses: Vec::new(),
             config,
         }
     }

@@ -128,6 +128,8 @@ impl Core {
         }
         self.next_open_ns = self.now() + REOPEN_NS;
         self.neutral_open = None;
+        self.unechoed_since_ns = None;
+        self.unechoed.clear();
         let now_ns = self.now();
         // What the model says is out is logged as sent; the rest never left.
         while self.outbox.front().is_some_and(|o| o.out_ns <= now_ns) {

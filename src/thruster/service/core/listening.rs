@@ -8,7 +8,12 @@ use crate::thruster::record::{CommandRecord, EchoRecord, LinkRecord};
 use crate::thruster::safety::{NeutralReason, State};
 use crate::thruster::scheduler::Tick;
 use crate::thruster::service::PlanState;
+use hydroline_rigs::LinkKind;
+use std::sync::Arc;
 use std::time::Duration;
+
+/// Resolution of both wires \[1/4 us\].
+const RESOLUTION_QUARTER_US: u16 = 1;
 
 impl Core {
     pub(super) fn connected(&mut self) -> Flow {
@@ -45,6 +50,7 @@ impl Core {
         }
         self.flush_outbox();
         self.check_silence();
+        self.check_echoes();
         self.farewell()
     }
 
@@ -153,6 +159,8 @@ impl Core {
     }
 
     pub(super) fn echo(&mut self, echo: Echo) {
+        self.unechoed_since_ns = None;
+        self.compare(&echo);
         // An echo proves that the command's bytes have left, whatever the model of the line says.
         while let Some(first) = self.outbox.front_mut()
             && first.sequence.wrapping_sub(echo.sequence) as i32 <= 0
@@ -256,6 +264,69 @@ impl Core {
             self.lost(&format!("no answer for {silent_s:.3} s"));
             // The line may still carry bytes outwards: neutral is tried, and repeated until it is confirmed.
             self.send_neutral(NeutralReason::Lost);
+        }
+    }
+
+    /// A controller that talks but never confirms a set-point is not known to obey.
+    fn check_echoes(&mut self) {
+        let Some(since_ns) = self.unechoed_since_ns else {
+            return;
+        };
+        let unechoed_s = self.now().saturating_sub(since_ns) as f64 * 1e-9;
+        let timeout_s = self.config.set.link.timeout_s;
+        if unechoed_s > timeout_s && self.safety.state() == State::Running {
+            self.event(
+                Severity::Error,
+                "thruster.no_echo",
+                format!(
+                    "the controller answers, but has not echoed a command for {unechoed_s:.3} s \
+                     ({timeout_s:.3} s are allowed): neutral"
+                ),
+                &[("unechoed_s", unechoed_s), ("allowed_s", timeout_s)],
+            );
+            self.go_neutral(NeutralReason::Lost, "no echo of the commands");
+        }
+    }
+
+    /// Holds an echo against the command it answers.
+    fn compare(&mut self, echo: &Echo) {
+        while let Some(first) = self.unechoed.front()
+            && first.sequence.wrapping_sub(echo.sequence) as i32 <= 0
+            && let Some(first) = self.unechoed.pop_front()
+        {
+            if first.sequence != echo.sequence {
+                continue;
+            }
+            // A Maestro is asked for its position right behind the target, and may not have taken it over yet (it
+            // refreshes its outputs once per servo frame): the pulse of the set before is no mistake there.
+            let may_lag = self.config.set.link.kind == LinkKind::Maestro;
+            let wrong = echo.pulses.iter().find_map(|got| {
+                let same = |set: &[ChannelPulse]| {
+                    let sent = set.iter().find(|p| p.channel == got.channel)?;
+                    Some((
+                        *sent,
+                        sent.quarter_us.abs_diff(got.quarter_us) <= RESOLUTION_QUARTER_US,
+                    ))
+                };
+                let (sent, right) = same(&first.pulses)?;
+                let lags = may_lag && same(&first.before).is_some_and(|(_, right)| right);
+                (!right && !lags).then_some((sent, *got))
+            });
+            let Some((sent, got)) = wrong else { continue };
+            let thrusters = &self.config.set.thrusters;
+            let index = thrusters.iter().position(|t| t.channel == got.channel);
+            let name = index.map_or_else(|| Arc::from("?"), |i| self.names[i].clone());
+            let (sent_us, got_us) = (sent.pulse_us(), got.pulse_us());
+            self.noisy(Severity::Warning, "thruster.echo_mismatch", |n| {
+                (
+                    format!("{name}: {sent_us:.2} us commanded, the controller puts out {got_us:.2} us ({n} sets like this)"),
+                    vec![
+                        ("sent_us", sent_us),
+                        ("echo_us", got_us),
+                        ("count", n as f64),
+                    ],
+                )
+            });
         }
     }
 

@@ -1,6 +1,6 @@
 //! Set-points to bytes, through the gate; neutral past it.
 
-use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS};
+use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS, UNECHOED_SETS, Unechoed};
 use crate::event::Severity;
 use crate::thruster::ChannelPulse;
 use crate::thruster::curve::pulse_for_thrust;
@@ -140,6 +140,21 @@ impl Core {
                 cause,
             })
             .collect();
+        if neutral {
+            // A repeated neutral has a patience of its own.
+            self.unechoed_since_ns = None;
+        } else {
+            self.unechoed_since_ns.get_or_insert(sent.last_byte_out_ns);
+        }
+        if self.unechoed.len() == UNECHOED_SETS {
+            self.unechoed.pop_front();
+        }
+        let before = std::mem::replace(&mut self.last_pulses, pulses.clone());
+        self.unechoed.push_back(Unechoed {
+            sequence,
+            pulses,
+            before,
+        });
         self.outbox.push_back(Outgoing {
             sequence,
             out_ns: sent.last_byte_out_ns,

@@ -138,6 +138,65 @@ fn a_panic_in_sink_or_plan_leaves_the_thrusters_at_neutral() {
 }
 
 #[test]
+fn a_controller_that_talks_but_never_confirms_is_not_trusted() {
+    let mut b = bench(LinkKind::Stamped, |_| {});
+    b.plan(60.0, constant(10.0));
+    b.run_ms(500);
+    assert!(b.running());
+    let unacked_ns = b.clock.triple().realtime_ns;
+    b.cable.with(|c| {
+        c.set_faults(Faults {
+            misnumbered: true,
+            ..Faults::default()
+        })
+    });
+    b.run_ms(3000);
+    let told = b.events("thruster.no_echo");
+    assert_eq!(told.len(), 1);
+    let after_ns = told[0].timestamp_ns - unacked_ns;
+    // timeout_s = 0.3 s from the first command without an echo, at most one period (20 ms) later.
+    assert!((290 * MS..340 * MS).contains(&after_ns), "{after_ns}");
+    assert!(b.at_neutral());
+    assert_eq!(b.core.state(), State::Neutral(NeutralReason::Lost));
+    assert_eq!(
+        b.shared.plan(|p| p.clone()),
+        PlanState::Aborted(NeutralReason::Lost)
+    );
+    // It was talking all the time: the link itself was never lost.
+    assert!(b.events("serial.lost").is_empty());
+    b.cable.with(|c| c.set_faults(Faults::default()));
+    b.run_ms(200);
+    b.plan(10.0, constant(10.0));
+    b.run_ms(1000);
+    assert!(b.running());
+}
+
+#[test]
+fn an_echo_that_differs_is_said_and_not_too_often() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.plan(60.0, |t_s| PlannedLoad {
+            thrust_n: vec![10.0 + t_s, 10.0 - t_s],
+            plan_step: 1,
+        });
+        b.run_ms(500);
+        assert!(b.events("thruster.echo_mismatch").is_empty(), "{kind:?}");
+        b.cable.with(|c| {
+            c.set_faults(Faults {
+                stuck: true,
+                ..Faults::default()
+            })
+        });
+        b.run_ms(2000);
+        let told = b.events("thruster.echo_mismatch");
+        assert!((2..=3).contains(&told.len()), "{kind:?}: {}", told.len());
+        let said = |name: &str| told[1].values.iter().find(|v| v.0 == name).unwrap().1;
+        assert!(said("count") > 10.0, "{kind:?}");
+        assert!((said("sent_us") - said("echo_us")).abs() > 0.25, "{kind:?}");
+    }
+}
+
+#[test]
 fn a_lost_neutral_is_repeated_until_it_is_confirmed() {
     let mut b = bench(LinkKind::Stamped, |_| {});
     b.plan(60.0, constant(10.0));

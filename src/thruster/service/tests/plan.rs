@@ -48,7 +48,8 @@ fn a_plan_without_a_link_is_refused_in_words() {
 
 #[test]
 fn every_early_end_names_its_reason() {
-    let ends: [(fn(&mut Bench), NeutralReason); 3] = [
+    type End = fn(&mut Bench);
+    let ends: [(End, NeutralReason); 3] = [
         (|b| b.cable.unplug(), NeutralReason::Lost),
         (
             |b| b.clock.advance(Duration::from_millis(200)),
