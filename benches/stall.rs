@@ -44,6 +44,9 @@ impl FrameSource for Timed {
     fn counts(&self) -> CaptureCounts {
         self.inner.counts()
     }
+    fn finish(&mut self) {
+        self.inner.finish();
+    }
     fn next(&mut self, wait: Duration) -> Result<Captured, CaptureError> {
         if let Some(returned) = self.returned.take() {
             self.away.lock().unwrap().push(returned.elapsed());

@@ -4,7 +4,7 @@ use super::print::{out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use crate::clock::{Clock, SystemClock};
-use crate::log::{FileParts, Recorder, WriteSettings, check_space};
+use crate::log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use crate::record::{
     self, Conditions, Job, Parts, Report, SessionInput, Status, preflight::preflight,
 };
@@ -251,9 +251,7 @@ impl Recording<'_> {
         let length = self.length();
         if let Some(length) = length {
             // Bytes as they come from the camera: what compression saves is not promised.
-            let bytes_per_s = f64::from(camera.width_px * camera.height_px)
-                * camera.rate_fps
-                * bytes_per_px(self.rig);
+            let bytes_per_s = bytes_per_s(camera);
             check_space(
                 out,
                 length.as_secs_f64(),
@@ -315,14 +313,6 @@ impl Recording<'_> {
         bar.finish_and_clear();
         drop(controller);
         result.map_err(CliError::run)
-    }
-}
-
-fn bytes_per_px(rig: &Rig) -> f64 {
-    match rig.camera.pixel_format {
-        hydroline_rigs::PixelFormat::Grey => 1.0,
-        hydroline_rigs::PixelFormat::Yuyv => 2.0,
-        hydroline_rigs::PixelFormat::Mjpg => 0.5, // at most: 3.4 bits per pixel is a very good JPEG
     }
 }
 

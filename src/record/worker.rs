@@ -5,6 +5,7 @@ use super::{Job, RecordError, Shared, floor, newest::Taken};
 use crate::analysis::Analyst;
 use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
+use crate::frame::Frame;
 use crate::log::messages;
 use crate::shutdown::StopReason;
 use hydroline_calib::plane::PlaneMap;
@@ -63,6 +64,24 @@ pub(super) fn join<T>(thread: JoinHandle<Option<T>>) -> Option<T> {
     thread.join().ok().flatten()
 }
 
+/// Most things fetched after the end: twice a driver's queue of 8, frames and events.
+const DRAIN: usize = 16;
+
+/// Hands one frame on: to the log, to the counters, to the analysis. Waits for none of them.
+fn take(shared: &Shared, source: &dyn FrameSource, frame: Frame, index: u64) {
+    shared.recorder.frame(&frame, index);
+    let counts = source.counts();
+    shared.progress(|p| {
+        p.counts = counts;
+        if frame.meta.fault.is_none() {
+            let at_ns = frame.meta.received_monotonic_ns;
+            p.first_good_ns.get_or_insert(at_ns);
+            p.last_good_ns = Some(at_ns);
+        }
+    });
+    shared.newest.put(frame);
+}
+
 /// Captures until shutdown; returns the source's account.
 pub(super) fn capture(
     shared: Arc<Shared>,
@@ -73,19 +92,8 @@ pub(super) fn capture(
         while !shared.shutdown.is_raised() {
             match source.next(LOOK) {
                 Ok(Captured::Frame(frame)) => {
-                    shared.recorder.frame(&frame, index);
+                    take(shared, &*source, frame, index);
                     index += 1;
-                    let good = frame.meta.fault.is_none();
-                    let counts = source.counts();
-                    shared.progress(|p| {
-                        p.counts = counts;
-                        if good {
-                            let at_ns = frame.meta.received_monotonic_ns;
-                            p.first_good_ns.get_or_insert(at_ns);
-                            p.last_good_ns = Some(at_ns);
-                        }
-                    });
-                    shared.newest.put(frame);
                 }
                 Ok(Captured::Event(event)) => shared.event(&event),
                 Ok(Captured::Nothing) => {
@@ -99,6 +107,19 @@ pub(super) fn capture(
                 }
             }
         }
+        // What the driver already holds is not lost: at most one queue of it.
+        for _ in 0..DRAIN {
+            match source.next(Duration::ZERO) {
+                Ok(Captured::Frame(frame)) => {
+                    take(shared, &*source, frame, index);
+                    index += 1;
+                }
+                Ok(Captured::Event(event)) => shared.event(&event),
+                _ => break,
+            }
+        }
+        // Closes the account: what fell due up to now and never came is a loss too.
+        source.finish();
         source.counts()
     })
 }
