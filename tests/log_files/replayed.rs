@@ -18,7 +18,8 @@ fn record_like(path: &Path, falsify: bool) {
     let settings = WriteSettings::offline(Some(PixelFormat::Grey));
     let mut log = FileRecorder::create(path, false, head(), settings).unwrap();
     let mut analyst = Analyst::new(ExtractorConfig::default(), None);
-    for i in (0..9).filter(|i| ![3, 4].contains(i)) {
+    // Commands are never dropped: their own count has no gap.
+    for (sequence, i) in (0..9).filter(|i| ![3, 4].contains(i)).enumerate() {
         let t = T0_NS + u64::from(i) * 40_000_000;
         let frame = frame(i, 64, 48, noise(u64::from(i), 64 * 48));
         log.write(t, &Entry::frame(&frame, u64::from(i))).unwrap();
@@ -27,7 +28,7 @@ fn record_like(path: &Path, falsify: bool) {
             profile.fault.push('!');
         }
         log.write(t + 5_000_000, &Entry::profile(&profile)).unwrap();
-        log.write(t + 15_000_000, &Entry::command(&command(i)))
+        log.write(t + 15_000_000, &Entry::command(&command(sequence as u32)))
             .unwrap();
     }
     let line = messages::Log {
