@@ -30,7 +30,9 @@ def run(bench, report: Report) -> None:
     rigs.write_plan(folder / "hil-plan-long.toml", seconds=20.0)
     report.equal("c: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-c.sh"), 0)
     done = times(bench.out)
-    if log := sound(report, bench, "c-vivid", (3,)):
+    # 1: the pulled adapter aborts the plan to neutral, and a run whose plan did not come to its end has failed;
+    # the recording itself goes on to its planned length all the same.
+    if log := sound(report, bench, "c-vivid", (1,)):
         vivid(report, log, done)
         serial(report, log, done, bench.out / "controller.log")
     if log := sound(report, bench, "c-uvc", (3,)):
