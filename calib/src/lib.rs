@@ -1,1 +1,26 @@
-//! stub
+//! Frames, camera and the maps between image and laser plane.
+//!
+//! The only place where one frame is turned into another: everything else asks here,
+//! so a sign can be wrong once only. SI units, radians; pixel coordinates with 0 at the
+//! CENTRE of the top left pixel.
+//!
+//! - [`frames`]: tank, body, laser plane and camera frame, poses.
+//! - [`camera`]: the pinhole on its mount: body point ↔ pixel, pixel → laser plane.
+//! - [`analytic`]: the paper's Eqs. 11–12, the map of an ideal camera.
+//! - [`plane`]: the trait every map from image to laser plane implements.
+//! - [`calibration`]: a map with its provenance, as a file.
+
+// A test may stop at the first surprise; the library may not.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+pub mod analytic;
+pub mod calibration;
+pub mod camera;
+pub mod frames;
+pub mod plane;
+
+pub use analytic::IdealMap;
+pub use calibration::{CalibError, Calibration, IdealParameters, MapParameters, Medium, Residuals};
+pub use camera::{Pinhole, Sheet};
+pub use frames::{LevelLine, PlaneCoordinates, Pose};
+pub use plane::{Fan, ImageSize, PlaneMap, PlanePoint};

@@ -9,6 +9,9 @@
 //! frame x forward, y starboard, z down, origin at the CG; laser plane (xi to port,
 //! eta up). Everything here is SI; angles in radians.
 
+// A test may stop at the first surprise; the library may not.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
 pub mod camera;
 pub mod laser;
 pub mod physics;
@@ -18,14 +21,20 @@ pub mod target;
 pub mod thruster;
 pub mod vehicle;
 
+mod builtin;
+mod effective;
+mod error;
+mod load;
+mod raw;
 mod rig;
 
 pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat};
+pub use error::{Problem, ProblemKind, RigError};
 pub use laser::{Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
 pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use rig::Rig;
-pub use settings::{LogSettings, Tank, Tolerance};
+pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
-pub use thruster::{Link, LinkKind, LinkPort, Thruster, ThrusterSet, ThrustCurve};
+pub use thruster::{Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
 pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};

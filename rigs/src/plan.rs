@@ -1,5 +1,8 @@
 //! Plan files: what the thrusters are told, step by step.
 
+mod check;
+mod evaluate;
+
 /// A wrench in the body frame at the CG \[N, N m\], SNAME order.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
@@ -15,6 +18,37 @@ pub struct Wrench {
     pub pitch_nm: f64,
     /// N \[N m\].
     pub yaw_nm: f64,
+}
+
+impl Wrench {
+    /// Names of the components in files, SNAME order.
+    pub const KEYS: [&'static str; 6] = [
+        "surge_n", "sway_n", "heave_n", "roll_nm", "pitch_nm", "yaw_nm",
+    ];
+
+    /// The components in SNAME order \[N, N m\].
+    pub fn to_array(self) -> [f64; 6] {
+        [
+            self.surge_n,
+            self.sway_n,
+            self.heave_n,
+            self.roll_nm,
+            self.pitch_nm,
+            self.yaw_nm,
+        ]
+    }
+
+    /// From components in SNAME order \[N, N m\].
+    pub fn from_array([surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm]: [f64; 6]) -> Self {
+        Wrench {
+            surge_n,
+            sway_n,
+            heave_n,
+            roll_nm,
+            pitch_nm,
+            yaw_nm,
+        }
+    }
 }
 
 /// How a step's load evolves over its duration.

@@ -1,6 +1,6 @@
 use crate::{
-    Camera, Laser, LogSettings, Mounts, PhysicsEntry, Tank, Target, ThrusterSet, Tolerance, Vehicle,
-    target::Board,
+    Camera, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target, ThrusterSet, Tolerance,
+    Vehicle, target::Board,
 };
 
 /// A checked rig: everything simulator, capture, estimators and diagnosis read.
@@ -24,6 +24,8 @@ pub struct Rig {
     pub vehicle: Vehicle,
     /// Tank and water.
     pub tank: Tank,
+    /// Where the vehicle may go during a run.
+    pub limits: Limits,
     /// `[[physics]]`: effects that are switched on.
     pub physics: Vec<PhysicsEntry>,
     /// What size of misfit matters.

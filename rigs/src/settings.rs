@@ -7,6 +7,26 @@ pub struct Tank {
     pub n_water: f64,
     /// Start pose of the CG in the tank frame: x, y, z \[m\], phi, theta, psi \[rad\] (z = -0.83: 0.83 m above the floor).
     pub start_pose: [f64; 6],
+    /// Walls across x, tank frame \[m\].
+    pub x_m: [f64; 2],
+    /// Walls across y, tank frame \[m\].
+    pub y_m: [f64; 2],
+    /// Water depth: the surface is at z = -depth \[m\].
+    pub depth_m: f64,
+}
+
+/// Where the CG may go during a run (`[limits]`): a plan that leaves it is refused, a
+/// run that leaves it goes to neutral. Default: the tank itself and 30 deg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Lowest and highest x, tank frame \[m\].
+    pub x_m: [f64; 2],
+    /// Lowest and highest y, tank frame \[m\].
+    pub y_m: [f64; 2],
+    /// Lowest and highest z (down), tank frame \[m\].
+    pub z_m: [f64; 2],
+    /// Largest |roll| and |pitch| \[rad\].
+    pub attitude_rad: f64,
 }
 
 /// What size of misfit matters (`[tolerance]`).

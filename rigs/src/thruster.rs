@@ -7,6 +7,47 @@ pub struct ThrustCurve {
     pub points: Vec<(f64, f64)>,
 }
 
+impl ThrustCurve {
+    /// Thrust at a pulse \[N\]: linear between points, held beyond the ends.
+    pub fn thrust_n(&self, pulse_us: f64) -> f64 {
+        self.points.windows(2).fold(
+            self.points.first().map_or(0.0, |first| first.1),
+            |thrust_n, pair| {
+                let ((p0, t0), (p1, t1)) = (pair[0], pair[1]);
+                if pulse_us <= p0 {
+                    thrust_n
+                } else {
+                    t0 + (t1 - t0) * ((pulse_us - p0) / (p1 - p0)).min(1.0)
+                }
+            },
+        )
+    }
+
+    /// The pulse nearest to `neutral_us` that gives `thrust_n` \[us\]; `None` when the
+    /// curve does not reach it. Zero thrust is the neutral pulse itself, anywhere else
+    /// the edge of a flat part (deadband) that lies on neutral's side.
+    pub fn pulse_us(&self, thrust_n: f64, neutral_us: f64) -> Option<f64> {
+        let at_neutral_n = self.thrust_n(neutral_us);
+        if thrust_n == 0.0 || thrust_n == at_neutral_n {
+            return Some(neutral_us);
+        }
+        let on_segment = |pair: &[(f64, f64)]| {
+            let ((p0, t0), (p1, t1)) = (pair[0], pair[1]);
+            ((t0..=t1).contains(&thrust_n) && t1 > t0)
+                .then(|| p0 + (p1 - p0) * ((thrust_n - t0) / (t1 - t0)))
+        };
+        self.points
+            .windows(2)
+            .filter_map(on_segment)
+            .min_by(|a, b| (a - neutral_us).abs().total_cmp(&(b - neutral_us).abs()))
+    }
+
+    /// Smallest and largest thrust over the pulses `min_us..=max_us` \[N\].
+    pub fn thrust_range_n(&self, min_us: f64, max_us: f64) -> (f64, f64) {
+        (self.thrust_n(min_us), self.thrust_n(max_us))
+    }
+}
+
 /// One thruster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thruster {

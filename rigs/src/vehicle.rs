@@ -56,7 +56,14 @@ pub struct Vehicle {
 
 impl Dof {
     /// All six in SNAME order.
-    pub const ALL: [Dof; 6] = [Dof::Surge, Dof::Sway, Dof::Heave, Dof::Roll, Dof::Pitch, Dof::Yaw];
+    pub const ALL: [Dof; 6] = [
+        Dof::Surge,
+        Dof::Sway,
+        Dof::Heave,
+        Dof::Roll,
+        Dof::Pitch,
+        Dof::Yaw,
+    ];
 
     /// Name in files.
     pub fn name(self) -> &'static str {

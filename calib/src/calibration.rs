@@ -1,0 +1,318 @@
+//! A map with its provenance, as it stands in logs (`hydroline.PlaneCalibration`) and files.
+
+use serde::{Deserialize, Serialize};
+
+use crate::IdealMap;
+use crate::plane::{Fan, ImageSize, PlaneMap};
+
+/// What is wrong with a calibration file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CalibError {
+    /// Not TOML, an unknown key, or a value of the wrong type.
+    #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
+    Unreadable {
+        /// File as named by the caller.
+        file: String,
+        /// The parser's words, with line.
+        reason: String,
+    },
+    /// A number that no camera or board can have.
+    #[error(
+        "{file}: {key} is {value}, but must be {allowed}. Calibrate again, or restore the file"
+    )]
+    OutOfRange {
+        /// File as named by the caller.
+        file: String,
+        /// Key path.
+        key: &'static str,
+        /// Value as read.
+        value: f64,
+        /// Allowed range with unit.
+        allowed: &'static str,
+    },
+    /// The calibration could not be written as TOML.
+    #[error("the calibration cannot be written: {reason}")]
+    Unwritable {
+        /// The serialiser's words.
+        reason: String,
+    },
+}
+
+/// What the light passed through when the map was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Medium {
+    /// In air, or an ideal camera without water.
+    Air,
+    /// In fresh water (n about 1.333).
+    Fresh,
+    /// In sea water (n about 1.340).
+    Salt,
+}
+
+impl Medium {
+    /// Name in files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Medium::Air => "air",
+            Medium::Fresh => "fresh",
+            Medium::Salt => "salt",
+        }
+    }
+}
+
+/// How well a map fits the nodes it was made from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Residuals {
+    /// Nodes used.
+    pub nodes: u32,
+    /// Root mean square in ξ \[m\].
+    pub rms_xi_m: f64,
+    /// Root mean square in η \[m\].
+    pub rms_eta_m: f64,
+    /// Largest in either \[m\].
+    pub max_m: f64,
+}
+
+/// Parameters of [`IdealMap`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdealParameters {
+    /// Focal length along columns \[px\].
+    pub fx_px: f64,
+    /// Focal length along rows \[px\].
+    pub fy_px: f64,
+    /// Principal point, column \[px\].
+    pub cx_px: f64,
+    /// Principal point, row \[px\].
+    pub cy_px: f64,
+    /// η of the camera \[m\].
+    pub eta_c_m: f64,
+    /// ζ of the camera, negative behind the sheet \[m\].
+    pub zeta_c_m: f64,
+    /// α, optical axis from the vertical \[rad\].
+    pub camera_tilt_rad: f64,
+    /// Image the map holds for.
+    pub image: ImageSize,
+    /// Lit part of the sheet.
+    pub fan: Fan,
+}
+
+/// Method and parameters of a map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "method")]
+#[non_exhaustive]
+pub enum MapParameters {
+    /// The paper's Eqs. 11–12.
+    #[serde(rename = "eq11-12")]
+    Ideal(IdealParameters),
+}
+
+impl MapParameters {
+    /// Name of the method in files, logs and `--method`.
+    pub fn method(&self) -> &'static str {
+        match self {
+            MapParameters::Ideal(_) => "eq11-12",
+        }
+    }
+}
+
+/// A calibration: a map and where it comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Medium of the calibration; a run in another medium is refused unless forced.
+    pub medium: Medium,
+    /// When it was made, RFC 3339; none for a map that follows from the rig alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub date: Option<String>,
+    /// Board it was made with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board: Option<String>,
+    /// Fit at the board's nodes; none for a map that follows from the rig alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residuals: Option<Residuals>,
+    /// Method and parameters.
+    pub map: MapParameters,
+}
+
+impl Calibration {
+    /// Reads a calibration.
+    ///
+    /// # Errors
+    /// [`CalibError::Unreadable`] or [`CalibError::OutOfRange`], naming `file`.
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, CalibError> {
+        let calibration: Calibration =
+            toml::from_str(text).map_err(|error| CalibError::Unreadable {
+                file: file.to_owned(),
+                reason: error.to_string().trim_end().to_owned(),
+            })?;
+        calibration.check(file)?;
+        Ok(calibration)
+    }
+
+    /// The calibration as a file that reads back to itself.
+    ///
+    /// # Errors
+    /// [`CalibError::Unwritable`] when TOML cannot hold it.
+    pub fn to_toml(&self) -> Result<String, CalibError> {
+        toml::to_string(self).map_err(|error| CalibError::Unwritable {
+            reason: error.to_string(),
+        })
+    }
+
+    /// The map, ready to use.
+    pub fn to_map(&self) -> Box<dyn PlaneMap> {
+        match &self.map {
+            MapParameters::Ideal(parameters) => {
+                Box::new(IdealMap::from_parameters(*parameters, self.medium))
+            }
+        }
+    }
+
+    fn check(&self, file: &str) -> Result<(), CalibError> {
+        let check = |key, value: f64, sound: bool, allowed| {
+            if value.is_finite() && sound {
+                Ok(())
+            } else {
+                Err(CalibError::OutOfRange {
+                    file: file.to_owned(),
+                    key,
+                    value,
+                    allowed,
+                })
+            }
+        };
+        if let Some(r) = self.residuals {
+            let length = "a length of 0 m or more";
+            check("residuals.rms_xi_m", r.rms_xi_m, r.rms_xi_m >= 0.0, length)?;
+            check(
+                "residuals.rms_eta_m",
+                r.rms_eta_m,
+                r.rms_eta_m >= 0.0,
+                length,
+            )?;
+            check("residuals.max_m", r.max_m, r.max_m >= 0.0, length)?;
+        }
+        let MapParameters::Ideal(p) = &self.map;
+        let focal = "a focal length from 1 to 1e6 px";
+        check("map.fx_px", p.fx_px, (1.0..=1e6).contains(&p.fx_px), focal)?;
+        check("map.fy_px", p.fy_px, (1.0..=1e6).contains(&p.fy_px), focal)?;
+        let point = "a pixel coordinate within 1e5 px";
+        check("map.cx_px", p.cx_px, p.cx_px.abs() <= 1e5, point)?;
+        check("map.cy_px", p.cy_px, p.cy_px.abs() <= 1e5, point)?;
+        check(
+            "map.eta_c_m",
+            p.eta_c_m,
+            p.eta_c_m.abs() <= 40.0,
+            "within 40 m",
+        )?;
+        let apart = "from 1 mm to 40 m in size, negative behind the sheet";
+        check(
+            "map.zeta_c_m",
+            p.zeta_c_m,
+            (1e-3..=40.0).contains(&p.zeta_c_m.abs()),
+            apart,
+        )?;
+        let tilt = p.camera_tilt_rad;
+        check(
+            "map.camera_tilt_rad",
+            tilt,
+            tilt.abs() < 1.57,
+            "within 1.57 rad",
+        )?;
+        let size = "from 1 to 16384 px";
+        let [w, h] = [p.image.width_px, p.image.height_px];
+        check(
+            "map.image.width_px",
+            f64::from(w),
+            (1..=16384).contains(&w),
+            size,
+        )?;
+        check(
+            "map.image.height_px",
+            f64::from(h),
+            (1..=16384).contains(&h),
+            size,
+        )?;
+        check(
+            "map.fan.apex_eta_m",
+            p.fan.apex_eta_m,
+            p.fan.apex_eta_m.abs() <= 40.0,
+            "within 40 m",
+        )?;
+        let angle = p.fan.angle_rad;
+        check(
+            "map.fan.angle_rad",
+            angle,
+            angle > 0.0 && angle < 3.0,
+            "above 0 and below 3 rad",
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroline_rigs::Rig;
+    use proptest::prelude::*;
+
+    fn example() -> Calibration {
+        Calibration {
+            date: Some("2026-11-21T10:00:00Z".to_owned()),
+            board: Some("wc-lines-50".to_owned()),
+            residuals: Some(Residuals {
+                nodes: 121,
+                rms_xi_m: 1.2e-5,
+                rms_eta_m: 3.4e-5,
+                max_m: 1.1e-4,
+            }),
+            medium: Medium::Fresh,
+            ..IdealMap::of(&Rig::builtin("lshpi").unwrap()).describe()
+        }
+    }
+
+    #[test]
+    fn toml_round_trip() {
+        for calibration in [
+            example(),
+            IdealMap::of(&Rig::builtin("bench-v4l").unwrap()).describe(),
+        ] {
+            let text = calibration.to_toml().unwrap();
+            let again = Calibration::from_toml(&text, "c.toml").unwrap();
+            assert_eq!(calibration, again);
+            assert_eq!(again.to_map().describe().map, calibration.map);
+            assert!(text.contains("method = \"eq11-12\""));
+        }
+    }
+
+    #[test]
+    fn bad_numbers_and_keys_are_named() {
+        let text = example().to_toml().unwrap();
+        for (from, to, word) in [
+            ("zeta_c_m = -0.46", "zeta_c_m = 0.0", "map.zeta_c_m"),
+            ("cx_px = 359.5", "cx_px = nan", "map.cx_px"),
+            ("angle_rad = 0.69", "angle_rad = 9.69", "map.fan.angle_rad"),
+            ("nodes = 121", "nodes = -1", "nodes"),
+            ("medium = \"fresh\"", "medium = \"oil\"", "medium"),
+            ("eq11-12", "eq99", "eq99"),
+            ("cx_px = 359.5", "cx_px = 359.5\nextra = 1", "extra"),
+        ] {
+            assert!(text.contains(from), "{from} not in {text}");
+            let error = Calibration::from_toml(&text.replace(from, to), "c.toml").unwrap_err();
+            let message = error.to_string();
+            assert!(
+                message.contains("c.toml") && message.contains(word),
+                "{message}"
+            );
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_an_answer(text in "\\PC{0,200}") {
+            let _ = Calibration::from_toml(&text, "c.toml");
+        }
+    }
+}

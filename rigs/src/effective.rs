@@ -1,0 +1,318 @@
+//! Checked objects written out again: every include inlined, every default said.
+//!
+//! What is written reads back to the same object, bit for bit: angles in radians,
+//! intrinsics as four numbers, floats in Rust's shortest exact form.
+
+mod writer;
+
+use std::path::Path;
+
+use writer::Writer;
+
+use crate::raw::axis_keys;
+use crate::{
+    Board, BoardPattern, CameraBackend, DeviceIdentity, Dof, LinkKind, LinkPort, ParameterValue,
+    PixelFormat, Plan, Rig, Shape, SlabOutline, StepLoad, Target, VehicleModel,
+};
+
+/// The effective rig.
+pub(crate) fn rig(rig: &Rig) -> String {
+    let mut w = Writer::default();
+    w.table("rig");
+    w.text("name", &rig.name);
+    camera(&mut w, rig);
+    w.table("laser");
+    w.number("fan_rad", rig.laser.fan_rad);
+    w.number("sigma_m", rig.laser.sigma_m);
+    w.number("peak", rig.laser.peak);
+    w.raw("shadows", rig.laser.shadows);
+    w.table("mounts");
+    w.number("l_laser_m", rig.mounts.l_laser_m);
+    w.number("l_camera_m", rig.mounts.l_camera_m);
+    w.number("h_camera_m", rig.mounts.h_camera_m);
+    w.number("h_centre_m", rig.mounts.h_centre_m);
+    w.number("camera_tilt_rad", rig.mounts.camera_tilt_rad);
+    if let Some(t) = &rig.target {
+        w.table("target");
+        target(&mut w, t, "target.slab");
+    }
+    if let Some(b) = &rig.board {
+        w.table("board");
+        board(&mut w, b, "board.block");
+    }
+    thrusters(&mut w, rig);
+    vehicle(&mut w, rig);
+    settings(&mut w, rig);
+    for entry in &rig.physics {
+        w.entry("physics");
+        w.text("effect", &entry.effect);
+        for (name, value) in &entry.parameters {
+            match value {
+                ParameterValue::Number(number) => w.number(name, *number),
+                ParameterValue::Word(word) => w.text(name, word),
+            }
+        }
+    }
+    w.finish()
+}
+
+fn camera(w: &mut Writer, rig: &Rig) {
+    let c = &rig.camera;
+    w.table("camera");
+    match &c.backend {
+        CameraBackend::Sim => w.text("backend", "sim"),
+        CameraBackend::V4l(identity) => {
+            w.text("backend", "v4l");
+            match identity {
+                DeviceIdentity::ById(name) => w.text("device", &format!("/dev/v4l/by-id/{name}")),
+                DeviceIdentity::ByPath(name) => {
+                    w.text("device", &format!("/dev/v4l/by-path/{name}"));
+                }
+                DeviceIdentity::Node(path) => node(w, "device", path),
+            }
+        }
+    }
+    w.text(
+        "pixel_format",
+        match c.pixel_format {
+            PixelFormat::Grey => "GREY",
+            PixelFormat::Yuyv => "YUYV",
+            PixelFormat::Mjpg => "MJPG",
+        },
+    );
+    w.raw("width_px", c.width_px);
+    w.raw("height_px", c.height_px);
+    w.number("rate_fps", c.rate_fps);
+    w.number("exposure_s", c.exposure_s);
+    w.number("fx_px", c.fx_px);
+    w.number("fy_px", c.fy_px);
+    w.number("cx_px", c.cx_px);
+    w.number("cy_px", c.cy_px);
+    w.raw("seed", c.seed);
+    w.number("frozen_after_s", c.frozen_after_s);
+    w.table("camera.noise");
+    w.number("blur_px", c.noise.blur_px);
+    w.number("read_sd", c.noise.read_sd);
+    w.number("shot_gain", c.noise.shot_gain);
+    w.number("ambient", c.noise.ambient);
+    for control in &c.controls {
+        w.entry("camera.control");
+        w.text("name", &control.name);
+        w.raw("value", control.value);
+    }
+}
+
+fn node(w: &mut Writer, key: &str, path: &Path) {
+    w.text(key, &path.display().to_string());
+    w.raw("allow_unstable_node", true);
+}
+
+fn thrusters(w: &mut Writer, rig: &Rig) {
+    let set = &rig.thrusters;
+    w.table("thrusters");
+    w.number("neutral_us", set.neutral_us);
+    w.number("min_us", set.min_us);
+    w.number("max_us", set.max_us);
+    w.number("max_slew_us_per_s", set.max_slew_us_per_s);
+    w.table("thrusters.link");
+    w.text(
+        "kind",
+        match set.link.kind {
+            LinkKind::Maestro => "maestro",
+            LinkKind::Stamped => "stamped",
+        },
+    );
+    match &set.link.port {
+        LinkPort::Sim => w.text("port", "sim"),
+        LinkPort::ById(name) => w.text("port", &format!("/dev/serial/by-id/{name}")),
+        LinkPort::ByPath(name) => w.text("port", &format!("/dev/serial/by-path/{name}")),
+        LinkPort::Node(path) => node(w, "port", path),
+    }
+    w.raw("baud", set.link.baud);
+    w.number("rate_hz", set.link.rate_hz);
+    w.number("deadline_s", set.link.deadline_s);
+    w.number("timeout_s", set.link.timeout_s);
+    for thruster in &set.thrusters {
+        w.entry("thruster");
+        w.text("name", &thruster.name);
+        w.raw("channel", thruster.channel);
+        w.numbers("position_m", &thruster.position_m);
+        w.numbers("direction", &thruster.direction);
+        let points: Vec<[f64; 2]> = thruster.curve.points.iter().map(|&(p, t)| [p, t]).collect();
+        w.pairs("curve", &points);
+    }
+}
+
+fn vehicle(w: &mut Writer, rig: &Rig) {
+    let v = &rig.vehicle;
+    w.table("vehicle");
+    w.text(
+        "model",
+        match v.model {
+            VehicleModel::Eq1 => "eq1",
+            VehicleModel::Decoupled => "decoupled",
+        },
+    );
+    w.number("mass_kg", v.mass_kg);
+    w.numbers("inertia_kgm2", &v.inertia_kgm2);
+    w.number("r_bz_m", v.r_bz_m);
+    w.number("gravity_mps2", v.gravity_mps2);
+    for dof in Dof::ALL {
+        let axis = v.coefficients[dof.index()];
+        w.table(&format!("vehicle.{}", dof.name()));
+        for ((key, _), value) in
+            axis_keys(dof)
+                .into_iter()
+                .zip([axis.added, axis.linear, axis.quadratic])
+        {
+            w.number(key, value);
+        }
+    }
+}
+
+fn settings(w: &mut Writer, rig: &Rig) {
+    let [x, y, z, phi, theta, psi] = rig.tank.start_pose;
+    w.table("tank");
+    w.number("n_water", rig.tank.n_water);
+    w.numbers("x_m", &rig.tank.x_m);
+    w.numbers("y_m", &rig.tank.y_m);
+    w.number("depth_m", rig.tank.depth_m);
+    w.numbers("start_m", &[x, y, z]);
+    w.numbers("start_attitude_rad", &[phi, theta, psi]);
+    w.table("limits");
+    w.numbers("x_m", &rig.limits.x_m);
+    w.numbers("y_m", &rig.limits.y_m);
+    w.numbers("z_m", &rig.limits.z_m);
+    w.number("attitude_rad", rig.limits.attitude_rad);
+    w.table("tolerance");
+    w.number("position_m", rig.tolerance.position_m);
+    w.number("attitude_rad", rig.tolerance.attitude_rad);
+    w.table("log");
+    w.raw("queue_bytes", rig.log.queue_bytes);
+    w.raw("chunk_bytes", rig.log.chunk_bytes);
+    w.number("chunk_age_s", rig.log.chunk_age_s);
+    w.number("command_flush_s", rig.log.command_flush_s);
+    w.number("sync_s", rig.log.sync_s);
+    w.raw("rotate_bytes", rig.log.rotate_bytes);
+    w.raw("min_free_bytes", rig.log.min_free_bytes);
+    w.raw("zstd_level", rig.log.zstd_level);
+}
+
+fn target(w: &mut Writer, t: &Target, entry: &str) {
+    let [x, y, heading] = t.origin;
+    w.text("name", &t.name);
+    w.numbers("origin_m", &[x, y]);
+    w.number("heading_rad", heading);
+    for slab in &t.slabs {
+        w.entry(entry);
+        w.text("name", &slab.name);
+        match &slab.outline {
+            SlabOutline::Rectangle {
+                x0_m,
+                x1_m,
+                width_m,
+            } => {
+                w.text("shape", "rectangle");
+                w.number("x0_m", *x0_m);
+                w.number("x1_m", *x1_m);
+                w.number("width_m", *width_m);
+            }
+            SlabOutline::HexagonChain {
+                x0_m,
+                side_m,
+                count,
+            } => {
+                w.text("shape", "hexagon_chain");
+                w.number("x0_m", *x0_m);
+                w.number("side_m", *side_m);
+                w.raw("count", count);
+            }
+            SlabOutline::Polygon { points_m } => {
+                w.text("shape", "polygon");
+                w.pairs("points_m", points_m);
+            }
+        }
+        w.number("top_m", slab.top_m);
+        w.number("albedo", slab.albedo);
+    }
+}
+
+fn board(w: &mut Writer, b: &Board, entry: &str) {
+    w.text("name", &b.name);
+    match b.pattern {
+        BoardPattern::Lines { line_m } => {
+            w.text("pattern", "lines");
+            w.number("line_m", line_m);
+        }
+        BoardPattern::Dots { diameter_m } => {
+            w.text("pattern", "dots");
+            w.number("diameter_m", diameter_m);
+        }
+        BoardPattern::Chessboard => w.text("pattern", "chessboard"),
+    }
+    w.raw("columns", b.columns);
+    w.raw("rows", b.rows);
+    w.number("pitch_m", b.pitch_m);
+    w.number("margin_m", b.margin_m);
+    w.number("thickness_m", b.thickness_m);
+    for block in &b.blocks {
+        w.entry(entry);
+        w.numbers("centre_m", &block.centre_m);
+        w.numbers("size_m", &block.size_m);
+        w.number("height_m", block.height_m);
+    }
+}
+
+/// A target file.
+pub(crate) fn target_file(t: &Target) -> String {
+    let mut w = Writer::default();
+    target(&mut w, t, "slab");
+    w.finish()
+}
+
+/// A board file.
+pub(crate) fn board_file(b: &Board) -> String {
+    let mut w = Writer::default();
+    board(&mut w, b, "block");
+    w.finish()
+}
+
+/// A plan file.
+pub(crate) fn plan(plan: &Plan) -> String {
+    let mut w = Writer::default();
+    w.text("name", &plan.name);
+    for step in &plan.steps {
+        w.entry("step");
+        w.number("for_s", step.for_s);
+        match step.shape {
+            Shape::Hold => w.text("shape", "hold"),
+            Shape::Ramp => w.text("shape", "ramp"),
+            Shape::Sine {
+                period_s,
+                phase_rad,
+            } => {
+                w.text("shape", "sine");
+                w.number("period_s", period_s);
+                w.number("phase_rad", phase_rad);
+            }
+            Shape::Chirp { f0_hz, f1_hz } => {
+                w.text("shape", "chirp");
+                w.number("f0_hz", f0_hz);
+                w.number("f1_hz", f1_hz);
+            }
+        }
+        match &step.load {
+            StepLoad::Wrench(wrench) => {
+                let named = crate::Wrench::KEYS.into_iter().zip(wrench.to_array());
+                w.inline("wrench", named.filter(|(_, value)| *value != 0.0));
+            }
+            StepLoad::ThrustN(thrusts) => {
+                w.inline(
+                    "thrust_n",
+                    thrusts.iter().map(|(name, value)| (name.as_str(), *value)),
+                );
+            }
+        }
+    }
+    w.finish()
+}

@@ -1,0 +1,180 @@
+//! What can be wrong with a rig, target, board or plan file.
+//!
+//! A file is read to its end before anything is reported, so one run shows every
+//! mistake in it; each [`Problem`] says where, what was typed, what is allowed and
+//! what to do next.
+
+use std::fmt;
+
+/// Why a file did not become a rig, target, board or plan.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RigError {
+    /// The file could not be read at all.
+    #[error("{file}: cannot be read: {reason}. {next}")]
+    Unreadable {
+        /// Path as given.
+        file: String,
+        /// What the operating system said, or why the content was refused.
+        reason: String,
+        /// What to do.
+        next: String,
+    },
+    /// The file was read and these things in it are wrong (at least one).
+    #[error("{}", list(.problems))]
+    Invalid {
+        /// All of them, in the order of the file.
+        problems: Vec<Problem>,
+    },
+    /// Neither a file nor a built-in of that name.
+    #[error("no {kind} file and no built-in {kind} is called {name:?}{}. Give a path to a file or one of: {}", suggest(.suggestion), .known.join(", "))]
+    UnknownName {
+        /// `rig`, `plan`, `target` or `board`.
+        kind: &'static str,
+        /// Name as typed.
+        name: String,
+        /// Nearest built-in name, when one is near.
+        suggestion: Option<String>,
+        /// The built-in names.
+        known: Vec<&'static str>,
+    },
+}
+
+impl RigError {
+    /// The problems found inside the file; empty when it could not be read or found.
+    pub fn problems(&self) -> &[Problem] {
+        match self {
+            RigError::Invalid { problems } => problems,
+            _ => &[],
+        }
+    }
+}
+
+/// One thing wrong in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// File as named by the caller (`builtin:NAME` for built-ins).
+    pub file: String,
+    /// Line, counted from 1, where known.
+    pub line: Option<usize>,
+    /// Key path, entries of lists counted from 0: `thruster[2].curve[3]`. Empty for the file as a whole.
+    pub key: String,
+    /// What is wrong.
+    pub kind: ProblemKind,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if !self.key.is_empty() {
+            write!(f, ": {}", self.key)?;
+        }
+        write!(f, ": {}", self.kind)
+    }
+}
+
+/// What is wrong with a key or a value.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ProblemKind {
+    /// Not TOML.
+    #[error(
+        "not valid TOML: {message}. Mend the syntax at that line; the other checks run once it parses"
+    )]
+    Syntax {
+        /// The parser's words.
+        message: String,
+    },
+    /// A key nobody reads.
+    #[error("unknown key{}. Allowed here: {}", suggest(.suggestion), .allowed.join(", "))]
+    UnknownKey {
+        /// Nearest allowed key.
+        suggestion: Option<String>,
+        /// Every key allowed in this table.
+        allowed: Vec<String>,
+    },
+    /// A key or table that must be there.
+    #[error("missing. Add {expected}")]
+    Missing {
+        /// What to add.
+        expected: String,
+    },
+    /// A value of the wrong type.
+    #[error("is {typed}, but must be {expected}")]
+    WrongType {
+        /// Value as typed.
+        typed: String,
+        /// What is expected, with unit.
+        expected: String,
+    },
+    /// A number outside its range, or not finite.
+    #[error("is {typed}, but must be {allowed}{hint}")]
+    OutOfRange {
+        /// Value as typed.
+        typed: String,
+        /// Allowed range with unit.
+        allowed: String,
+        /// Extra advice, empty or starting with `. `.
+        hint: String,
+    },
+    /// A word that is not one of the list.
+    #[error("is {typed}, but must be one of {}{}", .allowed.join(", "), suggest(.suggestion))]
+    NotOneOf {
+        /// Value as typed.
+        typed: String,
+        /// The words allowed.
+        allowed: Vec<String>,
+        /// Nearest of them.
+        suggestion: Option<String>,
+    },
+    /// Values that each are fine but break a rule together.
+    #[error("{what}. {next}")]
+    Rule {
+        /// The rule that is broken, with the values.
+        what: String,
+        /// What to do.
+        next: String,
+    },
+}
+
+fn suggest(suggestion: &Option<String>) -> String {
+    suggestion
+        .as_ref()
+        .map(|word| format!(" (did you mean `{word}`?)"))
+        .unwrap_or_default()
+}
+
+fn list(problems: &[Problem]) -> String {
+    let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    match lines.as_slice() {
+        [one] => one.clone(),
+        many => format!(
+            "{} things to put right:\n  {}",
+            many.len(),
+            many.join("\n  ")
+        ),
+    }
+}
+
+/// The nearest of `known` to `typed`, if near enough to be a slip of the keyboard
+/// (or one is the other plus a unit suffix, the commonest mistake in these files).
+pub(crate) fn nearest<'a>(typed: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
+    let lower = typed.to_lowercase();
+    let limit = (typed.chars().count() / 3).clamp(1, 3);
+    known
+        .map(|word| {
+            let suffix_missing = word
+                .strip_prefix(typed)
+                .is_some_and(|rest| rest.starts_with('_') && !typed.is_empty());
+            let distance = if suffix_missing {
+                0
+            } else {
+                strsim::osa_distance(&lower, &word.to_lowercase())
+            };
+            (distance, word)
+        })
+        .filter(|(distance, _)| *distance <= limit)
+        .min()
+        .map(|(_, word)| word.to_owned())
+}

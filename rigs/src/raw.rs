@@ -1,0 +1,35 @@
+//! Files as typed.
+//!
+//! The raw form of a file is its TOML tree with the place of every value
+//! ([`Document`], read through [`Section`]). A derive with `deny_unknown_fields`
+//! stops at the first mistake and cannot tell a line from a range; reading the tree
+//! key by key reports all mistakes of a file at once, each with its line, and keeps
+//! a key's unit, range and default in the one place that reads it.
+
+mod camera;
+mod document;
+mod include;
+mod laser;
+mod physics;
+mod plan;
+mod quantity;
+mod rig;
+mod section;
+mod settings;
+mod target;
+mod thruster;
+mod vehicle;
+
+use document::Document;
+pub(crate) use document::{Problems, read_document, read_text};
+pub(crate) use include::Includes;
+pub(crate) use plan::read_plan;
+use quantity::{Quantity, quantity};
+pub(crate) use rig::read_rig;
+use section::Section;
+pub(crate) use section::is_name;
+pub(crate) use target::{read_board, read_target};
+pub(crate) use vehicle::axis_keys;
+
+#[cfg(test)]
+mod tests;

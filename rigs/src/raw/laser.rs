@@ -1,0 +1,52 @@
+//! `[laser]` and `[mounts]` as typed.
+
+use super::{Section, quantity};
+use crate::{Laser, Mounts};
+
+pub(super) fn read_laser(s: &Section<'_>) -> Option<Laser> {
+    let fan_rad = s.angle("fan", quantity(1.0, 170.0, "deg"));
+    let sigma_m = s.number(
+        "sigma_m",
+        quantity(1e-5, 0.05, "m").hint("A Gaussian sheet's full width is about 3 sigma"),
+    );
+    let peak = s.number("peak", quantity(1.0, 10_000.0, "grey levels"));
+    let shadows = s.flag_or("shadows", false);
+    s.finish();
+    Some(Laser {
+        fan_rad: fan_rad?,
+        sigma_m: sigma_m?,
+        peak: peak?,
+        shadows,
+    })
+}
+
+pub(super) fn read_mounts(s: &Section<'_>) -> Option<Mounts> {
+    let length = quantity(-20.0, 20.0, "m");
+    let l_laser_m = s.number("l_laser_m", length);
+    let l_camera_m = s.number("l_camera_m", length);
+    let h_camera_m = s.number("h_camera_m", length);
+    let h_centre_m = s.number("h_centre_m", length);
+    let camera_tilt_rad = s.angle(
+        "camera_tilt",
+        quantity(-89.0, 89.0, "deg").hint("0 looks straight down, positive looks forward"),
+    );
+    s.finish();
+    let mounts = Mounts {
+        l_laser_m: l_laser_m?,
+        l_camera_m: l_camera_m?,
+        h_camera_m: h_camera_m?,
+        h_centre_m: h_centre_m?,
+        camera_tilt_rad: camera_tilt_rad?,
+    };
+    let baseline_m = mounts.l_laser_m + mounts.l_camera_m;
+    if baseline_m.abs() < 1e-3 {
+        s.rule(
+            "l_camera_m",
+            format!(
+                "the camera sits {baseline_m} m from the laser sheet (l_laser_m + l_camera_m): it sees the sheet edge on and cannot measure in it"
+            ),
+            "Enter the distances of camera (aft) and sheet (forward) from the CG; they must add up to at least 1 mm",
+        );
+    }
+    Some(mounts)
+}

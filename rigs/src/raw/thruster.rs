@@ -1,0 +1,313 @@
+//! `[thrusters]`, `[thrusters.link]` and `[[thruster]]` as typed.
+
+use std::path::PathBuf;
+
+use super::camera::{StableName, UNSTABLE_NEXT, is_node, stable_name};
+use super::section::Item;
+use super::{Section, quantity};
+use crate::{Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
+
+/// Thrust that a controller at its neutral pulse may still be said to give \[N\].
+const NEUTRAL_THRUST_N: f64 = 0.05;
+
+/// A direction this near to unit length is typed in rounded digits and is normalised;
+/// anything farther off is a mistake.
+const UNIT_TOLERANCE: f64 = 0.01;
+
+struct PulseLimits {
+    neutral_us: f64,
+    min_us: f64,
+    max_us: f64,
+}
+
+/// `set` is `[thrusters]`, `entries` are the `[[thruster]]`s of `root`.
+pub(super) fn read_thrusters(root: &Section<'_>) -> Option<ThrusterSet> {
+    let set = root.table("thrusters");
+    let pulse = quantity(1000.0, 2000.0, "us");
+    let limits = PulseLimits {
+        neutral_us: set.number_or("neutral_us", pulse, 1500.0),
+        min_us: set.number_or("min_us", pulse, 1100.0),
+        max_us: set.number_or("max_us", pulse, 1900.0),
+    };
+    if !(limits.min_us < limits.neutral_us && limits.neutral_us < limits.max_us) {
+        set.rule(
+            if set.has("neutral_us") {
+                "neutral_us"
+            } else if set.has("min_us") {
+                "min_us"
+            } else {
+                "max_us"
+            },
+            format!(
+                "neutral_us = {} must lie between min_us = {} and max_us = {}",
+                limits.neutral_us, limits.min_us, limits.max_us
+            ),
+            "Usual values: 1100, 1500, 1900",
+        );
+    }
+    let max_slew_us_per_s =
+        set.number_or("max_slew_us_per_s", quantity(1.0, 1e6, "us/s"), 10_000.0);
+    let shared = set
+        .item("curve")
+        .map(|item| read_curve(&set, &item, &limits));
+
+    let entries = root.tables("thruster", 24);
+    if entries.is_empty() && !root.has("thruster") {
+        root.missing("thruster", "at least one [[thruster]]");
+    }
+    let link = read_link(&set.table("link"), entries.len());
+    set.finish();
+    let read: Vec<Option<Thruster>> = entries
+        .iter()
+        .map(|entry| read_thruster(entry, &limits, shared.as_ref()))
+        .collect();
+    let thrusters: Vec<Thruster> = read.into_iter().collect::<Option<_>>()?;
+    for (i, thruster) in thrusters.iter().enumerate() {
+        for earlier in &thrusters[..i] {
+            if earlier.name == thruster.name {
+                entries[i].rule(
+                    "name",
+                    format!("the name {} is used twice", thruster.name),
+                    "Give every thruster its own name",
+                );
+            }
+            if earlier.channel == thruster.channel {
+                entries[i].rule(
+                    "channel",
+                    format!(
+                        "channel {} already drives {}",
+                        thruster.channel, earlier.name
+                    ),
+                    "Give every thruster its own channel",
+                );
+            }
+        }
+    }
+    Some(ThrusterSet {
+        link: link?,
+        thrusters,
+        neutral_us: limits.neutral_us,
+        min_us: limits.min_us,
+        max_us: limits.max_us,
+        max_slew_us_per_s,
+    })
+}
+
+fn read_thruster(
+    s: &Section<'_>,
+    limits: &PulseLimits,
+    shared: Option<&Option<ThrustCurve>>,
+) -> Option<Thruster> {
+    let name = s.name("name");
+    // 24 channels: the largest Maestro.
+    let channel = s.integer("channel", 0, 23, "").map(|c| c as u8);
+    let position_m = s.numbers("position_m", quantity(-50.0, 50.0, "m"));
+    let direction = read_direction(s);
+    let curve = match (s.item("curve"), shared) {
+        (Some(item), _) => read_curve(s, &item, limits),
+        // A shared curve that is wrong was reported where it stands.
+        (None, Some(shared)) => shared.clone(),
+        (None, None) => {
+            s.missing(
+                "curve",
+                "`curve = [[pulse_us, thrust_n], …]` here, or once for all in [thrusters]",
+            );
+            None
+        }
+    };
+    s.finish();
+    Some(Thruster {
+        name: name?,
+        channel: channel?,
+        position_m: position_m?,
+        direction: direction?,
+        curve: curve?,
+    })
+}
+
+fn read_direction(s: &Section<'_>) -> Option<[f64; 3]> {
+    let direction: [f64; 3] = s.numbers("direction", quantity(-1.01, 1.01, ""))?;
+    let norm = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > UNIT_TOLERANCE {
+        s.rule(
+            "direction",
+            format!("the vector is {norm:.4} long, but must be a unit vector (1 within 1 %)"),
+            "Divide it by its length; at 45 deg enter 0.70711",
+        );
+        return None;
+    }
+    // Already unit to rounding: dividing again would only shuffle the last bit, and
+    // the effective rig must read back as itself.
+    if (norm - 1.0).abs() < 1e-12 {
+        return Some(direction);
+    }
+    Some(direction.map(|d| d / norm))
+}
+
+fn read_curve<'d>(s: &Section<'d>, item: &Item<'d>, limits: &PulseLimits) -> Option<ThrustCurve> {
+    let expected = "a list of at least two points [pulse_us, thrust_n]";
+    let elements = s.elements(item, expected)?;
+    let (pulse, thrust) = (quantity(500.0, 2500.0, "us"), quantity(-1e4, 1e4, "N"));
+    let mut points: Vec<(f64, f64)> = Vec::with_capacity(elements.len());
+    let mut sound = true;
+    for element in &elements {
+        let pair = s.elements(element, "a point [pulse_us, thrust_n]");
+        let point = match pair.as_deref() {
+            Some([p, t]) => match (s.number_of(p, &pulse), s.number_of(t, &thrust)) {
+                (Some(p), Some(t)) => Some((p, t)),
+                _ => None,
+            },
+            Some(_) => {
+                s.wrong_type(element, "a point [pulse_us, thrust_n]");
+                None
+            }
+            None => None,
+        };
+        let Some((p, t)) = point else {
+            sound = false;
+            continue;
+        };
+        if let Some(&(p0, t0)) = points.last() {
+            if p <= p0 {
+                report_point(
+                    s,
+                    element,
+                    format!("pulse {p} us does not exceed the one before, {p0} us"),
+                    "List the points by strictly ascending pulse",
+                );
+                sound = false;
+            } else if t < t0 {
+                report_point(
+                    s,
+                    element,
+                    format!("thrust {t} N falls below the one before, {t0} N"),
+                    "Thrust must not fall with rising pulse; for a propeller mounted the other way turn `direction` round",
+                );
+                sound = false;
+            }
+        }
+        points.push((p, t));
+    }
+    if !sound {
+        return None;
+    }
+    if points.len() < 2 {
+        s.wrong_type(item, expected);
+        return None;
+    }
+    let curve = ThrustCurve { points };
+    let (first, last) = (curve.points[0].0, curve.points[curve.points.len() - 1].0);
+    let mut covered = true;
+    if first > limits.min_us || last < limits.max_us {
+        report_point(
+            s,
+            item,
+            format!(
+                "the curve covers {first} to {last} us, but pulses from min_us = {} to max_us = {} us are allowed",
+                limits.min_us, limits.max_us
+            ),
+            "Extend the curve or narrow min_us and max_us in [thrusters]",
+        );
+        covered = false;
+    }
+    if first <= limits.neutral_us && limits.neutral_us <= last {
+        let at_neutral_n = curve.thrust_n(limits.neutral_us);
+        if at_neutral_n.abs() > NEUTRAL_THRUST_N {
+            report_point(
+                s,
+                item,
+                format!(
+                    "the curve gives {at_neutral_n} N at the neutral pulse, {} us: neutral must mean no thrust (within {NEUTRAL_THRUST_N} N)",
+                    limits.neutral_us
+                ),
+                "Correct the curve or neutral_us",
+            );
+            covered = false;
+        }
+    }
+    covered.then_some(curve)
+}
+
+fn report_point(s: &Section<'_>, item: &Item<'_>, what: String, next: &str) {
+    s.report(
+        item,
+        crate::error::ProblemKind::Rule {
+            what,
+            next: next.to_owned(),
+        },
+    );
+}
+
+fn read_link(s: &Section<'_>, thrusters: usize) -> Option<Link> {
+    let kind = s.choice(
+        "kind",
+        &[
+            ("stamped", LinkKind::Stamped),
+            ("maestro", LinkKind::Maestro),
+        ],
+    );
+    let port = read_port(s);
+    let baud = s
+        .integer("baud", 1200, 4_000_000, "bit/s")
+        .map(|b| b as u32);
+    let rate_hz = s.number("rate_hz", quantity(0.5, 500.0, "1/s"));
+    let deadline_s = s.number_or("deadline_s", quantity(0.001, 10.0, "s"), 0.1);
+    let timeout_s = s.number_or("timeout_s", quantity(0.01, 10.0, "s"), 0.5);
+    s.finish();
+    if let (Some(baud), Some(rate)) = (baud, rate_hz) {
+        // Pololu compact protocol: set target = 4 bytes, 10 bits each on the wire.
+        // No protocol here says it in fewer.
+        let needed = 40.0 * thrusters as f64 * rate;
+        if needed > f64::from(baud) {
+            s.rule(
+                "baud",
+                format!(
+                    "{baud} bit/s cannot carry {thrusters} thrusters at {rate} commands/s: at 4 bytes each that is at least {needed} bit/s"
+                ),
+                "Raise baud or lower rate_hz",
+            );
+        }
+    }
+    Some(Link {
+        kind: kind?,
+        port: port?,
+        baud: baud?,
+        rate_hz: rate_hz?,
+        deadline_s,
+        timeout_s,
+    })
+}
+
+fn read_port(s: &Section<'_>) -> Option<LinkPort> {
+    let expected =
+        "\"sim\" or the adapter's stable name, `/dev/serial/by-id/…` or `/dev/serial/by-path/…`";
+    let allow_node = s.flag_or("allow_unstable_node", false);
+    if !s.has("port") {
+        s.item("port");
+        s.missing("port", format!("`port = …`, {expected}"));
+        return None;
+    }
+    let (text, item) = s.text_opt("port", expected)?;
+    if text == "sim" {
+        return Some(LinkPort::Sim);
+    }
+    match stable_name(&text, "/dev/serial/") {
+        Some(StableName::ById(name)) => Some(LinkPort::ById(name)),
+        Some(StableName::ByPath(name)) => Some(LinkPort::ByPath(name)),
+        None if is_node(&text) => {
+            if allow_node {
+                return Some(LinkPort::Node(PathBuf::from(text)));
+            }
+            s.rule(
+                "port",
+                format!("{text} is not a stable name: after a replug it may be another adapter"),
+                UNSTABLE_NEXT,
+            );
+            None
+        }
+        None => {
+            s.wrong_type(&item, expected);
+            None
+        }
+    }
+}
