@@ -62,7 +62,7 @@ pub fn minimise(
     count: usize,
     mut residuals: impl FnMut(&[f64], &mut [f64]) -> bool,
 ) -> Result<LmFit, LmError> {
-    const MAX_STEPS: usize = 100;
+    const MAX_STEPS: usize = 500;
     let n = start.len();
     if count < n {
         return Err(LmError::Underdetermined {
@@ -125,7 +125,7 @@ pub fn minimise(
                 damped[(k, k)] += lambda * normal[(k, k)].max(1e-300);
             }
             let Some(step) = damped.cholesky().map(|c| c.solve(&(-&gradient))) else {
-                lambda *= 10.0;
+                lambda *= 4.0;
                 continue;
             };
             let trial = &x + &step;
@@ -144,11 +144,11 @@ pub fn minimise(
                 x = trial;
                 std::mem::swap(&mut r, &mut plus);
                 cost = trial_cost;
-                lambda = (lambda * 0.1).max(1e-12);
+                lambda = (lambda * 0.05).max(1e-12);
                 improved = true;
                 break;
             }
-            lambda *= 10.0;
+            lambda *= 4.0;
         }
         iterations += 1;
         // No step downhill at any damping: this is the minimum to rounding.
