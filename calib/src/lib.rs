@@ -15,8 +15,10 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod analytic;
+pub mod board;
 pub mod calibration;
 pub mod camera;
+pub mod detect;
 pub mod frames;
 pub mod map;
 pub mod plane;
