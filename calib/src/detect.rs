@@ -21,8 +21,8 @@ use std::collections::HashMap;
 use hydroline_rigs::{Board, BoardPattern};
 
 use crate::board;
-use crate::map::Node;
 use crate::map::geometry::apply;
+use crate::map::{HomographyMap, Node};
 use candidates::Candidate;
 use identify::Ordered;
 use image::Plane;
@@ -85,72 +85,109 @@ pub const WORST_BLUR_PX: f64 = 3.0;
 /// [`NotFound`] says why there is none.
 pub fn detect(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
     reason::refuse_empty(image)?;
-    let Some((lattice, candidates, rest)) = coarse(image, board) else {
+    let Some(seen) = see(image, board) else {
         return Err(reason::explain(image, board));
     };
+    if seen.blur_px >= WORST_BLUR_PX {
+        return Err(NotFound::Blurred {
+            blur_px: seen.blur_px,
+        });
+    }
     let wanted = (board.columns * board.rows) as usize;
-    let other = rest.grow(image, board, wanted);
-    if let Some(second) = other {
+    if let Some(second) = seen.rest.grow(board, wanted) {
         return Err(NotFound::TwoBoards {
-            first: lattice.nodes.len(),
+            first: seen.nodes.len(),
             second,
         });
     }
-    let mut ordered = Ordered::upright(&lattice, &candidates);
-    let orientation = place(image, board, &mut ordered)?;
-    let (nodes, blur_px) = fine(image, board, &ordered).ok_or(NotFound::NoBoard {
-        seen: lattice.nodes.len(),
-    })?;
-    if blur_px >= WORST_BLUR_PX {
-        return Err(NotFound::Blurred { blur_px });
+    let (orientation, turns, shift) = place(image, board, &seen.ordered)?;
+    let mut kept: Vec<BoardNode> = Vec::with_capacity(wanted);
+    for (index, r) in &seen.nodes {
+        let [i, j] = identify::turn_index(*index, turns);
+        let (i, j) = (i + shift[0], j + shift[1]);
+        if !(0..board.columns as i32).contains(&i) || !(0..board.rows as i32).contains(&j) {
+            continue;
+        }
+        let (i, j) = (i as u32, j as u32);
+        let [xi_m, eta_m] = board::node_m(board, i, j);
+        kept.push(BoardNode {
+            i,
+            j,
+            node: Node {
+                xi_m,
+                eta_m,
+                column_px: r.position[0],
+                row_px: r.position[1],
+                covariance_px2: r.covariance,
+            },
+        });
     }
-    let median = |values: &mut Vec<f64>| -> f64 {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
-    };
-    if std::env::var("DBG").is_ok() { eprintln!("coarse {} refined {}", ordered.nodes.len(), nodes.len()); for n in &nodes { eprintln!("{:?} c {:.1} rms {:.1} sd {:.3}", n.0, n.1.contrast, n.1.rms, n.1.covariance[(0,0)].sqrt()); } }
-    let contrast = median(&mut nodes.iter().map(|n| n.1.contrast.abs()).collect());
-    let noise = median(&mut nodes.iter().map(|n| n.1.rms).collect());
-    let mut kept: Vec<BoardNode> = nodes
-        .iter()
-        .filter(|(_, r)| {
-            let sd = r.covariance[(0, 0)].max(r.covariance[(1, 1)]).sqrt();
-            sd <= WORST_SD_PX
-                && r.contrast.abs() > 0.2 * contrast
-                && r.rms < (3.0 * noise).max(0.06 * r.contrast.abs())
-        })
-        .filter(|(index, _)| {
-            (0..board.columns as i32).contains(&index[0])
-                && (0..board.rows as i32).contains(&index[1])
-        })
-        .map(|(index, r)| {
-            let (i, j) = (index[0] as u32, index[1] as u32);
-            let [xi_m, eta_m] = board::node_m(board, i, j);
-            BoardNode {
-                i,
-                j,
-                node: Node {
-                    xi_m,
-                    eta_m,
-                    column_px: r.position[0],
-                    row_px: r.position[1],
-                    covariance_px2: r.covariance,
-                },
-            }
-        })
-        .collect();
-    drop_strays(&mut kept);
     kept.sort_by_key(|n| (n.j, n.i));
-    if kept.len() < fewest(board) {
-        return Err(reason::explain(image, board));
-    }
     Ok(Detection {
         left_out: wanted - kept.len(),
         nodes: kept,
         orientation,
+        blur_px: seen.blur_px,
+        noise: seen.noise,
+        contrast: seen.contrast,
+    })
+}
+
+/// A lattice that really is the pattern, node by node.
+struct Seen {
+    ordered: Ordered,
+    nodes: Vec<(Index, Refined)>,
+    rest: Rest,
+    blur_px: f64,
+    noise: f64,
+    contrast: f64,
+}
+
+/// The board's pattern in upright order; `None` where no lattice holds what it promises.
+fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
+    let (lattice, candidates, rest) = coarse(image, board)?;
+    let mut ordered = Ordered::upright(&lattice, &candidates);
+    if matches!(board.pattern, BoardPattern::Dots { .. }) {
+        centre_dots(image, board, &mut ordered);
+    }
+    let (mut nodes, blur_px) = fine(image, board, &ordered)?;
+    let median = |mut values: Vec<f64>| -> f64 {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    // Corners of a chessboard alternate; lines and dots are dark. What differs is none.
+    let signed = |(index, r): &(Index, Refined)| match board.pattern {
+        BoardPattern::Chessboard if (index[0] + index[1]) % 2 != 0 => -r.contrast,
+        _ => r.contrast,
+    };
+    let contrast = median(nodes.iter().map(signed).collect());
+    let noise = median(nodes.iter().map(|n| n.1.rms).collect());
+    nodes.retain(|n| {
+        let sd = n.1.covariance[(0, 0)].max(n.1.covariance[(1, 1)]).sqrt();
+        sd <= WORST_SD_PX
+            && signed(n) * contrast.signum() > 0.2 * contrast.abs()
+            && n.1.rms < (3.0 * noise).max(0.06 * n.1.contrast.abs())
+    });
+    let before = nodes.len();
+    drop_strays(&mut nodes)?;
+    let sound = nodes.len() >= fewest(board)
+        && nodes.len() * 10 >= ordered.nodes.len() * 5
+        && nodes.len() * 10 >= before * 8
+        && contrast.abs() > 8.0;
+    // Only what held under the pattern's fit says how far the lattice reaches.
+    let found: std::collections::HashSet<Index> = nodes.iter().map(|n| n.0).collect();
+    ordered.nodes.retain(|k, _| found.contains(k));
+    let low = ordered.rebase();
+    for n in &mut nodes {
+        n.0 = [n.0[0] - low[0], n.0[1] - low[1]];
+    }
+    sound.then_some(Seen {
+        ordered,
+        nodes,
+        rest,
         blur_px,
         noise,
-        contrast,
+        contrast: contrast.abs(),
     })
 }
 
@@ -169,7 +206,7 @@ struct Rest {
 
 impl Rest {
     /// Nodes of a second board, if there is one.
-    fn grow(&self, _image: &Grey<'_>, board: &Board, wanted: usize) -> Option<usize> {
+    fn grow(&self, board: &Board, wanted: usize) -> Option<usize> {
         let field = Field::new(&self.candidates, &self.plane, board.pattern, |n| {
             !self.used[n] && self.candidates[n].strength > self.weakest
         });
@@ -226,8 +263,12 @@ fn coarse(image: &Grey<'_>, board: &Board) -> Option<(Lattice, Vec<Candidate>, R
     Some((lattice, candidates, rest))
 }
 
-/// Gives the nodes their indices on the board.
-fn place(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) -> Result<Orientation, NotFound> {
+/// Quarter turns and shift that bring upright indices to those on the board.
+fn place(
+    image: &Grey<'_>,
+    board: &Board,
+    ordered: &Ordered,
+) -> Result<(Orientation, usize, Index), NotFound> {
     let seen = ordered.extent();
     let wanted = [board.columns, board.rows];
     let h = ordered.homography().ok_or(NotFound::NoBoard {
@@ -235,23 +276,10 @@ fn place(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) -> Result<Orien
     })?;
     let key = board::key(board);
     if let Some((turns, shift)) = key.and_then(|k| ordered.find_key(image, board, &k, &h)) {
-        ordered.turn(turns);
-        ordered.shift(shift);
-        let outside = ordered.nodes.keys().any(|k| {
-            !(0..wanted[0] as i32).contains(&k[0]) || !(0..wanted[1] as i32).contains(&k[1])
-        });
-        return if outside {
-            Err(NotFound::WrongBoard {
-                seen,
-                wanted,
-                pattern: None,
-            })
-        } else {
-            Ok(Orientation::KeySeen)
-        };
+        return Ok((Orientation::KeySeen, turns, shift));
     }
     if seen == wanted {
-        return Ok(Orientation::UprightAssumed);
+        return Ok((Orientation::UprightAssumed, 0, [0, 0]));
     }
     if seen == [wanted[1], wanted[0]] {
         return Err(NotFound::NotUpright { seen, wanted });
@@ -294,25 +322,58 @@ fn place(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) -> Result<Orien
     })
 }
 
+/// Moves coarse dots to their middles, so that the local steps become good to a per cent.
+fn centre_dots(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) {
+    let Some(refiner) = refiner(image, board, ordered) else {
+        return;
+    };
+    let centred: HashMap<Index, [f64; 2]> = ordered
+        .nodes
+        .iter()
+        .map(|(&k, &p)| {
+            let steps = [[1.0, 0.0], [0.0, 1.0]].map(|d: [f64; 2]| {
+                let at = |s: f64| {
+                    apply(
+                        &refiner.to_image,
+                        [f64::from(k[0]) + s * d[0], f64::from(k[1]) + s * d[1]],
+                    )
+                    .unwrap_or(p)
+                };
+                let (a, b) = (at(0.5), at(-0.5));
+                [a[0] - b[0], a[1] - b[1]]
+            });
+            (k, refiner.centroid(p, steps).unwrap_or(p))
+        })
+        .collect();
+    ordered.nodes = centred;
+}
+
+/// A refiner for the lattice as it is known.
+fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Option<Refiner<'a>> {
+    let to_image = ordered.homography()?;
+    let mut to_index = to_image.try_inverse()?;
+    // An inverse homography is one up to its sign.
+    let any = *ordered.nodes.keys().min()?;
+    if apply(&to_index, apply(&to_image, any.map(f64::from))?).is_none() {
+        to_index = -to_index;
+    }
+    Some(Refiner {
+        image,
+        board,
+        to_image,
+        to_index,
+        blur_px: 1.0,
+    })
+}
+
 /// All nodes refined, with the blur that fits them best.
 fn fine(
     image: &Grey<'_>,
     board: &Board,
     ordered: &Ordered,
 ) -> Option<(Vec<(Index, Refined)>, f64)> {
-    let to_image = ordered.homography()?;
-    let mut refiner = Refiner {
-        image,
-        board,
-        to_image,
-        to_index: to_image.try_inverse()?,
-        blur_px: 1.0,
-    };
-    // An inverse homography is one up to its sign.
-    let any = *ordered.nodes.keys().min()?;
-    if apply(&refiner.to_index, apply(&to_image, any.map(f64::from))?).is_none() {
-        refiner.to_index = -refiner.to_index;
-    }
+    let mut refiner = refiner(image, board, ordered)?;
+    let to_image = refiner.to_image;
     let mut indices: Vec<Index> = ordered.nodes.keys().copied().collect();
     indices.sort_unstable();
     let run = |refiner: &Refiner<'_>, index: Index, start: [f64; 2]| {
@@ -360,42 +421,39 @@ fn fine(
     Some((nodes, blur_px))
 }
 
-/// Drops nodes that do not lie where their neighbours on both sides put them: lines are
-/// smooth, whatever lens and water do to them.
-fn drop_strays(nodes: &mut Vec<BoardNode>) {
-    let at: HashMap<[i64; 2], [f64; 2]> = nodes
+/// Drops nodes that one smooth map of the whole board does not explain (homography and
+/// distortion: a port leaves 0.1 px). `None` when there is no such map.
+fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<()> {
+    const STRAY_PX: f64 = 0.4;
+    let list: Vec<Node> = nodes
         .iter()
-        .map(|n| {
-            (
-                [i64::from(n.i), i64::from(n.j)],
-                [n.node.column_px, n.node.row_px],
-            )
+        .map(|(index, r)| Node {
+            xi_m: f64::from(index[0]),
+            eta_m: f64::from(index[1]),
+            column_px: r.position[0],
+            row_px: r.position[1],
+            // Alike: the question is who belongs, not who is best.
+            covariance_px2: nalgebra::Matrix2::identity() * 0.05 * 0.05,
         })
         .collect();
-    nodes.retain(|n| {
-        let (i, j) = (i64::from(n.i), i64::from(n.j));
-        let mut off = Vec::new();
-        for (di, dj) in [(1, 0), (0, 1)] {
-            let p = |k: i64| at.get(&[i + k * di, j + k * dj]);
-            // Fourth difference: zero for a cubic.
-            if let (Some(a), Some(b), Some(c), Some(d)) = (p(-2), p(-1), p(1), p(2)) {
-                let e = [0, 1].map(|k| (4.0 * (b[k] + c[k]) - a[k] - d[k]) / 6.0);
-                off.push((e[0] - n.node.column_px).hypot(e[1] - n.node.row_px));
-            }
-        }
-        // A stray spoils its neighbours' differences too, by two thirds at most: only a
-        // node that is off in every direction it can be checked in is one.
-        off.is_empty() || off.iter().any(|&d| d < 0.6)
+    let map = HomographyMap::fit(&list, None).ok()?;
+    let mut k = 0;
+    nodes.retain(|_| {
+        let n = &list[k];
+        k += 1;
+        map.project_anywhere(n.xi_m, n.eta_m)
+            .is_some_and(|p| (p.0 - n.column_px).hypot(p.1 - n.row_px) < STRAY_PX)
     });
+    Some(())
 }
 
-/// Whether a coarse lattice of another pattern is seen; for the reasons only.
+/// Columns and rows of another pattern, if that is seen; for the reasons only.
 pub(super) fn seen_as(image: &Grey<'_>, board: &Board, pattern: BoardPattern) -> Option<[u32; 2]> {
     let other = Board {
         pattern,
         ..board.clone()
     };
-    coarse(image, &other).map(|(lattice, ..)| lattice.extent())
+    see(image, &other).map(|seen| seen.ordered.extent())
 }
 
 #[cfg(test)]

@@ -45,22 +45,19 @@ impl Ordered {
         ordered
     }
 
-    /// Shifts indices to start at 0.
-    fn rebase(&mut self) {
+    /// Shifts indices to start at 0; returns the lowest before.
+    pub fn rebase(&mut self) -> Index {
         let low = [0, 1].map(|k| self.nodes.keys().map(|i| i[k]).min().unwrap_or(0));
         self.shift([-low[0], -low[1]]);
+        low
     }
 
-    pub fn shift(&mut self, by: Index) {
+    fn shift(&mut self, by: Index) {
         self.nodes = self
             .nodes
             .drain()
             .map(|([i, j], p)| ([i + by[0], j + by[1]], p))
             .collect();
-    }
-
-    pub fn turn(&mut self, turns: usize) {
-        self.nodes = turned(&self.nodes, turns);
     }
 
     pub fn extent(&self) -> [u32; 2] {
@@ -177,29 +174,35 @@ impl Ordered {
                 let right = [corner[0] + u[0], corner[1] + u[1]];
                 let up = [corner[0] + v[0], corner[1] + v[1]];
                 let diagonal = [right[0] + v[0], right[1] + v[1]];
-                if marked(right) && marked(up) && !marked(diagonal) {
-                    if found.is_some() {
-                        return None; // two keys: neither is believed
-                    }
-                    found = Some((corner, turns));
+                if !(marked(right) && marked(up) && !marked(diagonal)) {
+                    continue;
                 }
+                // Bring the cell along by its middle: cells turn about their middles.
+                let seen = turn_index([2 * corner[0] + 1, 2 * corner[1] + 1], turns);
+                let wanted = key.cells[0].map(|v| 2 * v as i32 + 1);
+                let shift = [(wanted[0] - seen[0]) / 2, (wanted[1] - seen[1]) / 2];
+                // A key that puts nodes off the board is a shadow or a hand.
+                let fits = self.nodes.keys().all(|&k| {
+                    let [i, j] = turn_index(k, turns);
+                    (0..board.columns as i32).contains(&(i + shift[0]))
+                        && (0..board.rows as i32).contains(&(j + shift[1]))
+                });
+                if !fits {
+                    continue;
+                }
+                if found.is_some() {
+                    return None; // two keys: neither is believed
+                }
+                found = Some((turns, shift));
             }
         }
-        let (corner, turns) = found?;
-        // Bring the cell's lowest node along: cells turn about their middles.
-        let middle = [2 * corner[0] + 1, 2 * corner[1] + 1];
-        let seen = turn_index(middle, turns);
-        let wanted = key.cells[0].map(|v| 2 * v as i32 + 1);
-        Some((
-            turns,
-            [(wanted[0] - seen[0]) / 2, (wanted[1] - seen[1]) / 2],
-        ))
+        found
     }
 }
 
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old
 /// frame lies along +ξ of the new one.
-fn turn_index([i, j]: Index, turns: usize) -> Index {
+pub(super) fn turn_index([i, j]: Index, turns: usize) -> Index {
     match turns % 4 {
         0 => [i, j],
         1 => [j, -i],

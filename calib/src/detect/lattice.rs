@@ -117,7 +117,11 @@ impl<'a> Field<'a> {
                 mixed(a, along, across) * mixed(b, along, across) < 0.0
                     && ratio(a.strength, b.strength) < 3.0
             }
-            BoardPattern::Lines { .. } => self.line_between(a, b, across) >= 3,
+            BoardPattern::Lines { .. } => {
+                // Noise on a line looks like a crossing, a tenth as strong.
+                ratio(a.strength, b.strength) < 4.0
+                    && self.line_between(a, b, across, &[0.3, 0.4, 0.5, 0.6, 0.7]) >= 3
+            }
             // Between two dots is light, and dots are alike.
             BoardPattern::Dots { .. } => {
                 ratio(a.strength, b.strength) < 12.0 && {
@@ -133,13 +137,19 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// At how many of five places between two nodes a dark line is seen.
-    fn line_between(&self, a: &Candidate, b: &Candidate, across: [f64; 2]) -> usize {
+    /// At how many of some places between two nodes a dark line is seen.
+    fn line_between(
+        &self,
+        a: &Candidate,
+        b: &Candidate,
+        across: [f64; 2],
+        places: &[f64],
+    ) -> usize {
         // Far enough to leave the line, near enough to stay in the cell.
         let aside = [0.22 * across[0], 0.22 * across[1]];
-        [0.3, 0.4, 0.5, 0.6, 0.7]
-            .into_iter()
-            .filter(|t| {
+        places
+            .iter()
+            .filter(|&t| {
                 let x = a.position[0] + t * (b.position[0] - a.position[0]);
                 let y = a.position[1] + t * (b.position[1] - a.position[1]);
                 let k = self.plane.reduction as f64;
@@ -311,35 +321,35 @@ impl<'a> Field<'a> {
         Lattice { nodes }
     }
 
-/// Takes off outer rows and columns that hold hardly any nodes: a step over a hidden node
-/// may have landed on the board's edge or behind it. And those where a chessboard's outer
-/// squares meet the background: corners of a quarter of the strength.
-fn prune(&self, nodes: &mut HashMap<Index, usize>) {
-    loop {
-        let before = nodes.len();
-        for axis in 0..2 {
-            let mut counts: HashMap<i32, usize> = HashMap::new();
-            for index in nodes.keys() {
-                *counts.entry(index[axis]).or_default() += 1;
-            }
-            let fullest = counts.values().copied().max().unwrap_or(0);
-            let (Some(&low), Some(&high)) = (counts.keys().min(), counts.keys().max()) else {
-                return;
-            };
-            for (end, inner) in [(low, low + 1), (high, high - 1)] {
-                let few = counts.get(&end).is_some_and(|&n| n * 10 < fullest * 3);
-                let faint = matches!(self.pattern, BoardPattern::Chessboard)
-                    && self.median(nodes, axis, end) < 0.45 * self.median(nodes, axis, inner);
-                if few || faint {
-                    nodes.retain(|index, _| index[axis] != end);
+    /// Takes off outer rows and columns that hold hardly any nodes: a step over a hidden node
+    /// may have landed on the board's edge or behind it. And those where a chessboard's outer
+    /// squares meet the background: corners of a quarter of the strength.
+    fn prune(&self, nodes: &mut HashMap<Index, usize>) {
+        loop {
+            let before = nodes.len();
+            for axis in 0..2 {
+                let mut counts: HashMap<i32, usize> = HashMap::new();
+                for index in nodes.keys() {
+                    *counts.entry(index[axis]).or_default() += 1;
+                }
+                let fullest = counts.values().copied().max().unwrap_or(0);
+                let (Some(&low), Some(&high)) = (counts.keys().min(), counts.keys().max()) else {
+                    return;
+                };
+                for (end, inner) in [(low, low + 1), (high, high - 1)] {
+                    let few = counts.get(&end).is_some_and(|&n| n * 10 < fullest * 3);
+                    let faint = matches!(self.pattern, BoardPattern::Chessboard)
+                        && self.median(nodes, axis, end) < 0.45 * self.median(nodes, axis, inner);
+                    if few || faint {
+                        nodes.retain(|index, _| index[axis] != end);
+                    }
                 }
             }
-        }
-        if nodes.len() == before {
-            return;
+            if nodes.len() == before {
+                return;
+            }
         }
     }
-}
 
     /// Median strength of a row or column.
     fn median(&self, nodes: &HashMap<Index, usize>, axis: usize, at: i32) -> f32 {
@@ -355,12 +365,16 @@ fn prune(&self, nodes: &mut HashMap<Index, usize>) {
     /// A step of two: as alike as the second neighbour on this board must be.
     fn skipped(&self, from: usize, to: usize, along: [f64; 2], across: [f64; 2]) -> bool {
         let (a, b) = (&self.candidates[from], &self.candidates[to]);
-        let alike = ratio(a.strength, b.strength) < 6.0;
+        let alike = ratio(a.strength, b.strength) < 4.0;
         match self.pattern {
             BoardPattern::Chessboard => {
                 alike && mixed(a, along, across) * mixed(b, along, across) > 0.0
             }
-            _ => alike,
+            // The line still leaves the one node and reaches the other.
+            BoardPattern::Lines { .. } => {
+                self.line_between(a, b, across, &[0.12, 0.16, 0.2, 0.8, 0.84, 0.88]) >= 4
+            }
+            BoardPattern::Dots { .. } => alike,
         }
     }
 }

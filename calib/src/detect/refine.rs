@@ -96,8 +96,8 @@ impl Refiner<'_> {
                 .min(reach)
                 .ceil() as i64
         };
-        let middle = [start[0].round() as i64, start[1].round() as i64];
         let (hc, hr) = (half(0), half(1));
+        let middle = [start[0].round() as i64, start[1].round() as i64];
         let (w, h) = (self.image.width() as i64, self.image.height() as i64);
         if middle[0] - hc < 0 || middle[0] + hc >= w || middle[1] - hr < 0 || middle[1] + hr >= h {
             return None;
@@ -130,6 +130,13 @@ impl Refiner<'_> {
             let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
             let mut normal_matrix = SMatrix::<f64, 6, 6>::zeros();
             let mut right = SVector::<f64, 6>::zeros();
+            // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
+            let soft = if round < 4 {
+                2.5 * 0.5f64.powi(round)
+            } else {
+                0.0
+            };
+            let s = s.hypot(soft);
             let (mut weight_sum, mut square_sum) = (0.0, 0.0);
             for (n, p) in pixels.iter().enumerate() {
                 let (value, gradient) =
@@ -187,7 +194,9 @@ impl Refiner<'_> {
             if !moved.is_finite() || moved > 0.3 * steps[0][0].hypot(steps[0][1]).max(8.0) {
                 return None;
             }
-            settled = round >= 4 && step[4].hypot(step[5]) < 0.005;
+            // Weights that flicker keep the last hundredths of a pixel moving.
+            let still = [0.005, 0.005, 0.005, 0.01, 0.02, 0.03][(round as usize).clamp(5, 10) - 5];
+            settled = round >= 5 && step[4].hypot(step[5]) < still;
             if round >= 1 {
                 let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
                 let k = sizes.len() / 2;
@@ -197,7 +206,7 @@ impl Refiner<'_> {
                 let annealed = 0.2 * theta[3].abs() * 0.5f64.powi(round - 1);
                 scale = (1.4826 * *median)
                     .max(annealed)
-                    .max(0.015 * theta[3].abs())
+                    .max(0.04 * theta[3].abs())
                     .max(0.7);
             }
         }
@@ -213,6 +222,42 @@ impl Refiner<'_> {
                 rms,
             },
         )
+    }
+
+    /// Middle of what is dark around a start: the filter answers on the rim of a large dot.
+    pub fn centroid(&self, start: [f64; 2], steps: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+        let m = Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]).try_inverse()?;
+        let half = |k: usize| (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs())) as i64;
+        let (hc, hr) = (half(0).min(40), half(1).min(40));
+        let mut at = start;
+        for _ in 0..2 {
+            let middle = [at[0].round() as i64, at[1].round() as i64];
+            let window = || {
+                (middle[1] - hr..=middle[1] + hr)
+                    .flat_map(move |r| (middle[0] - hc..=middle[0] + hc).map(move |c| (c, r)))
+            };
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for (c, r) in window() {
+                let v = self.image.at(c, r);
+                low = low.min(v);
+                high = high.max(v);
+            }
+            let threshold = 0.5 * (low + high);
+            let (mut sum, mut count) = ([0.0; 2], 0.0);
+            for (c, r) in window() {
+                let (x, y) = (c as f64 - at[0], r as f64 - at[1]);
+                let u = m * nalgebra::Vector2::new(x, y);
+                if u.amax() < PATCH_PITCH && self.image.at(c, r) < threshold {
+                    sum[0] += x;
+                    sum[1] += y;
+                    count += 1.0;
+                }
+            }
+            if count > 3.0 {
+                at = [at[0] + sum[0] / count, at[1] + sum[1] / count];
+            }
+        }
+        Some(at)
     }
 
     /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.

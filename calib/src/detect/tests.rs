@@ -84,6 +84,9 @@ fn look(board: &Board, view: &View, scene: &Scene) -> Result<Detection, NotFound
 #[ignore = "prints figures"]
 fn survey() {
     for pattern in PATTERNS {
+        if std::env::var("P").is_ok_and(|v| !format!("{pattern:?}").starts_with(&v)) {
+            continue;
+        }
         let board = board(pattern);
         for (angle, azimuth) in [
             (0.0, 90.0),
@@ -121,4 +124,80 @@ fn survey() {
             }
         }
     }
+}
+
+/// Every third image at hand shows what can go wrong at once.
+#[test]
+#[ignore = "prints figures"]
+fn survey_hard() {
+    let mut found = [0; 3];
+    let mut asked = 0;
+    for k in 0..40u32 {
+        let f = |a: f64, b: f64| {
+            a + (b - a) * (f64::from(k) * 0.618_034 * (1.0 + a.abs().sqrt() + b)).fract()
+        };
+        let (angle, azimuth, roll) = (f(0.0, 60.0), f(0.0, 360.0), f(-20.0, 20.0));
+        asked += 1;
+        for (n, pattern) in PATTERNS.into_iter().enumerate() {
+            let board = board(pattern);
+            let view = view(&board, angle, azimuth, roll);
+            let scene = Scene {
+                light: [f(0.5, 1.1), f(0.5, 1.0), f(0.6, 1.0), f(0.6, 1.05)],
+                stripe: Some([f(-150.0, 150.0), f(-0.3, 0.3), 2.0, 120.0]),
+                occluders: vec![[f(0.0, 650.0), f(0.0, 500.0), 60.0, 60.0, 90.0]],
+                blur_px: f(0.5, 1.2),
+                seed: u64::from(k),
+                ..Scene::default()
+            };
+            match look(&board, &view, &scene) {
+                Ok(d) => {
+                    found[n] += 1;
+                    let e = errors(&d, &view);
+                    println!(
+                        "{k} {n} {angle:.0} {azimuth:.0} {roll:.0}: {} nodes rms {:.4} max {:.3} chi2 {:.2} blur {:.2}/{:.2} {:?}",
+                        d.nodes.len(),
+                        e.rms_px,
+                        e.max_px,
+                        e.consistency,
+                        d.blur_px,
+                        scene.blur_px,
+                        d.orientation
+                    );
+                }
+                Err(e) => {
+                    println!("FAILED {k} {n} {angle:.0} {azimuth:.0} {roll:.0}: {e}");
+                    std::fs::write(
+                        format!("/tmp/fail{k}-{n}.pgm"),
+                        [b"P5 720 576 255\n".to_vec(), render(&board, &view, &scene)].concat(),
+                    )
+                    .unwrap();
+                }
+            }
+        }
+    }
+    println!("found {found:?} of {asked}");
+}
+
+#[test]
+#[ignore = "prints figures"]
+fn survey_clutter() {
+    let mut wrong = 0;
+    for seed in 0..200 {
+        let pixels = clutter([720, 576], seed);
+        let grey = Grey::new(720, 576, &pixels).unwrap();
+        for pattern in PATTERNS {
+            match detect(&grey, &board(pattern)) {
+                Ok(d) => {
+                    wrong += 1;
+                    println!("{seed} {pattern:?}: {} nodes", d.nodes.len());
+                }
+                Err(e) => {
+                    if seed < 8 {
+                        println!("{seed}: {e}")
+                    }
+                }
+            }
+        }
+    }
+    println!("wrong {wrong}");
 }
