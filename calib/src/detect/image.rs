@@ -35,7 +35,7 @@ impl<'a> Grey<'a> {
 
     /// Grey level at a pixel, clamped to the image.
     #[inline]
-    pub(super) fn at(&self, column: i64, row: i64) -> f32 {
+    pub(crate) fn at(&self, column: i64, row: i64) -> f32 {
         let c = column.clamp(0, self.width as i64 - 1) as usize;
         let r = row.clamp(0, self.height as i64 - 1) as usize;
         f32::from(self.pixels[r * self.width + c])
