@@ -5,6 +5,19 @@
 //! checked type exported here. [`Rig::load`] and friends are the only way from one
 //! to the other, and every error names file, key, value and allowed range.
 //!
+//! ```
+//! use hydroline_rigs::{Plan, Rig};
+//!
+//! let rig = Rig::load_or_builtin("lshpi")?;
+//! let plan = Plan::load_or_builtin("surge-4n")?;
+//! plan.check_against(&rig)?;
+//! assert_eq!(rig.camera.width_px, 720);
+//!
+//! let wrong = Rig::from_toml("[rig]\nnmae = \"mine\"", "my.toml", None).unwrap_err();
+//! assert!(wrong.to_string().contains("my.toml:2: rig.nmae: unknown key (did you mean `name`?)"));
+//! # Ok::<(), hydroline_rigs::RigError>(())
+//! ```
+//!
 //! Frames (see `geometry.md`): tank frame NED-like, Z down, floor at Z = 0; body
 //! frame x forward, y starboard, z down, origin at the CG; laser plane (xi to port,
 //! eta up). Everything here is SI; angles in radians.

@@ -10,6 +10,7 @@ mod camera;
 mod document;
 mod include;
 mod laser;
+mod link;
 mod physics;
 mod plan;
 mod quantity;

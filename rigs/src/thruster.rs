@@ -118,3 +118,57 @@ pub struct ThrusterSet {
     /// Largest change of pulse allowed \[us/s\].
     pub max_slew_us_per_s: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rig;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    fn curve() -> ThrustCurve {
+        let rig = Rig::builtin("lshpi").unwrap();
+        rig.thrusters.thrusters[0].curve.clone()
+    }
+
+    proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// Thrust to pulse and back, over the whole curve; the pulse lies on neutral's
+        /// side of the deadband that the thrust asks for.
+        #[test]
+        fn pulse_and_thrust_are_inverse(thrust_n in -39.9..51.5_f64) {
+            let pulse_us = curve().pulse_us(thrust_n, 1500.0).unwrap();
+            prop_assert!((curve().thrust_n(pulse_us) - thrust_n).abs() < 1e-9);
+            prop_assert!((pulse_us - 1500.0) * thrust_n >= 0.0);
+            prop_assert!(pulse_us <= 1468.0 || pulse_us >= 1532.0);
+        }
+
+        #[test]
+        fn thrust_never_falls_with_the_pulse(a in 1000.0..2000.0_f64, b in 1000.0..2000.0_f64) {
+            prop_assert!((curve().thrust_n(b) - curve().thrust_n(a)) * (b - a) >= 0.0);
+        }
+    }
+
+    #[test]
+    fn points_are_met_and_ends_are_held() {
+        for (pulse_us, thrust_n) in curve().points {
+            assert!((curve().thrust_n(pulse_us) - thrust_n).abs() < 1e-12);
+        }
+        assert_eq!(
+            (curve().thrust_n(0.0), curve().thrust_n(9e9)),
+            (-39.9, 51.5)
+        );
+        assert_eq!(curve().thrust_range_n(1100.0, 1500.0), (-39.9, 0.0));
+        // Half way between two points.
+        assert!((curve().thrust_n(1850.0) - 0.5 * (33.12 + 51.5)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn zero_is_neutral_and_nothing_reaches_beyond_the_curve() {
+        assert_eq!(curve().pulse_us(0.0, 1500.0), Some(1500.0));
+        assert_eq!(curve().pulse_us(51.6, 1500.0), None);
+        assert_eq!(curve().pulse_us(-40.0, 1500.0), None);
+        assert_eq!(curve().pulse_us(f64::NAN, 1500.0), None);
+    }
+}

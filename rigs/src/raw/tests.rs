@@ -1,9 +1,13 @@
 //! Whole files, right and wrong.
 
+mod files;
 mod messages;
 mod mutations;
+mod rules;
 
 use toml::{Table, Value};
+
+use crate::{Rig, RigError};
 
 /// One step of a path into a TOML tree.
 #[derive(Clone, Debug)]
@@ -59,9 +63,19 @@ fn at<'t>(table: &'t mut Table, steps: &[Step]) -> &'t mut Value {
 
 /// The built-in rig with every key there is, as a tree.
 fn full_rig(name: &str) -> Table {
-    crate::Rig::builtin(name)
-        .unwrap()
-        .effective_toml
-        .parse()
-        .unwrap()
+    Rig::builtin(name).unwrap().effective_toml.parse().unwrap()
+}
+
+/// The built-in rig with one text replaced; panics when the text is not there.
+pub(super) fn changed(from: &str, to: &str) -> RigError {
+    let text = include_str!("../../lshpi.toml");
+    assert!(text.contains(from), "{from:?} is not in lshpi.toml");
+    Rig::from_toml(&text.replacen(from, to, 1), "my.toml", None).expect_err(to)
+}
+
+pub(super) fn tells(error: &RigError, words: &[&str]) {
+    let message = error.to_string();
+    for word in words {
+        assert!(message.contains(word), "no {word:?} in:\n{message}");
+    }
 }

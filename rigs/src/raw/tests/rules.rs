@@ -1,0 +1,186 @@
+//! Rules between several keys of a rig.
+
+use toml::Value;
+
+use super::{changed, full_rig, tells};
+use crate::{ParameterValue, PhysicsEntry, Rig};
+
+#[test]
+fn rules_between_keys() {
+    for (from, to, words) in [
+        (
+            "exposure_s = 0.002",
+            "exposure_s = 0.05",
+            &["camera.exposure_s", "0.04 s"][..],
+        ),
+        (
+            "frozen_after_s = 0.5",
+            "frozen_after_s = 0.05",
+            &["camera.frozen_after_s", "0.08 s"],
+        ),
+        (
+            "pixel_format = \"GREY\"",
+            "pixel_format = \"grey\"",
+            &["did you mean `GREY`"],
+        ),
+        (
+            "l_camera_m = 0.19",
+            "l_camera_m = -0.27",
+            &["mounts.l_camera_m", "edge on"],
+        ),
+        (
+            "min_us = 1100",
+            "min_us = 1600",
+            &["thrusters.neutral_us", "1600"],
+        ),
+        (
+            "max_us = 1900",
+            "max_us = 2100",
+            &["thrusters.max_us", "from 1000 to 2000 us"],
+        ),
+        (
+            "[1435, -2.18]",
+            "[1400, -2.18]",
+            &["thrusters.curve[4]", "1400 us does not exceed"],
+        ),
+        (
+            "[1435, -2.18]",
+            "[1435, -5.18]",
+            &["thrusters.curve[4]", "falls below"],
+        ),
+        (
+            "[1435, -2.18]",
+            "[1435]",
+            &["thrusters.curve[4]", "a point [pulse_us, thrust_n]"],
+        ),
+        (
+            "[1468, 0.0],\n  [1532, 0.0]",
+            "[1468, 0.5],\n  [1532, 0.5]",
+            &["thrusters.curve", "neutral"],
+        ),
+        (
+            "  [1900, 51.5],\n",
+            "",
+            &["thrusters.curve", "1100 to 1800 us"],
+        ),
+        (
+            "name = \"h_fore_port\"",
+            "name = \"h_fore_stbd\"",
+            &["thruster[1].name", "used twice"],
+        ),
+        (
+            "channel = 3",
+            "channel = 2",
+            &["thruster[3].channel", "h_aft_stbd"],
+        ),
+        (
+            "direction = [0.70711, -0.70711, 0.0]",
+            "direction = [0.8, -0.8, 0.0]",
+            &["thruster[0].direction", "1.1314", "unit vector"],
+        ),
+        (
+            "baud = 115200",
+            "baud = 4800",
+            &["thrusters.link.baud", "8000 bit/s"],
+        ),
+        (
+            "added_kg = -250",
+            "added_kg = 250",
+            &["vehicle.surge.added_kg", "SNAME"],
+        ),
+        (
+            "depth_m = 1.5",
+            "depth_m = 0.5",
+            &["tank.start_m", "outside the water"],
+        ),
+        (
+            "x_m = [-1.0, 7.0]",
+            "x_m = [-1.0, 17.0]",
+            &["limits.x_m", "beyond the tank"],
+        ),
+        (
+            "x_m = [-1.0, 7.0]",
+            "x_m = [1.0, 7.0]",
+            &["limits.x_m", "start"],
+        ),
+        (
+            "x_m = [-1.0, 7.0]",
+            "x_m = [7.0, -1.0]",
+            &["limits.x_m", "not an interval"],
+        ),
+        (
+            "file = \"targets/hexagons.toml\"",
+            "file = \"targets/hexagon.toml\"",
+            &["target", "no built-in target", "builtin:hexagons"],
+        ),
+        (
+            "origin_m = [0.0, 0.0]",
+            "name = \"x\"",
+            &["target.name: unknown key"],
+        ),
+        (
+            "# effect = \"thruster_lag\"",
+            "[[physics]]\neffect = \"thruster_lag\"\nlag_s = [1]",
+            &["physics[0].lag_s", "a number or a word"],
+        ),
+        (
+            "kind = \"stamped\"",
+            "kind = \"stampt\"",
+            &["thrusters.link.kind", "did you mean `stamped`"],
+        ),
+    ] {
+        tells(&changed(from, to), words);
+    }
+    let mut table = full_rig("lshpi");
+    table["log"]["queue_bytes"] = Value::Integer(1 << 20);
+    table["log"]["chunk_bytes"] = Value::Integer(1 << 21);
+    let error = Rig::from_toml(&table.to_string(), "a", None).expect_err("chunk");
+    tells(&error, &["log.chunk_bytes", "2097152", "1048576"]);
+    let mut table = full_rig("lshpi");
+    table["camera"]["pixel_format"] = Value::String("YUYV".into());
+    table["camera"]["width_px"] = Value::Integer(721);
+    let error = Rig::from_toml(&table.to_string(), "a", None).expect_err("odd");
+    tells(&error, &["camera.width_px", "721 is odd", "pairs"]);
+}
+
+#[test]
+fn physics_entries_keep_their_order_and_kinds() {
+    let text = format!(
+        "{}\n[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n\n[[physics]]\neffect = \"cubic_damping\"\nd3 = 40\ndof = \"surge\"\na_b-c = -1e-3\n",
+        include_str!("../../../lshpi.toml")
+    );
+    let rig = Rig::from_toml(&text, "my.toml", None).unwrap();
+    let number = |name: &str, value| (name.to_owned(), ParameterValue::Number(value));
+    let want = [
+        PhysicsEntry {
+            effect: "thruster_lag".into(),
+            parameters: vec![number("lag_s", 0.25)],
+        },
+        PhysicsEntry {
+            effect: "cubic_damping".into(),
+            parameters: vec![
+                number("d3", 40.0),
+                ("dof".into(), ParameterValue::Word("surge".into())),
+                number("a_b-c", -1e-3),
+            ],
+        },
+    ];
+    assert_eq!(rig.physics, want);
+    assert_eq!(Rig::from_toml(&rig.effective_toml, "e", None).unwrap(), rig);
+    for (wrong, words) in [
+        ("effect = 3", &["physics[2].effect"][..]),
+        ("lag_s = 1", &["physics[2].effect: missing"]),
+        ("effect = \"x\"\nlag_s = nan", &["physics[2].lag_s", "nan"]),
+        (
+            "effect = \"x\"\non = true",
+            &["physics[2].on", "a number or a word"],
+        ),
+        (
+            "effect = \"x\"\n\"a b\" = 1",
+            &["physics[2].a b", "parameter name"],
+        ),
+    ] {
+        let error = Rig::from_toml(&format!("{text}[[physics]]\n{wrong}\n"), "my.toml", None);
+        tells(&error.expect_err(wrong), words);
+    }
+}
