@@ -21,6 +21,7 @@ pub mod camera;
 pub mod detect;
 pub mod frames;
 pub mod map;
+pub mod online;
 pub mod plane;
 pub mod study;
 

@@ -26,6 +26,9 @@ use crate::map::FittedMap;
 use crate::map::geometry::rows;
 use crate::map::lm::minimise;
 
+/// An offset that is less certain than this \[m\] withdraws the claim of accuracy.
+pub const WORST_OFFSET_SD_M: f64 = 0.15e-3;
+
 /// Where the sheet stands over the face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "lowercase", deny_unknown_fields)]
@@ -145,11 +148,16 @@ impl Coplanarity {
             }
     }
 
+    /// Whether an accuracy in tenths of a millimetre may be claimed.
+    pub fn claims(&self) -> bool {
+        matches!(self, Coplanarity::Measured(g) if g.offset_sd_m() <= WORST_OFFSET_SD_M)
+    }
+
     /// In words.
     pub fn words(&self) -> String {
         match self {
             Coplanarity::Measured(g) => format!(
-                "board {:.2} ± {:.2} mm {} the sheet, tilted {:.2} ± {:.2}° across and {:.2} ± {:.2}° upwards, by {} gauge blocks; corrected",
+                "board {:.2} ± {:.2} mm {} the sheet, tilted {:.2} ± {:.2}° across and {:.2} ± {:.2}° upwards, by {} gauge blocks; corrected{}",
                 1e3 * g.offset_m.abs(),
                 1e3 * g.offset_sd_m(),
                 if g.offset_m >= 0.0 {
@@ -161,7 +169,12 @@ impl Coplanarity {
                 g.covariance[(1, 1)].max(0.0).sqrt().to_degrees(),
                 g.tilt_eta_rad.to_degrees(),
                 g.covariance[(2, 2)].max(0.0).sqrt().to_degrees(),
-                g.blocks
+                g.blocks,
+                if g.offset_sd_m() > WORST_OFFSET_SD_M {
+                    "; too uncertain: no accuracy better than that is claimed"
+                } else {
+                    ""
+                }
             ),
             Coplanarity::Unknown(u) => format!(
                 "coplanarity unknown ({}): {:.1} mm and {:.1}° assumed, no accuracy better than that is claimed",

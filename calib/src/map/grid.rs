@@ -26,6 +26,18 @@ pub enum GridKind {
     RectifiedGraticule,
 }
 
+impl GridKind {
+    /// Name of the method.
+    pub fn name(self) -> &'static str {
+        match self {
+            GridKind::Graticule => "graticule",
+            GridKind::Bilinear => "bilinear",
+            GridKind::Affine => "affine",
+            GridKind::RectifiedGraticule => "rectified-graticule",
+        }
+    }
+}
+
 /// A grid map: its nodes, and what was made of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "GridParameters", into = "GridParameters")]

@@ -218,7 +218,7 @@ impl RefractiveMap {
     pub fn camera_m(&self) -> [f64; 3] {
         let rays = Rays::new(&self.parameters, self.glass_m, self.n_glass);
         let c = rays.to_board * -rays.translation;
-        [c[0], c[1], -c[2]].map(|v| if c[2] > 0.0 { v } else { v })
+        [c[0], c[1], c[2]]
     }
 
     fn rays(&self) -> Rays {
