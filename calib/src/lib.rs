@@ -19,6 +19,7 @@ pub mod board;
 pub mod calibration;
 pub mod camera;
 pub mod detect;
+pub mod drawing;
 pub mod frames;
 pub mod map;
 pub mod online;
