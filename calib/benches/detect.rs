@@ -5,7 +5,7 @@
 
 use divan::{Bencher, black_box};
 use hydroline_calib::detect::synthetic::{Scene, View, render};
-use hydroline_calib::detect::{Grey, detect};
+use hydroline_calib::detect::{Grey, detect, detect_quick};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::{Board, BoardPattern};
 
@@ -93,5 +93,5 @@ fn no_board(bencher: Bencher) {
     let board = board("lines");
     let pixels = hydroline_calib::detect::synthetic::clutter([720, 576], 6);
     let grey = Grey::new(720, 576, &pixels).expect("size");
-    bencher.bench(|| detect(black_box(&grey), &board).is_err());
+    bencher.bench(|| detect_quick(black_box(&grey), &board).is_err());
 }

@@ -19,10 +19,11 @@ pub use reason::NotFound;
 use std::collections::HashMap;
 
 use hydroline_rigs::{Board, BoardPattern};
+use nalgebra::{SMatrix, SVector};
 
 use crate::board;
-use crate::map::geometry::apply;
-use crate::map::{HomographyMap, Node};
+use crate::map::Node;
+use crate::map::geometry::{apply, homography};
 use candidates::Candidate;
 use identify::Ordered;
 use image::Plane;
@@ -82,11 +83,24 @@ pub const WORST_BLUR_PX: f64 = 3.0;
 /// Finds the board.
 ///
 /// # Errors
-/// [`NotFound`] says why there is none.
+/// [`NotFound`] says why there is none; looking for the reason takes several times as long
+/// as looking for the board.
 pub fn detect(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
+    match detect_quick(image, board) {
+        Err(NotFound::NoBoard { .. }) => Err(reason::explain(image, board)),
+        answer => answer,
+    }
+}
+
+/// Finds the board as [`detect`] does, without looking further where there is none: for
+/// every frame of a running camera, `detect` then being asked once a second.
+///
+/// # Errors
+/// [`NotFound`]; [`NotFound::NoBoard`] stands for all reasons that need a second look.
+pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
     reason::refuse_empty(image)?;
     let Some(seen) = see(image, board) else {
-        return Err(reason::explain(image, board));
+        return Err(NotFound::NoBoard { seen: 0 });
     };
     if seen.blur_px >= WORST_BLUR_PX {
         return Err(NotFound::Blurred {
@@ -392,7 +406,7 @@ fn fine(
         refiner.refine(index, start, ordered.steps(index, &to_image)?)
     };
     // The blur from some nodes spread over the board.
-    let stride = (indices.len() / 8).max(1);
+    let stride = (indices.len() / 5).max(1);
     let sample: Vec<Index> = indices.iter().copied().step_by(stride).collect();
     let misfit = |refiner: &mut Refiner<'_>, blur_px: f64| {
         refiner.blur_px = blur_px;
@@ -408,7 +422,15 @@ fn fine(
     };
     let trials = [0.5, 0.7, 0.95, 1.3, 1.8, 2.5, 3.5];
     let mut best = (f64::INFINITY, 1);
-    let scores: Vec<f64> = trials.iter().map(|&b| misfit(&mut refiner, b)).collect();
+    let mut scores: Vec<f64> = Vec::new();
+    for &blur_px in &trials {
+        scores.push(misfit(&mut refiner, blur_px));
+        // Past the minimum: the rest is worse.
+        let n = scores.len();
+        if n >= 3 && scores[n - 1] > scores[n - 2] && scores[n - 2] > scores[n - 3] {
+            break;
+        }
+    }
     for (k, &score) in scores.iter().enumerate() {
         if score < best.0 {
             best = (score, k);
@@ -416,7 +438,7 @@ fn fine(
     }
     let k = best.1;
     refiner.blur_px = trials[k];
-    if k > 0 && k + 1 < trials.len() {
+    if k > 0 && k + 1 < scores.len() {
         // Vertex of the parabola over log blur.
         let (a, b, c) = (scores[k - 1], scores[k], scores[k + 1]);
         let bend = a - 2.0 * b + c;
@@ -433,28 +455,64 @@ fn fine(
     Some((nodes, blur_px))
 }
 
-/// Drops nodes that one smooth map of the whole board does not explain (homography and
-/// distortion: a port leaves 0.1 px). `None` when there is no such map.
+/// Drops nodes that one smooth map of the whole board does not explain: a homography and,
+/// for lens and port, a cubic on top (it leaves 0.1 px of a strong lens). `None` when there
+/// is no such map.
 fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<()> {
     const STRAY_PX: f64 = 0.4;
-    let list: Vec<Node> = nodes
+    let pairs: Vec<_> = nodes
         .iter()
-        .map(|(index, r)| Node {
-            xi_m: f64::from(index[0]),
-            eta_m: f64::from(index[1]),
-            column_px: r.position[0],
-            row_px: r.position[1],
-            // Alike: the question is who belongs, not who is best.
-            covariance_px2: nalgebra::Matrix2::identity() * 0.05 * 0.05,
-        })
+        .map(|(k, r)| (k.map(f64::from), r.position))
         .collect();
-    let map = HomographyMap::fit(&list, None).ok()?;
+    let h = homography(&pairs)?;
+    let high = [0, 1].map(|k| nodes.iter().map(|n| n.0[k]).max().unwrap_or(1).max(1));
+    let terms: Vec<([f64; 10], [f64; 2])> = pairs
+        .iter()
+        .map(|(k, p)| {
+            let q = apply(&h, *k)?;
+            let x = 2.0 * k[0] / f64::from(high[0]) - 1.0;
+            let y = 2.0 * k[1] / f64::from(high[1]) - 1.0;
+            Some((
+                [
+                    1.0,
+                    x,
+                    y,
+                    x * x,
+                    x * y,
+                    y * y,
+                    x * x * x,
+                    x * x * y,
+                    x * y * y,
+                    y * y * y,
+                ],
+                [p[0] - q[0], p[1] - q[1]],
+            ))
+        })
+        .collect::<Option<_>>()?;
+    let mut off = vec![0.0f64; terms.len()];
+    for _ in 0..6 {
+        let mut sorted = off.clone();
+        sorted.sort_by(f64::total_cmp);
+        let scale = sorted[sorted.len() / 2].max(0.05);
+        let mut normal = SMatrix::<f64, 10, 10>::identity() * 1e-6;
+        let mut right = SMatrix::<f64, 10, 2>::zeros();
+        for ((t, e), off) in terms.iter().zip(&off) {
+            let row = SVector::<f64, 10>::from_column_slice(t);
+            // Cauchy: a stray of many pixels hardly pulls.
+            let weight = 1.0 / (1.0 + (off / (2.0 * scale)).powi(2));
+            normal += row * row.transpose() * weight;
+            right += row * nalgebra::RowVector2::new(e[0], e[1]) * weight;
+        }
+        let solved = normal.cholesky()?.solve(&right);
+        for ((t, e), off) in terms.iter().zip(&mut off) {
+            let model = solved.transpose() * SVector::<f64, 10>::from_column_slice(t);
+            *off = (e[0] - model[0]).hypot(e[1] - model[1]);
+        }
+    }
     let mut k = 0;
     nodes.retain(|_| {
-        let n = &list[k];
         k += 1;
-        map.project_anywhere(n.xi_m, n.eta_m)
-            .is_some_and(|p| (p.0 - n.column_px).hypot(p.1 - n.row_px) < STRAY_PX)
+        off[k - 1] < STRAY_PX
     });
     Some(())
 }

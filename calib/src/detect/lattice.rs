@@ -95,8 +95,9 @@ impl<'a> Field<'a> {
             .flat_map(move |b| self.buckets[b].iter())
             .filter_map(move |&n| {
                 let p = self.candidates[n as usize].position;
-                let d = (p[0] - at[0]).hypot(p[1] - at[1]);
-                (d <= radius).then_some((n as usize, d))
+                // Not hypot: this is the innermost loop, and nothing overflows in pixels.
+                let d2 = (p[0] - at[0]).powi(2) + (p[1] - at[1]).powi(2);
+                (d2 <= radius * radius).then(|| (n as usize, d2.sqrt()))
             })
     }
 
@@ -154,7 +155,7 @@ impl<'a> Field<'a> {
                 let y = a.position[1] + t * (b.position[1] - a.position[1]);
                 let k = self.plane.reduction as f64;
                 // The darkest of three across: coarse positions are good to a pixel.
-                let n = across[0].hypot(across[1]).max(1e-9);
+                let n = length(across[0], across[1]).max(1e-9);
                 let d = [k * across[0] / n, k * across[1] / n];
                 let middle = self
                     .plane
@@ -229,7 +230,7 @@ impl<'a> Field<'a> {
         for (n, &a) in steps.iter().enumerate() {
             for &b in &steps[n + 1..] {
                 let cross = a[0] * b[1] - a[1] * b[0];
-                let (la, lb) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
+                let (la, lb) = (length(a[0], a[1]), length(b[0], b[1]));
                 // Lattices seen at up to 60° and any roll: angles from 30° to 150°.
                 if cross.abs() < 0.5 * la * lb || ratio(la as f32, lb as f32) > 4.0 {
                     continue;
@@ -238,7 +239,7 @@ impl<'a> Field<'a> {
             }
         }
         pairs.sort_by(|x, y| {
-            let size = |p: &([f64; 2], [f64; 2])| p.0[0].hypot(p.0[1]) + p.1[0].hypot(p.1[1]);
+            let size = |p: &([f64; 2], [f64; 2])| length(p.0[0], p.0[1]) + length(p.1[0], p.1[1]);
             size(x).total_cmp(&size(y))
         });
         pairs.truncate(12);
@@ -261,7 +262,7 @@ impl<'a> Field<'a> {
             for (axis, sign) in [(0usize, 1i32), (0, -1), (1, 1), (1, -1)] {
                 let step = local[axis].map(|v| v * f64::from(sign));
                 let across = local[1 - axis];
-                let length = step[0].hypot(step[1]);
+                let reach = length(step[0], step[1]);
                 // One step, or two over a node that something hides.
                 for far in [1i32, 2] {
                     let mut next = index;
@@ -274,7 +275,7 @@ impl<'a> Field<'a> {
                     }
                     let k = f64::from(far);
                     let at = [p[0] + k * step[0], p[1] + k * step[1]];
-                    let radius = (0.22 * k.sqrt() * length).min(0.35 * across[0].hypot(across[1]));
+                    let radius = (0.22 * k.sqrt() * reach).min(0.35 * length(across[0], across[1]));
                     let Some(to) = self.nearest(at, radius.max(2.5)) else {
                         continue;
                     };
@@ -383,6 +384,11 @@ impl<'a> Field<'a> {
 fn mixed(c: &Candidate, a: [f64; 2], b: [f64; 2]) -> f64 {
     let [xx, xy, yy] = c.hessian.map(f64::from);
     a[0] * (xx * b[0] + xy * b[1]) + a[1] * (xy * b[0] + yy * b[1])
+}
+
+/// √(x² + y²), without the care that hypot takes of huge numbers.
+fn length(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
 }
 
 fn ratio(a: f32, b: f32) -> f32 {

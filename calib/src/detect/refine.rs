@@ -37,9 +37,10 @@ pub(super) struct Refiner<'a> {
 /// Half the patch in node pitches: clear of blocks in the cells, and of key discs.
 const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
-const PATCH_PX: f64 = 8.0;
+const PATCH_PX: f64 = 7.0;
 
 /// Normal distribution and density by table: the fit asks some 100 000 times per image.
+#[inline]
 fn normal(x: f64) -> (f64, f64) {
     const STEPS: usize = 1024;
     const REACH: f64 = 4.5;
@@ -67,7 +68,9 @@ fn normal(x: f64) -> (f64, f64) {
     }
     let k = at as usize;
     let f = at - k as f64;
-    let (a, b) = (table[k], table[k + 1]);
+    let (Some(a), Some(b)) = (table.get(k), table.get(k + 1)) else {
+        return (1.0, 0.0);
+    };
     (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
 }
 
@@ -89,7 +92,11 @@ impl Refiner<'_> {
         let bend = m * homography_jacobian(&self.to_image, ideal)?;
         let anchor = apply(&self.to_image, ideal)?;
         let (gs, gt) = (m.row(0).norm(), m.row(1).norm());
-        let dots = matches!(self.board.pattern, BoardPattern::Dots { .. });
+        let dot_radius = match self.board.pattern {
+            BoardPattern::Dots { diameter_m } => 0.5 * diameter_m / self.board.pitch_m,
+            _ => 0.0,
+        };
+        let dots = dot_radius > 0.0;
         let reach = if dots { 14.0 } else { PATCH_PX };
         let half = |k: usize| {
             (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
@@ -111,7 +118,13 @@ impl Refiner<'_> {
                 let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
                 let u = bend[(0, 0)] * ds + bend[(0, 1)] * dt;
                 let v = bend[(1, 0)] * ds + bend[(1, 1)] * dt;
-                if u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
+                // Of a dot and its surroundings only what lies near the rim says anything.
+                let far = dots && {
+                    let rho = (u * u + v * v).sqrt().max(1e-9);
+                    let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
+                    ((rho - dot_radius) / size).abs() > 3.5
+                };
+                if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
                     pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);
                 }
             }
@@ -126,16 +139,12 @@ impl Refiner<'_> {
         let mut lost = 0.0;
         let mut rms = 0.0;
         let mut settled = false;
-        for round in 0..12 {
+        for round in 0..11usize {
             let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
             let mut normal_matrix = SMatrix::<f64, 6, 6>::zeros();
             let mut right = SVector::<f64, 6>::zeros();
             // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
-            let soft = if round < 4 {
-                2.5 * 0.5f64.powi(round)
-            } else {
-                0.0
-            };
+            let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
             let s = s.hypot(soft);
             let (mut weight_sum, mut square_sum) = (0.0, 0.0);
             for (n, p) in pixels.iter().enumerate() {
@@ -195,15 +204,15 @@ impl Refiner<'_> {
                 return None;
             }
             // Weights that flicker keep the last hundredths of a pixel moving.
-            let still = [0.005, 0.005, 0.005, 0.01, 0.02, 0.03][(round as usize).clamp(5, 10) - 5];
-            settled = round >= 5 && step[4].hypot(step[5]) < still;
+            let still = [0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(3, 8) - 3];
+            settled = round >= 3 && step[4].hypot(step[5]) < still;
             if round >= 1 {
                 let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
                 let k = sizes.len() / 2;
                 let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
                 // Most of a patch is plain: its median says nothing of the marks' rims, which
                 // a start 2 px off makes large. Tolerance goes down as the fit closes in.
-                let annealed = 0.2 * theta[3].abs() * 0.5f64.powi(round - 1);
+                let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
                 scale = (1.4826 * *median)
                     .max(annealed)
                     .max(0.04 * theta[3].abs())
@@ -291,6 +300,10 @@ impl Refiner<'_> {
             BoardPattern::Lines { line_m } => {
                 let half = 0.5 * line_m / self.board.pitch_m;
                 let band = |d: f64, w: f64| {
+                    // Most of a patch is plain face.
+                    if d.abs() > w + 4.5 * s {
+                        return (0.0, 0.0);
+                    }
                     let (p, dp) = normal((d + w) / s);
                     let (q, dq) = normal((d - w) / s);
                     (p - q, (dp - dq) / s)
@@ -304,12 +317,12 @@ impl Refiner<'_> {
             }
             BoardPattern::Dots { diameter_m } => {
                 let radius = 0.5 * diameter_m / self.board.pitch_m;
-                let rho = u.hypot(v);
+                let rho = (u * u + v * v).sqrt();
                 if rho < 1e-9 {
                     return (1.0, [0.0, 0.0]);
                 }
                 let g = [0, 1].map(|k| (u * m[(0, k)] + v * m[(1, k)]) / rho);
-                let size = g[0].hypot(g[1]);
+                let size = (g[0] * g[0] + g[1] * g[1]).sqrt();
                 let (p, dp) = normal((radius - rho) / (size * s));
                 (p, [0, 1].map(|k| -dp / s * g[k] / size))
             }
