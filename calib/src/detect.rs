@@ -160,10 +160,14 @@ struct Seen {
 /// The board's pattern in upright order; `None` where no lattice holds what it promises.
 ///
 /// Half size first: most boards are found there, four times faster; then full size for
-/// thin lines, then a quarter for large marks.
+/// thin lines, then a quarter for large marks. Dots are large: a quarter first.
 fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
     let mut best: Option<Seen> = None;
-    for reduction in [2, 1, 4] {
+    let reductions = match board.pattern {
+        BoardPattern::Dots { .. } => [4, 2, 1],
+        _ => [2, 1, 4],
+    };
+    for reduction in reductions {
         if let Some(seen) = see_at(image, board, reduction)
             && best
                 .as_ref()

@@ -114,15 +114,29 @@ impl Ordered {
         let radius = 0.5 * key.diameter_m / board.pitch_m;
         let chess = matches!(board.pattern, BoardPattern::Chessboard);
         let mut marks: HashMap<Index, f32> = HashMap::new();
-        let mut contrasts = Vec::new();
         for &[i, j] in self.nodes.keys() {
             let corners = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
-            if !corners.iter().all(|k| self.nodes.contains_key(k)) {
+            let known = corners
+                .iter()
+                .filter(|k| self.nodes.contains_key(*k))
+                .count();
+            if known < 3 {
                 continue;
             }
+            // One corner may be hidden: where the others' perspective puts it is good enough.
+            let seen: Option<Vec<[f64; 2]>> = corners
+                .iter()
+                .map(|k| {
+                    self.nodes
+                        .get(k)
+                        .copied()
+                        .or_else(|| apply(h, k.map(f64::from)))
+                })
+                .collect();
+            let Some(seen) = seen else { continue };
             let local: Vec<_> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
                 .into_iter()
-                .zip(corners.iter().map(|k| self.nodes[k]))
+                .zip(seen)
                 .collect();
             let Some(cell) = homography(&local) else {
                 continue;
@@ -141,13 +155,6 @@ impl Ordered {
             let disc = mean(0.5 * radius, 0.0);
             let around = mean(radius + 0.09, 0.5);
             marks.insert([i, j], disc - around);
-            let away = (i, j);
-            if let (Some(p), true) = (apply(h, [f64::from(away.0), f64::from(away.1)]), !chess) {
-                contrasts.push(around - image.sample(p[0], p[1]));
-            }
-            if chess {
-                contrasts.push((around - 128.0).abs());
-            }
         }
         if marks.len() < 3 {
             return None;

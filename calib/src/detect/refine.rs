@@ -97,7 +97,7 @@ impl Refiner<'_> {
             _ => 0.0,
         };
         let dots = dot_radius > 0.0;
-        let reach = if dots { 14.0 } else { PATCH_PX };
+        let reach = if dots { 22.0 } else { PATCH_PX };
         let half = |k: usize| {
             (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
                 .min(reach)
