@@ -3,6 +3,9 @@
 //! `HYDROLINE_DUMP=DIR cargo bench -p hydroline-calib` also writes the images as PGM, for
 //! `benches/opencv.py` to time OpenCV's findChessboardCornersSB on the same ones.
 
+// A bench may stop at the first surprise.
+#![allow(clippy::expect_used)]
+
 use divan::{Bencher, black_box};
 use hydroline_calib::detect::synthetic::{Scene, View, render};
 use hydroline_calib::detect::{Grey, detect, detect_quick};

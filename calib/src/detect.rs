@@ -463,7 +463,7 @@ fn fine(
 /// for lens and port, a cubic on top (it leaves 0.1 px of a strong lens). `None` when there
 /// is no such map.
 fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<()> {
-    const STRAY_PX: f64 = 0.4;
+    const STRAY_PX: f64 = 0.15;
     let pairs: Vec<_> = nodes
         .iter()
         .map(|(k, r)| (k.map(f64::from), r.position))
@@ -513,10 +513,13 @@ fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<()> {
             *off = (e[0] - model[0]).hypot(e[1] - model[1]);
         }
     }
+    let mut sorted = off.clone();
+    sorted.sort_by(f64::total_cmp);
+    let limit = (6.0 * sorted[sorted.len() / 2]).max(STRAY_PX);
     let mut k = 0;
     nodes.retain(|_| {
         k += 1;
-        off[k - 1] < STRAY_PX
+        off[k - 1] < limit
     });
     Some(())
 }

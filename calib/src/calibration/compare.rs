@@ -53,6 +53,9 @@ impl Comparison {
     }
 }
 
+/// The same pixel on the sheet by A and by B, and the covariance of the difference.
+type Pair = ([f64; 2], [f64; 2], Matrix2<f64>);
+
 /// Compares over a grid of pixels that both calibrations answer for; `align` takes the
 /// best rigid motion out first. `None` where fewer than 10 pixels are common.
 pub fn compare(a: &Calibration, b: &Calibration, align: bool) -> Option<Comparison> {
@@ -62,7 +65,7 @@ pub fn compare(a: &Calibration, b: &Calibration, align: bool) -> Option<Comparis
     let turn = Rotation2::new(placement.turn_rad);
     let (low, high) = region.bounds_m()?;
     const STEPS: usize = 25;
-    let mut pairs: Vec<([f64; 2], [f64; 2], Matrix2<f64>)> = Vec::new();
+    let mut pairs: Vec<Pair> = Vec::new();
     for j in 0..STEPS {
         for i in 0..STEPS {
             let at =
@@ -86,13 +89,13 @@ pub fn compare(a: &Calibration, b: &Calibration, align: bool) -> Option<Comparis
     }
     let n = pairs.len() as f64;
     let removed = align.then(|| {
-        let mean = |f: &dyn Fn(&([f64; 2], [f64; 2], Matrix2<f64>)) -> [f64; 2]| {
+        let mean = |f: fn(&Pair) -> [f64; 2]| {
             pairs.iter().fold(Vector2::zeros(), |s, p| {
                 let v = f(p);
                 s + Vector2::new(v[0], v[1])
             }) / n
         };
-        let (ma, mb) = (mean(&|p| p.0), mean(&|p| p.1));
+        let (ma, mb) = (mean(|p| p.0), mean(|p| p.1));
         let (mut cross, mut dot) = (0.0, 0.0);
         for (p, q, _) in &pairs {
             let u = Vector2::new(q[0], q[1]) - mb;

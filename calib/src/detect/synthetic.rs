@@ -503,14 +503,18 @@ pub fn clutter(size: [usize; 2], seed: u64) -> Vec<u8> {
                 0 => 120.0,
                 1 => 20.0 + 200.0 * (along / (w + h) as f64 + 0.5).clamp(0.0, 1.0),
                 // One family of stripes, smooth or sharp.
-                2 => 120.0 + 90.0 * (6.283 * along / b).sin(),
-                3 => 120.0 + 90.0 * (6.283 * along / b).sin().signum(),
+                2 => 120.0 + 90.0 * (std::f64::consts::TAU * along / b).sin(),
+                3 => 120.0 + 90.0 * (std::f64::consts::TAU * along / b).sin().signum(),
                 // Waves that meet: caustics on a tank's floor.
                 4 => {
                     let other = x * d.cos() + y * d.sin();
                     120.0
-                        + 50.0 * (6.283 * along / b + 1.5 * (other / 47.0).sin()).sin()
-                        + 40.0 * (6.283 * other / (b * c + 9.0) + 2.0 * (along / 61.0).cos()).sin()
+                        + 50.0
+                            * (std::f64::consts::TAU * along / b + 1.5 * (other / 47.0).sin()).sin()
+                        + 40.0
+                            * (std::f64::consts::TAU * other / (b * c + 9.0)
+                                + 2.0 * (along / 61.0).cos())
+                            .sin()
                 }
                 // A laser stripe over a dark floor.
                 6 => 25.0 + 200.0 * (-0.5 * ((y - 250.0 - 0.1 * x) / 2.2f64).powi(2)).exp(),

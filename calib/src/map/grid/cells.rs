@@ -94,15 +94,16 @@ fn neighbours(table: &Table, i: usize, j: usize) -> [[Option<(f64, f64)>; 4]; 2]
         })
     };
     let mut lines = [[None; 4]; 2];
-    for k in 0..4usize {
+    let [across, up] = &mut lines;
+    for (k, (across, up)) in across.iter_mut().zip(up).enumerate() {
         let (ik, jk) = ((i + k).checked_sub(1), (j + k).checked_sub(1));
         if let (Some(a), Some(b)) = (at(Some(i), Some(j)), at(Some(i + 1), Some(j))) {
             let level = ik.and_then(|n| table.xi_m.get(n)).copied();
-            lines[0][k] = along(at(ik, Some(j)), &a, &b).zip(level);
+            *across = along(at(ik, Some(j)), &a, &b).zip(level);
         }
         if let (Some(a), Some(b)) = (at(Some(i), Some(j)), at(Some(i), Some(j + 1))) {
             let level = jk.and_then(|n| table.eta_m.get(n)).copied();
-            lines[1][k] = along(at(Some(i), jk), &a, &b).zip(level);
+            *up = along(at(Some(i), jk), &a, &b).zip(level);
         }
     }
     lines
