@@ -214,6 +214,7 @@ fn see_at(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Seen> {
         && nodes.len() * 10 >= ordered.nodes.len() * 5
         && nodes.len() * 10 >= before * 8
         && contrast.abs() > 8.0;
+    drop_thin_borders(&mut nodes, [board.columns, board.rows]);
     // Only what held under the pattern's fit says how far the lattice reaches.
     let found: std::collections::HashSet<Index> = nodes.iter().map(|n| n.0).collect();
     ordered.nodes.retain(|k, _| found.contains(k));
@@ -457,6 +458,35 @@ fn fine(
         .collect();
     let blur_px = refiner.blur_px;
     Some((nodes, blur_px))
+}
+
+/// Where the lattice is larger than the board, takes off outer rows and columns that hold
+/// next to nothing: a corner of the plate happened to lie where a node would.
+fn drop_thin_borders(nodes: &mut Vec<(Index, Refined)>, wanted: [u32; 2]) {
+    for axis in 0..2 {
+        loop {
+            let mut counts: std::collections::BTreeMap<i32, usize> = Default::default();
+            for n in nodes.iter() {
+                *counts.entry(n.0[axis]).or_default() += 1;
+            }
+            let (Some((&low, &at_low)), Some((&high, &at_high))) =
+                (counts.first_key_value(), counts.last_key_value())
+            else {
+                return;
+            };
+            let fullest = counts.values().copied().max().unwrap_or(0);
+            let (end, count) = if at_low <= at_high {
+                (low, at_low)
+            } else {
+                (high, at_high)
+            };
+            let larger = (high - low + 1) as u32 > wanted[axis];
+            if !larger || count * 4 > fullest {
+                break;
+            }
+            nodes.retain(|n| n.0[axis] != end);
+        }
+    }
 }
 
 /// Drops nodes that one smooth map of the whole board does not explain: a homography and,

@@ -24,10 +24,12 @@ use crate::plane::{ImageSize, PlanePoint};
 const PARAMETERS: usize = 17;
 
 /// Standard deviations of the priors on k₁ k₂ k₃ p₁ p₂ c_x c_y q₁ q₂ (scaled units). A plane
-/// seen once cannot tell a decentred lens from a shifted centre; wide priors decide,
-/// and where they decide the map does not care. The one on q is tight on purpose: nodes
+/// seen once cannot tell a decentred lens from a shifted centre; priors decide.
+/// With a board that fills half the field they allow k₁ = 1, k₂ = 0.7, k₃ = 0.3, p = 0.01 in
+/// units of the focal length, far beyond real lenses; wider ones only let noise bend the
+/// corners. The one on q is tight on purpose: nodes
 /// good to 0.2 px must not spend two more parameters on a bend of some 0.1 px.
-const PRIOR_SD: [f64; 9] = [1.0, 1.0, 1.0, 0.05, 0.05, 0.3, 0.3, 0.0004, 0.0004];
+const PRIOR_SD: [f64; 9] = [0.3, 0.05, 0.005, 0.005, 0.005, 0.3, 0.3, 2e-4, 2e-4];
 
 /// Fewest nodes: twice the parameters, so that residuals mean something.
 const FEWEST: usize = 16;

@@ -171,3 +171,21 @@ fn print_table() {
         );
     }
 }
+
+#[test]
+#[ignore = "prints figures"]
+fn largest_errors_over_many_seeds() {
+    for method in [Method::Homography, Method::Refractive] {
+        let mut max: Vec<f64> = (0..50)
+            .map(|seed| row(method, Case::PortNoisy, seed, 4000).unwrap().max_mm)
+            .collect();
+        max.sort_by(f64::total_cmp);
+        println!(
+            "{}: largest error at 0.2 px over 50 boards: {:.3} to {:.3} mm, median {:.3}",
+            method.name(),
+            max[0],
+            max[49],
+            max[25]
+        );
+    }
+}
