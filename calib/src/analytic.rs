@@ -152,6 +152,9 @@ impl PlaneMap for IdealMap {
             date: None,
             board: None,
             residuals: None,
+            placement: None,
+            coplanarity: None,
+            nodes: Vec::new(),
             map: MapParameters::Ideal(self.parameters),
         }
     }

@@ -2,10 +2,18 @@
 
 use std::path::Path;
 
+pub mod board_map;
+pub mod compare;
+pub mod usage;
+
 use serde::{Deserialize, Serialize};
 
 use crate::IdealMap;
+use crate::board::coplanarity::Coplanarity;
+use crate::map::{FittedMap, GridMap, HomographyMap, RefractiveMap};
 use crate::plane::{Fan, ImageSize, PlaneMap};
+use board_map::{BoardMap, NoMap};
+pub use board_map::{NodeResidual, Placement};
 
 /// What is wrong with a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -109,6 +117,15 @@ pub enum MapParameters {
     /// The paper's Eqs. 11–12.
     #[serde(rename = "eq11-12")]
     Ideal(IdealParameters),
+    /// A literal Wang-Cheng map, rectified or not (`kind`).
+    #[serde(rename = "grid")]
+    Grid(Box<GridMap>),
+    /// Homography and Brown distortion.
+    #[serde(rename = "homography")]
+    Homography(Box<HomographyMap>),
+    /// Flat port.
+    #[serde(rename = "refractive")]
+    Refractive(Box<RefractiveMap>),
 }
 
 impl MapParameters {
@@ -116,6 +133,19 @@ impl MapParameters {
     pub fn method(&self) -> &'static str {
         match self {
             MapParameters::Ideal(_) => "eq11-12",
+            MapParameters::Grid(map) => map.kind().name(),
+            MapParameters::Homography(_) => "homography",
+            MapParameters::Refractive(_) => "refractive",
+        }
+    }
+
+    /// The map fitted to a board; `None` for the analytic map.
+    pub fn fitted(&self) -> Option<FittedMap> {
+        match self {
+            MapParameters::Ideal(_) => None,
+            MapParameters::Grid(map) => Some(FittedMap::Grid((**map).clone())),
+            MapParameters::Homography(map) => Some(FittedMap::Homography((**map).clone())),
+            MapParameters::Refractive(map) => Some(FittedMap::Refractive((**map).clone())),
         }
     }
 }
@@ -135,8 +165,17 @@ pub struct Calibration {
     /// Fit at the board's nodes; none for a map that follows from the rig alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residuals: Option<Residuals>,
+    /// Where the board's middle stood in the sheet's coordinates.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<Placement>,
+    /// Board against sheet; none for a map that follows from the rig alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coplanarity: Option<Coplanarity>,
     /// Method and parameters.
     pub map: MapParameters,
+    /// What the map leaves at each node.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nodes: Vec<NodeResidual>,
 }
 
 impl Calibration {
@@ -179,10 +218,14 @@ impl Calibration {
 
     /// The map, ready to use.
     pub fn to_map(&self) -> Box<dyn PlaneMap> {
-        match &self.map {
-            MapParameters::Ideal(parameters) => {
+        match (&self.map, self.map.fitted()) {
+            (_, Some(fitted)) => Box::new(BoardMap::new(self.clone(), fitted)),
+            (MapParameters::Ideal(parameters), None) => {
                 Box::new(IdealMap::from_parameters(*parameters, self.medium))
             }
+            // `fitted` has an answer for every other method; a map that knows nothing is
+            // the honest remainder.
+            (_, None) => Box::new(NoMap(self.clone())),
         }
     }
 
@@ -210,7 +253,32 @@ impl Calibration {
             )?;
             check("residuals.max_m", r.max_m, r.max_m >= 0.0, length)?;
         }
-        let MapParameters::Ideal(p) = &self.map;
+        let number = "a sound number";
+        if let Some(p) = &self.placement {
+            check("placement", p.xi_m + p.eta_m + p.turn_rad, true, number)?;
+        }
+        let sound = self.coplanarity.as_ref().is_none_or(Coplanarity::is_sound);
+        check("coplanarity", 0.0, sound, "finite, its camera off the face")?;
+        let p = match &self.map {
+            MapParameters::Ideal(p) => p,
+            MapParameters::Grid(_) => return Ok(()), // its nodes were checked while it was built
+            MapParameters::Homography(map) => {
+                return check(
+                    "map.parameters",
+                    0.0,
+                    map.is_sound(),
+                    "as the fit wrote them",
+                );
+            }
+            MapParameters::Refractive(map) => {
+                return check(
+                    "map.parameters",
+                    0.0,
+                    map.is_sound(),
+                    "as the fit wrote them",
+                );
+            }
+        };
         let focal = "a focal length from 1 to 1e6 px";
         check("map.fx_px", p.fx_px, (1.0..=1e6).contains(&p.fx_px), focal)?;
         check("map.fy_px", p.fy_px, (1.0..=1e6).contains(&p.fy_px), focal)?;

@@ -8,16 +8,23 @@
 //! - [`camera`]: the pinhole on its mount: body point ↔ pixel, pixel → laser plane.
 //! - [`analytic`]: the paper's Eqs. 11–12, the map of an ideal camera.
 //! - [`plane`]: the trait every map from image to laser plane implements.
+//! - [`map`]: the maps fitted to a board's nodes; [`study`]: their comparison.
 //! - [`calibration`]: a map with its provenance, as a file.
 
 // A test may stop at the first surprise; the library may not.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod analytic;
+pub mod board;
 pub mod calibration;
 pub mod camera;
+pub mod detect;
+pub mod drawing;
 pub mod frames;
+pub mod map;
+pub mod online;
 pub mod plane;
+pub mod study;
 
 pub use analytic::IdealMap;
 pub use calibration::{CalibError, Calibration, IdealParameters, MapParameters, Medium, Residuals};

@@ -1,0 +1,192 @@
+//! A calibration made with a board, as the map the chain uses.
+//!
+//! pixel → (fitted map) point of the face → (coplanarity) point of the sheet →
+//! (placement) coordinates of the sheet. The covariance gathers all three.
+
+use nalgebra::{Matrix2, Rotation2, Vector2};
+use serde::{Deserialize, Serialize};
+
+use super::{Calibration, MapParameters, Medium, Residuals};
+use crate::board::coplanarity::Coplanarity;
+use crate::map::{FittedMap, Node};
+use crate::plane::{PlaneMap, PlanePoint};
+
+/// Where the board's middle stood in the sheet, and how it was turned.
+///
+/// The board says where things are on the board; where the board hangs below the laser
+/// must be measured. An error here shifts everything alike and changes no length.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// ξ of the board's middle \[m\].
+    pub xi_m: f64,
+    /// η of the board's middle \[m\].
+    pub eta_m: f64,
+    /// Turn of the board's ξ from the sheet's, towards η \[rad\].
+    pub turn_rad: f64,
+}
+
+impl Placement {
+    fn to_sheet(self, p: [f64; 2]) -> [f64; 2] {
+        let q = Rotation2::new(self.turn_rad) * Vector2::new(p[0], p[1]);
+        [q[0] + self.xi_m, q[1] + self.eta_m]
+    }
+
+    fn to_board(self, p: [f64; 2]) -> [f64; 2] {
+        let q = Rotation2::new(-self.turn_rad) * Vector2::new(p[0] - self.xi_m, p[1] - self.eta_m);
+        [q[0], q[1]]
+    }
+}
+
+/// What the map leaves at a node, board coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeResidual {
+    /// ξ of the node \[m\].
+    pub xi_m: f64,
+    /// η of the node \[m\].
+    pub eta_m: f64,
+    /// Map minus node, ξ \[m\].
+    pub dxi_m: f64,
+    /// Map minus node, η \[m\].
+    pub deta_m: f64,
+}
+
+/// What a calibration is told beside its nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Provenance {
+    /// What the light went through.
+    pub medium: Medium,
+    /// RFC 3339, from the caller: this crate has no clock.
+    pub date: Option<String>,
+    /// Board's name.
+    pub board: String,
+    /// Where the board stood.
+    pub placement: Placement,
+    /// Board against sheet.
+    pub coplanarity: Coplanarity,
+}
+
+impl Calibration {
+    /// A calibration from a map and the nodes it was fitted to.
+    pub fn of_board(map: FittedMap, nodes: &[Node], provenance: Provenance) -> Self {
+        let residuals: Vec<NodeResidual> = nodes
+            .iter()
+            .filter_map(|n| {
+                // Not through the region: a node on the border may fall a hair outside.
+                let p = map.to_plane(n.column_px, n.row_px)?;
+                Some(NodeResidual {
+                    xi_m: n.xi_m,
+                    eta_m: n.eta_m,
+                    dxi_m: p.xi_m - n.xi_m,
+                    deta_m: p.eta_m - n.eta_m,
+                })
+            })
+            .collect();
+        let count = residuals.len().max(1) as f64;
+        let rms = |f: fn(&NodeResidual) -> f64| {
+            (residuals.iter().map(|r| f(r).powi(2)).sum::<f64>() / count).sqrt()
+        };
+        let max_m = residuals
+            .iter()
+            .map(|r| r.dxi_m.abs().max(r.deta_m.abs()))
+            .fold(0.0, f64::max);
+        Calibration {
+            medium: provenance.medium,
+            date: provenance.date,
+            board: Some(provenance.board),
+            residuals: Some(Residuals {
+                nodes: residuals.len() as u32,
+                rms_xi_m: rms(|r| r.dxi_m),
+                rms_eta_m: rms(|r| r.deta_m),
+                max_m,
+            }),
+            placement: Some(provenance.placement),
+            coplanarity: Some(provenance.coplanarity),
+            map: match map {
+                FittedMap::Grid(m) => MapParameters::Grid(Box::new(m)),
+                FittedMap::Homography(m) => MapParameters::Homography(Box::new(m)),
+                FittedMap::Refractive(m) => MapParameters::Refractive(Box::new(m)),
+            },
+            nodes: residuals,
+        }
+    }
+}
+
+/// See the module.
+pub(super) struct BoardMap {
+    calibration: Calibration,
+    map: FittedMap,
+    placement: Placement,
+}
+
+impl BoardMap {
+    pub(super) fn new(calibration: Calibration, map: FittedMap) -> Self {
+        BoardMap {
+            placement: calibration.placement.unwrap_or_default(),
+            calibration,
+            map,
+        }
+    }
+}
+
+impl PlaneMap for BoardMap {
+    fn to_plane(&self, column_px: f64, row_px: f64) -> Option<PlanePoint> {
+        let mut point = self.map.to_plane(column_px, row_px)?;
+        let mut at = [point.xi_m, point.eta_m];
+        if let Some(gap) = &self.calibration.coplanarity {
+            point.covariance_m2 += gap.covariance_m2(at[0], at[1]);
+            at = gap.face_to_sheet(at[0], at[1]);
+        }
+        let turn = Rotation2::new(self.placement.turn_rad);
+        let [xi_m, eta_m] = self.placement.to_sheet(at);
+        Some(PlanePoint {
+            xi_m,
+            eta_m,
+            covariance_m2: turn.matrix() * point.covariance_m2 * turn.matrix().transpose(),
+        })
+    }
+
+    fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {
+        let mut at = self.placement.to_board([xi_m, eta_m]);
+        if let Some(gap) = &self.calibration.coplanarity {
+            at = gap.sheet_to_face(at[0], at[1]);
+        }
+        self.map.to_image(at[0], at[1])
+    }
+
+    fn jacobian(&self, column_px: f64, row_px: f64) -> Option<Matrix2<f64>> {
+        let inner = self.map.jacobian(column_px, row_px)?;
+        let at = self.map.to_plane(column_px, row_px)?;
+        let mut outer = Matrix2::identity();
+        if let Some(gap) = &self.calibration.coplanarity {
+            let h = 1e-4;
+            let to = |x: f64, y: f64| gap.face_to_sheet(at.xi_m + x, at.eta_m + y);
+            let (e, w, n, s) = (to(h, 0.0), to(-h, 0.0), to(0.0, h), to(0.0, -h));
+            outer = Matrix2::new(e[0] - w[0], n[0] - s[0], e[1] - w[1], n[1] - s[1]) / (2.0 * h);
+        }
+        Some(Rotation2::new(self.placement.turn_rad).matrix() * outer * inner)
+    }
+
+    fn describe(&self) -> Calibration {
+        self.calibration.clone()
+    }
+}
+
+/// A map that has no answers.
+pub(super) struct NoMap(pub(super) Calibration);
+
+impl PlaneMap for NoMap {
+    fn to_plane(&self, _: f64, _: f64) -> Option<PlanePoint> {
+        None
+    }
+    fn to_image(&self, _: f64, _: f64) -> Option<(f64, f64)> {
+        None
+    }
+    fn jacobian(&self, _: f64, _: f64) -> Option<Matrix2<f64>> {
+        None
+    }
+    fn describe(&self) -> Calibration {
+        self.0.clone()
+    }
+}

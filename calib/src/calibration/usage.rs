@@ -1,0 +1,83 @@
+//! Whether a calibration may be used, and what it claims.
+
+use super::{Calibration, MapParameters, Medium};
+use crate::board::coplanarity::Coplanarity;
+
+/// Why a calibration is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum UseError {
+    /// Made in one medium, to be used in another.
+    #[error(
+        "the calibration was made in {made} (board {board}), the run is in {run}: {cost}. Calibrate in {run}, or force it"
+    )]
+    Medium {
+        /// Medium of the calibration.
+        made: &'static str,
+        /// Medium of the run.
+        run: &'static str,
+        /// Board it was made with.
+        board: String,
+        /// What it would cost.
+        cost: &'static str,
+    },
+}
+
+impl Calibration {
+    /// Checks the medium. `Ok(None)`: fits; `Ok(Some(warning))`: does not, but `forced`.
+    ///
+    /// # Errors
+    /// [`UseError::Medium`] when the media differ and nobody forces it. A map that follows
+    /// from the rig alone (Eqs. 11–12) claims no medium and is never refused.
+    pub fn check_use(&self, run: Medium, forced: bool) -> Result<Option<String>, UseError> {
+        if self.medium == run || matches!(self.map, MapParameters::Ideal(_)) {
+            return Ok(None);
+        }
+        let air = self.medium == Medium::Air || run == Medium::Air;
+        let cost = if air {
+            "behind a flat port everything would be off by a third"
+        } else {
+            "fresh against sea water costs about 1 mm rms and 2 mm at most"
+        };
+        let error = UseError::Medium {
+            made: self.medium.name(),
+            run: run.name(),
+            board: self.board.clone().unwrap_or_else(|| "unknown".to_owned()),
+            cost,
+        };
+        if forced {
+            Ok(Some(format!("forced: {error}")))
+        } else {
+            Err(error)
+        }
+    }
+
+    /// What the calibration says of its own accuracy, in words.
+    pub fn claim(&self) -> String {
+        let gap = self.coplanarity.as_ref();
+        let Some(r) = &self.residuals else {
+            return "no nodes: the accuracy is that of the rig's numbers".to_owned();
+        };
+        let nodes = format!(
+            "{} nodes to {:.3} mm in xi and {:.3} mm in eta rms, {:.3} mm at most",
+            r.nodes,
+            1e3 * r.rms_xi_m,
+            1e3 * r.rms_eta_m,
+            1e3 * r.max_m
+        );
+        match gap {
+            Some(gap) if gap.claims() => format!("{nodes}; {}", gap.words()),
+            Some(gap) => format!(
+                "{nodes} ON THE BOARD; accuracy on the sheet withdrawn: {}",
+                gap.words()
+            ),
+            None => format!(
+                "{nodes} ON THE BOARD; accuracy on the sheet withdrawn: coplanarity was not looked at"
+            ),
+        }
+    }
+
+    /// The gap between board and sheet, where the calibration has one.
+    pub fn gap(&self) -> Option<&Coplanarity> {
+        self.coplanarity.as_ref()
+    }
+}

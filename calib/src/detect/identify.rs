@@ -1,0 +1,240 @@
+//! Which node is which: upright order, and the key where the board carries one.
+
+use std::collections::HashMap;
+
+use nalgebra::Matrix3;
+
+use hydroline_rigs::{Board, BoardPattern};
+
+use super::candidates::Candidate;
+use super::image::Grey;
+use super::lattice::{Index, Lattice};
+use crate::board::Key;
+use crate::map::geometry::{apply, homography};
+
+/// Coarse nodes in the upright order: first index along ξ (image left), second along η (up).
+pub(super) struct Ordered {
+    pub nodes: HashMap<Index, [f64; 2]>,
+}
+
+impl Ordered {
+    /// Turns a lattice until its first index runs to the image's left; a seen board is
+    /// never mirrored, so its handedness is known. Indices start at 0.
+    pub fn upright(lattice: &Lattice, candidates: &[Candidate]) -> Self {
+        let mut nodes: HashMap<Index, [f64; 2]> = lattice
+            .nodes
+            .iter()
+            .map(|(&index, &n)| (index, candidates[n].position))
+            .collect();
+        let (a, b) = mean_steps(&nodes);
+        if a[0] * b[1] - a[1] * b[0] < 0.0 {
+            nodes = nodes.into_iter().map(|([i, j], p)| ([j, i], p)).collect();
+        }
+        let mut best = (f64::NEG_INFINITY, 0);
+        for turns in 0..4 {
+            let (a, b) = mean_steps(&turned(&nodes, turns));
+            let score = -a[0] / a[0].hypot(a[1]).max(1e-9) - b[1] / b[0].hypot(b[1]).max(1e-9);
+            if score > best.0 {
+                best = (score, turns);
+            }
+        }
+        let mut ordered = Ordered {
+            nodes: turned(&nodes, best.1),
+        };
+        ordered.rebase();
+        ordered
+    }
+
+    /// Shifts indices to start at 0; returns the lowest before.
+    pub fn rebase(&mut self) -> Index {
+        let low = [0, 1].map(|k| self.nodes.keys().map(|i| i[k]).min().unwrap_or(0));
+        self.shift([-low[0], -low[1]]);
+        low
+    }
+
+    fn shift(&mut self, by: Index) {
+        self.nodes = self
+            .nodes
+            .drain()
+            .map(|([i, j], p)| ([i + by[0], j + by[1]], p))
+            .collect();
+    }
+
+    pub fn extent(&self) -> [u32; 2] {
+        [0, 1].map(|k| {
+            let low = self.nodes.keys().map(|i| i[k]).min().unwrap_or(0);
+            let high = self.nodes.keys().map(|i| i[k]).max().unwrap_or(-1);
+            (high - low + 1) as u32
+        })
+    }
+
+    /// Homography from index to image; `None` for a degenerate lattice.
+    pub fn homography(&self) -> Option<Matrix3<f64>> {
+        let mut keys: Vec<&Index> = self.nodes.keys().collect();
+        keys.sort_unstable(); // sums in the same order every time
+        let pairs: Vec<_> = keys
+            .into_iter()
+            .map(|k| ([f64::from(k[0]), f64::from(k[1])], self.nodes[k]))
+            .collect();
+        homography(&pairs)
+    }
+
+    /// Local steps (to i+1, to j+1) at a node \[px\], from neighbours where they are known.
+    pub fn steps(&self, index: Index, h: &Matrix3<f64>) -> Option<[[f64; 2]; 2]> {
+        let mut steps = [[0.0; 2]; 2];
+        for (axis, step) in steps.iter_mut().enumerate() {
+            let at = |d: i32| {
+                let mut k = index;
+                k[axis] += d;
+                self.nodes.get(&k)
+            };
+            let ideal = |d: f64| {
+                let mut k = index.map(f64::from);
+                k[axis] += d;
+                apply(h, k)
+            };
+            *step = if let (Some(p), Some(m)) = (at(1), at(-1)) {
+                [0.5 * (p[0] - m[0]), 0.5 * (p[1] - m[1])]
+            } else {
+                let (p, m) = (ideal(0.5)?, ideal(-0.5)?);
+                [p[0] - m[0], p[1] - m[1]]
+            };
+        }
+        Some(steps)
+    }
+
+    /// Looks for the key. `Some((turns, shift))` brings the nodes into the board's order.
+    pub fn find_key(
+        &self,
+        image: &Grey<'_>,
+        board: &Board,
+        key: &Key,
+        h: &Matrix3<f64>,
+    ) -> Option<(usize, Index)> {
+        let radius = 0.5 * key.diameter_m / board.pitch_m;
+        let chess = matches!(board.pattern, BoardPattern::Chessboard);
+        let mut marks: HashMap<Index, f32> = HashMap::new();
+        for &[i, j] in self.nodes.keys() {
+            let corners = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
+            let known = corners
+                .iter()
+                .filter(|k| self.nodes.contains_key(*k))
+                .count();
+            if known < 3 {
+                continue;
+            }
+            // One corner may be hidden: where the others' perspective puts it is good enough.
+            let seen: Option<Vec<[f64; 2]>> = corners
+                .iter()
+                .map(|k| {
+                    self.nodes
+                        .get(k)
+                        .copied()
+                        .or_else(|| apply(h, k.map(f64::from)))
+                })
+                .collect();
+            let Some(seen) = seen else { continue };
+            let local: Vec<_> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+                .into_iter()
+                .zip(seen)
+                .collect();
+            let Some(cell) = homography(&local) else {
+                continue;
+            };
+            let mean = |distance: f64, from: f64| {
+                let mut sum = 0.0;
+                for k in 0..8 {
+                    let angle = (f64::from(k) + from) * std::f64::consts::FRAC_PI_4;
+                    let at = [0.5 + distance * angle.cos(), 0.5 + distance * angle.sin()];
+                    if let Some(p) = apply(&cell, at) {
+                        sum += image.sample(p[0], p[1]) / 8.0;
+                    }
+                }
+                sum
+            };
+            let disc = mean(0.5 * radius, 0.0);
+            let around = mean(radius + 0.09, 0.5);
+            marks.insert([i, j], disc - around);
+        }
+        if marks.len() < 3 {
+            return None;
+        }
+        // A disc differs from its surroundings as nothing else in a cell does.
+        let mut strengths: Vec<f32> = marks.values().map(|v| v.abs()).collect();
+        strengths.sort_by(|a, b| b.total_cmp(a));
+        let threshold = (0.5 * strengths[2]).max(12.0);
+        let marked = |k: Index| {
+            marks.get(&k).is_some_and(|v| {
+                if chess {
+                    v.abs() >= threshold
+                } else {
+                    *v <= -threshold
+                }
+            })
+        };
+        let mut found = None;
+        for &corner in marks.keys().filter(|&&k| marked(k)) {
+            for turns in 0..4usize {
+                // Direction of +ξ and +η of the board as seen in upright indices.
+                let u = [[1, 0], [0, 1], [-1, 0], [0, -1]][turns];
+                let v = [-u[1], u[0]];
+                let right = [corner[0] + u[0], corner[1] + u[1]];
+                let up = [corner[0] + v[0], corner[1] + v[1]];
+                let diagonal = [right[0] + v[0], right[1] + v[1]];
+                if !(marked(right) && marked(up) && !marked(diagonal)) {
+                    continue;
+                }
+                // Bring the cell along by its middle: cells turn about their middles.
+                let seen = turn_index([2 * corner[0] + 1, 2 * corner[1] + 1], turns);
+                let wanted = key.cells[0].map(|v| 2 * v as i32 + 1);
+                let shift = [(wanted[0] - seen[0]) / 2, (wanted[1] - seen[1]) / 2];
+                // A key that puts nodes off the board is a shadow or a hand.
+                let fits = self.nodes.keys().all(|&k| {
+                    let [i, j] = turn_index(k, turns);
+                    (0..board.columns as i32).contains(&(i + shift[0]))
+                        && (0..board.rows as i32).contains(&(j + shift[1]))
+                });
+                if !fits {
+                    continue;
+                }
+                if found.is_some() {
+                    return None; // two keys: neither is believed
+                }
+                found = Some((turns, shift));
+            }
+        }
+        found
+    }
+}
+
+/// Index after the frame has turned `turns` quarter turns: what lay along +η of the old
+/// frame lies along +ξ of the new one.
+pub(super) fn turn_index([i, j]: Index, turns: usize) -> Index {
+    match turns % 4 {
+        0 => [i, j],
+        1 => [j, -i],
+        2 => [-i, -j],
+        _ => [-j, i],
+    }
+}
+
+fn turned(nodes: &HashMap<Index, [f64; 2]>, turns: usize) -> HashMap<Index, [f64; 2]> {
+    nodes
+        .iter()
+        .map(|(&k, &p)| (turn_index(k, turns), p))
+        .collect()
+}
+
+/// Mean steps along the first and the second index \[px\].
+fn mean_steps(nodes: &HashMap<Index, [f64; 2]>) -> ([f64; 2], [f64; 2]) {
+    let mut sums = [[0.0f64; 2]; 2];
+    for (&[i, j], p) in nodes {
+        for (axis, next) in [[i + 1, j], [i, j + 1]].into_iter().enumerate() {
+            if let Some(q) = nodes.get(&next) {
+                sums[axis][0] += q[0] - p[0];
+                sums[axis][1] += q[1] - p[1];
+            }
+        }
+    }
+    (sums[0], sums[1])
+}

@@ -1,0 +1,215 @@
+//! Why no board was found, in words one can act on.
+
+use hydroline_rigs::{Board, BoardPattern};
+
+use super::image::{Grey, Plane};
+
+/// Why there are no nodes.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotFound {
+    /// Nothing in the image.
+    #[error(
+        "the image is empty: {width} × {height} px, grey levels within {range:.0}; check lens cap, light and exposure"
+    )]
+    Empty {
+        /// Width \[px\].
+        width: usize,
+        /// Height \[px\].
+        height: usize,
+        /// Spread of the grey levels (1st to 99th percentile).
+        range: f64,
+    },
+    /// Too much light.
+    #[error(
+        "{:.0} % of the image is saturated; shorten the exposure until the board's white is below 230", 100.0 * share
+    )]
+    Saturated {
+        /// Share of pixels at 254 or 255.
+        share: f64,
+    },
+    /// Out of focus or moving.
+    #[error(
+        "the image is blurred by {blur_px:.1} px; nodes need less than 3 px: focus (`hydroline aim`), or hold the board still"
+    )]
+    Blurred {
+        /// Standard deviation of the point spread \[px\].
+        blur_px: f64,
+    },
+    /// No lattice.
+    #[error(
+        "no board in the image ({seen} nodes in the largest lattice); bring the board into view, dark marks on a light face"
+    )]
+    NoBoard {
+        /// Nodes of the largest lattice.
+        seen: usize,
+    },
+    /// Another board.
+    #[error("another board than the file's: {} nodes{} seen, {} × {} expected; give the file of the board that is in the tank",
+        format_args!("{} × {}", seen[0], seen[1]),
+        pattern.map(|p| format!(" of {p}")).unwrap_or_default(), wanted[0], wanted[1])]
+    WrongBoard {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+        /// Columns and rows of the file.
+        wanted: [u32; 2],
+        /// Pattern seen, where it is not the file's.
+        pattern: Option<&'static str>,
+    },
+    /// Part of a board, and nothing says which part.
+    #[error(
+        "only {} × {} of {} × {} nodes are in view and no key says which; show all columns and rows, or use a board with a key",
+        seen[0], seen[1], wanted[0], wanted[1]
+    )]
+    PartlySeen {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+        /// Columns and rows of the file.
+        wanted: [u32; 2],
+    },
+    /// Turned on its side.
+    #[error(
+        "the board lies on its side ({} × {} nodes seen, {} × {} expected); put it upright",
+        seen[0], seen[1], wanted[0], wanted[1]
+    )]
+    NotUpright {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+        /// Columns and rows of the file.
+        wanted: [u32; 2],
+    },
+    /// Two boards.
+    #[error("two boards in view ({first} and {second} nodes); cover or remove one")]
+    TwoBoards {
+        /// Nodes of the larger.
+        first: usize,
+        /// Nodes of the other.
+        second: usize,
+    },
+}
+
+/// Range of grey levels below which there is nothing to see: some noise.
+const EMPTY_RANGE: f64 = 25.0;
+
+/// 1st and 99th percentile, and the share of saturated pixels.
+fn levels(image: &Grey<'_>) -> (f64, f64) {
+    let mut histogram = [0usize; 256];
+    for &v in image.pixels() {
+        histogram[usize::from(v)] += 1;
+    }
+    let total = image.pixels().len().max(1);
+    let percentile = |share: f64| {
+        let mut sum = 0;
+        let goal = (share * total as f64) as usize;
+        histogram
+            .iter()
+            .position(|&n| {
+                sum += n;
+                sum > goal
+            })
+            .unwrap_or(255) as f64
+    };
+    (
+        percentile(0.99) - percentile(0.01),
+        (histogram[254] + histogram[255]) as f64 / total as f64,
+    )
+}
+
+pub(super) fn refuse_empty(image: &Grey<'_>) -> Result<(), NotFound> {
+    let small = image.width() < 48 || image.height() < 48;
+    let (range, saturated) = if small { (0.0, 0.0) } else { levels(image) };
+    if saturated > 0.9 {
+        return Err(NotFound::Saturated { share: saturated });
+    }
+    if small || range < EMPTY_RANGE {
+        return Err(NotFound::Empty {
+            width: image.width(),
+            height: image.height(),
+            range,
+        });
+    }
+    Ok(())
+}
+
+/// The reason for an image in which the board was not found.
+pub(super) fn explain(image: &Grey<'_>, board: &Board) -> NotFound {
+    let (_, saturated) = levels(image);
+    if saturated > 0.25 {
+        return NotFound::Saturated { share: saturated };
+    }
+    for (pattern, name) in [
+        (BoardPattern::Chessboard, "a chessboard"),
+        (
+            BoardPattern::Dots {
+                diameter_m: 0.3 * board.pitch_m,
+            },
+            "dots",
+        ),
+        (
+            BoardPattern::Lines {
+                line_m: 0.04 * board.pitch_m,
+            },
+            "lines",
+        ),
+    ] {
+        if std::mem::discriminant(&pattern) == std::mem::discriminant(&board.pattern) {
+            continue;
+        }
+        if let Some(seen) = super::seen_as(image, board, pattern) {
+            return NotFound::WrongBoard {
+                seen,
+                wanted: [board.columns, board.rows],
+                pattern: Some(name),
+            };
+        }
+    }
+    let blur_px = sharpest_edge_px(image);
+    if blur_px > super::WORST_BLUR_PX {
+        return NotFound::Blurred { blur_px };
+    }
+    NotFound::NoBoard { seen: 0 }
+}
+
+/// Blur of the sharpest edges: an edge of height c blurred by s rises by c/(s√2π) per
+/// pixel at most, so the ratio of range to slope among the strongest slopes says how
+/// sharp anything in the image is. 0 when nothing stands out of the noise.
+fn sharpest_edge_px(image: &Grey<'_>) -> f64 {
+    let plane = Plane::smoothed(image, 2);
+    let (w, h) = (plane.width, plane.height);
+    const REACH: usize = 8;
+    if w < 4 * REACH || h < 4 * REACH {
+        return 0.0;
+    }
+    let mut blurs = Vec::new();
+    let mut slopes: Vec<(f32, usize)> = Vec::with_capacity(w * h);
+    for r in REACH..h - REACH {
+        for c in REACH..w - REACH {
+            let i = r * w + c;
+            let (gx, gy) = (
+                0.5 * (plane.values[i + 1] - plane.values[i - 1]),
+                0.5 * (plane.values[i + w] - plane.values[i - w]),
+            );
+            slopes.push((gx.hypot(gy), i));
+        }
+    }
+    let k = slopes.len() / 200;
+    slopes.select_nth_unstable_by(k, |a, b| b.0.total_cmp(&a.0));
+    for &(slope, i) in &slopes[..k] {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for d in 0..=2 * REACH {
+            for v in [
+                plane.values[i + d - REACH],
+                plane.values[i + d * w - REACH * w],
+            ] {
+                low = low.min(v);
+                high = high.max(v);
+            }
+        }
+        if slope > 1.0 {
+            // In image pixels; the plane's own smoothing (1 pixel of 2) taken off.
+            let s = f64::from((high - low) / slope) / (2.0 * std::f64::consts::PI).sqrt();
+            blurs.push(2.0 * (s * s - 1.0).max(0.0).sqrt());
+        }
+    }
+    blurs.sort_by(f64::total_cmp);
+    blurs.get(blurs.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,331 @@
+//! Sub-pixel nodes: the pattern itself, blurred, is fitted to the pixels around each node.
+//!
+//! Model: I = o + g_x x + g_y y + c P(x − δ), P the line crossing, dot or chessboard corner
+//! in the local perspective, with a Gaussian blur. δ and its covariance come from one
+//! Gauss–Newton fit of six numbers with Tukey's weights: pixels that a laser line or a
+//! block's edge spoils drop out, and a node that loses too many of them is left out.
+
+use std::sync::OnceLock;
+
+use hydroline_rigs::{Board, BoardPattern};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector};
+
+use super::image::Grey;
+use crate::map::geometry::{apply, homography_jacobian};
+
+/// A refined node.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Refined {
+    pub position: [f64; 2],
+    pub covariance: Matrix2<f64>,
+    pub contrast: f64,
+    /// rms of what the model leaves \[grey levels\].
+    pub rms: f64,
+}
+
+/// What all nodes of an image share.
+pub(super) struct Refiner<'a> {
+    pub image: &'a Grey<'a>,
+    pub board: &'a Board,
+    /// Index to image, and back.
+    pub to_image: Matrix3<f64>,
+    pub to_index: Matrix3<f64>,
+    /// Point spread including the pixel's own size \[px\].
+    pub blur_px: f64,
+}
+
+/// Half the patch in node pitches: clear of blocks in the cells, and of key discs.
+const PATCH_PITCH: f64 = 0.3;
+/// Half the patch at most \[px\]; dots need all of their rim.
+const PATCH_PX: f64 = 7.0;
+
+/// Normal distribution and density by table: the fit asks some 100 000 times per image.
+#[inline]
+fn normal(x: f64) -> (f64, f64) {
+    const STEPS: usize = 1024;
+    const REACH: f64 = 4.5;
+    static TABLE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
+    let table = TABLE.get_or_init(|| {
+        // Trapezoids of the density from −REACH; the step is 0.009, the error 1e-6.
+        let step = 2.0 * REACH / STEPS as f64;
+        let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+        let mut sum = 0.0;
+        (0..=STEPS + 1)
+            .map(|k| {
+                let x = -REACH + k as f64 * step;
+                let value = (sum, density(x));
+                sum += 0.5 * step * (density(x) + density(x + step));
+                value
+            })
+            .collect()
+    });
+    let at = (x + REACH) * (STEPS as f64 / (2.0 * REACH));
+    if at <= 0.0 {
+        return (0.0, 0.0);
+    }
+    if at >= STEPS as f64 {
+        return (1.0, 0.0);
+    }
+    let k = at as usize;
+    let f = at - k as f64;
+    let (Some(a), Some(b)) = (table.get(k), table.get(k + 1)) else {
+        return (1.0, 0.0);
+    };
+    (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
+}
+
+impl Refiner<'_> {
+    /// Fits the node `index` near `start`; `steps` are the local steps along ξ and η \[px\].
+    pub fn refine(
+        &self,
+        index: [i32; 2],
+        start: [f64; 2],
+        steps: [[f64; 2]; 2],
+    ) -> Option<Refined> {
+        let ideal = index.map(f64::from);
+        let (c, s) = (
+            Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
+            self.blur_px,
+        );
+        let m = c.try_inverse()?;
+        // Second order from the global homography, first order from the neighbours.
+        let bend = m * homography_jacobian(&self.to_image, ideal)?;
+        let anchor = apply(&self.to_image, ideal)?;
+        let (gs, gt) = (m.row(0).norm(), m.row(1).norm());
+        let dot_radius = match self.board.pattern {
+            BoardPattern::Dots { diameter_m } => 0.5 * diameter_m / self.board.pitch_m,
+            _ => 0.0,
+        };
+        let dots = dot_radius > 0.0;
+        let reach = if dots { 22.0 } else { PATCH_PX };
+        let half = |k: usize| {
+            (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
+                .min(reach)
+                .ceil() as i64
+        };
+        let (hc, hr) = (half(0), half(1));
+        let middle = [start[0].round() as i64, start[1].round() as i64];
+        let (w, h) = (self.image.width() as i64, self.image.height() as i64);
+        if middle[0] - hc < 0 || middle[0] + hc >= w || middle[1] - hr < 0 || middle[1] + hr >= h {
+            return None;
+        }
+        // Pixels of the patch with their lattice coordinates at δ = 0.
+        let mut pixels: Vec<[f64; 5]> = Vec::with_capacity(324);
+        for r in middle[1] - hr..=middle[1] + hr {
+            for q in middle[0] - hc..=middle[0] + hc {
+                let (x, y) = (q as f64 - start[0], r as f64 - start[1]);
+                let seen = apply(&self.to_index, [anchor[0] + x, anchor[1] + y])?;
+                let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
+                let u = bend[(0, 0)] * ds + bend[(0, 1)] * dt;
+                let v = bend[(1, 0)] * ds + bend[(1, 1)] * dt;
+                // Of a dot and its surroundings only what lies near the rim says anything.
+                let far = dots && {
+                    let rho = (u * u + v * v).sqrt().max(1e-9);
+                    let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
+                    ((rho - dot_radius) / size).abs() > 3.5
+                };
+                if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
+                    pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);
+                }
+            }
+        }
+        if pixels.len() < 20 {
+            return None;
+        }
+        let mut theta = SVector::<f64, 6>::zeros(); // o, g_x, g_y, c, δ_x, δ_y
+        let mut residuals = vec![0.0; pixels.len()];
+        let mut scale = f64::INFINITY;
+        let mut covariance = Matrix2::zeros();
+        let mut lost = 0.0;
+        let mut rms = 0.0;
+        let mut settled = false;
+        for round in 0..11usize {
+            let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
+            let mut normal_matrix = SMatrix::<f64, 6, 6>::zeros();
+            let mut right = SVector::<f64, 6>::zeros();
+            // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
+            let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
+            let s = s.hypot(soft);
+            let (mut weight_sum, mut square_sum) = (0.0, 0.0);
+            for (n, p) in pixels.iter().enumerate() {
+                let (value, gradient) =
+                    self.pattern(p[2] - shift[0], p[3] - shift[1], &m, gs, gt, s);
+                let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
+                let e = p[4] - model;
+                residuals[n] = e;
+                let t = e / (5.0 * scale);
+                let weight = if t.abs() < 1.0 {
+                    (1.0 - t * t).powi(2)
+                } else {
+                    0.0
+                };
+                // δ moves the pattern: ∂I/∂δ = −c ∇P.
+                let row = SVector::<f64, 6>::new(
+                    1.0,
+                    p[0],
+                    p[1],
+                    value,
+                    -theta[3] * gradient[0],
+                    -theta[3] * gradient[1],
+                );
+                let free = if round == 0 { 4 } else { 6 };
+                for i in 0..free {
+                    for k in 0..=i {
+                        normal_matrix[(i, k)] += weight * row[i] * row[k];
+                    }
+                    right[i] += weight * row[i] * e;
+                }
+                weight_sum += weight;
+                square_sum += weight * e * e;
+            }
+            for i in 0..6 {
+                for k in 0..i {
+                    normal_matrix[(k, i)] = normal_matrix[(i, k)];
+                }
+            }
+            if round == 0 {
+                normal_matrix[(4, 4)] = 1.0;
+                normal_matrix[(5, 5)] = 1.0;
+            }
+            let inverse = normal_matrix.try_inverse()?;
+            if settled {
+                rms = (square_sum / weight_sum).sqrt();
+                // Quantisation alone leaves 0.29 grey levels.
+                let variance = (square_sum / (weight_sum - 6.0).max(1.0)).max(0.3 * 0.3);
+                covariance = inverse.fixed_view::<2, 2>(4, 4) * variance;
+                lost = residuals.iter().filter(|e| e.abs() > 5.0 * scale).count() as f64
+                    / pixels.len() as f64;
+                break;
+            }
+            let step = inverse * right;
+            theta += step;
+            let moved = theta[4].hypot(theta[5]);
+            if !moved.is_finite() || moved > 0.3 * steps[0][0].hypot(steps[0][1]).max(8.0) {
+                return None;
+            }
+            // Weights that flicker keep the last hundredths of a pixel moving.
+            let still = [0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(3, 8) - 3];
+            settled = round >= 3 && step[4].hypot(step[5]) < still;
+            if round >= 1 {
+                let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
+                let k = sizes.len() / 2;
+                let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
+                // Most of a patch is plain: its median says nothing of the marks' rims, which
+                // a start 2 px off makes large. Tolerance goes down as the fit closes in.
+                let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
+                scale = (1.4826 * *median)
+                    .max(annealed)
+                    .max(0.04 * theta[3].abs())
+                    .max(0.7);
+            }
+        }
+        if !settled || lost > 0.3 || rms == 0.0 {
+            return None;
+        }
+        let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right
+        (covariance.iter().all(|v| v.is_finite()) && covariance.determinant() > 0.0).then_some(
+            Refined {
+                position: [start[0] + theta[4], start[1] + theta[5]],
+                covariance,
+                contrast: theta[3],
+                rms,
+            },
+        )
+    }
+
+    /// Middle of what is dark around a start: the filter answers on the rim of a large dot.
+    pub fn centroid(&self, start: [f64; 2], steps: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+        let m = Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]).try_inverse()?;
+        let half = |k: usize| (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs())) as i64;
+        let (hc, hr) = (half(0).min(40), half(1).min(40));
+        let mut at = start;
+        for _ in 0..2 {
+            let middle = [at[0].round() as i64, at[1].round() as i64];
+            let window = || {
+                (middle[1] - hr..=middle[1] + hr)
+                    .flat_map(move |r| (middle[0] - hc..=middle[0] + hc).map(move |c| (c, r)))
+            };
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for (c, r) in window() {
+                let v = self.image.at(c, r);
+                low = low.min(v);
+                high = high.max(v);
+            }
+            let threshold = 0.5 * (low + high);
+            let (mut sum, mut count) = ([0.0; 2], 0.0);
+            for (c, r) in window() {
+                let (x, y) = (c as f64 - at[0], r as f64 - at[1]);
+                let u = m * nalgebra::Vector2::new(x, y);
+                if u.amax() < PATCH_PITCH && self.image.at(c, r) < threshold {
+                    sum[0] += x;
+                    sum[1] += y;
+                    count += 1.0;
+                }
+            }
+            if count > 3.0 {
+                at = [at[0] + sum[0] / count, at[1] + sum[1] / count];
+            }
+        }
+        Some(at)
+    }
+
+    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
+    #[inline]
+    fn pattern(
+        &self,
+        u: f64,
+        v: f64,
+        m: &Matrix2<f64>,
+        gu: f64,
+        gv: f64,
+        s: f64,
+    ) -> (f64, [f64; 2]) {
+        let (d1, d2) = (u / gu, v / gv);
+        let n1 = [m[(0, 0)] / gu, m[(0, 1)] / gu];
+        let n2 = [m[(1, 0)] / gv, m[(1, 1)] / gv];
+        match self.board.pattern {
+            BoardPattern::Chessboard => {
+                let (a, da) = normal(d1 / s);
+                let (b, db) = normal(d2 / s);
+                let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);
+                let (da, db) = (2.0 * da / s, 2.0 * db / s);
+                (
+                    a * b,
+                    [
+                        da * b * n1[0] + a * db * n2[0],
+                        da * b * n1[1] + a * db * n2[1],
+                    ],
+                )
+            }
+            BoardPattern::Lines { line_m } => {
+                let half = 0.5 * line_m / self.board.pitch_m;
+                let band = |d: f64, w: f64| {
+                    // Most of a patch is plain face.
+                    if d.abs() > w + 4.5 * s {
+                        return (0.0, 0.0);
+                    }
+                    let (p, dp) = normal((d + w) / s);
+                    let (q, dq) = normal((d - w) / s);
+                    (p - q, (dp - dq) / s)
+                };
+                let (a, da) = band(d1, half / gu);
+                let (b, db) = band(d2, half / gv);
+                (
+                    a + b - a * b,
+                    [0, 1].map(|k| da * (1.0 - b) * n1[k] + db * (1.0 - a) * n2[k]),
+                )
+            }
+            BoardPattern::Dots { diameter_m } => {
+                let radius = 0.5 * diameter_m / self.board.pitch_m;
+                let rho = (u * u + v * v).sqrt();
+                if rho < 1e-9 {
+                    return (1.0, [0.0, 0.0]);
+                }
+                let g = [0, 1].map(|k| (u * m[(0, k)] + v * m[(1, k)]) / rho);
+                let size = (g[0] * g[0] + g[1] * g[1]).sqrt();
+                let (p, dp) = normal((radius - rho) / (size * s));
+                (p, [0, 1].map(|k| -dp / s * g[k] / size))
+            }
+        }
+    }
+}

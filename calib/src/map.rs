@@ -1,0 +1,280 @@
+//! Maps from image to laser plane, fitted to the nodes of a board that stands in the sheet.
+//!
+//! | method | what it is |
+//! |---|---|
+//! | `graticule` | Wang and Cheng's reading: quadratic longitudes and latitudes, linear between neighbours |
+//! | `bilinear`, `affine` | the other literal readings of "linear mappings in the regions": per cell |
+//! | `rectified-graticule` | one homography first, then `graticule` |
+//! | `homography` | one homography and Brown's distortion with free centre |
+//! | `refractive` | a camera behind a flat port, by Snell's law |
+//!
+//! The literal maps carry a bias that no careful work removes: perspective makes the
+//! image of equally spaced lines unequally spaced, and a linear step from one line to
+//! the next ignores that. The error is zero on the grid lines, of one sign between
+//! them, up to 0.9 mm in the middle of a 50 mm cell seen at 45°: a scallop with the
+//! grid's period, growing with the pitch squared. Each grid map measures its own scallop
+//! from the spacing of neighbouring lines and counts it into its covariance.
+//!
+//! Every map answers with the covariance that its own parameters have from the nodes,
+//! and answers nothing outside the hull of the nodes.
+
+pub mod geometry;
+pub mod grid;
+pub mod homography;
+pub mod lm;
+pub mod refractive;
+pub mod region;
+
+pub use grid::{GridKind, GridMap};
+pub use homography::HomographyMap;
+pub use refractive::{RefractiveMap, RefractivePrior};
+pub use region::Region;
+
+use nalgebra::Matrix2;
+use serde::{Deserialize, Serialize};
+
+use crate::plane::{ImageSize, PlanePoint};
+use lm::LmError;
+
+/// A node of a board: where it is on the sheet and where it was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Node {
+    /// ξ, to port \[m\].
+    pub xi_m: f64,
+    /// η, up \[m\].
+    pub eta_m: f64,
+    /// Column seen at \[px\].
+    pub column_px: f64,
+    /// Row seen at \[px\].
+    pub row_px: f64,
+    /// Covariance of (column, row) \[px²\].
+    pub covariance_px2: Matrix2<f64>,
+}
+
+impl Node {
+    fn is_sound(&self) -> bool {
+        let c = &self.covariance_px2;
+        [self.xi_m, self.eta_m, self.column_px, self.row_px]
+            .iter()
+            .all(|v| v.is_finite() && v.abs() < 1e6)
+            && c.iter().all(|v| v.is_finite())
+            && c[(0, 0)] > 0.0
+            && c.determinant() > 0.0
+    }
+}
+
+/// Name of a map, as `--method` takes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Quadratic longitudes and latitudes, linear between neighbours (Wang and Cheng).
+    Graticule,
+    /// Inverse bilinear in each cell.
+    Bilinear,
+    /// Least-squares affine in each cell.
+    Affine,
+    /// One homography, then the graticule.
+    RectifiedGraticule,
+    /// Homography and Brown distortion with free centre.
+    Homography,
+    /// Flat port by Snell's law.
+    Refractive,
+}
+
+impl Method {
+    /// All methods, literal ones first.
+    pub const ALL: [Method; 6] = [
+        Method::Affine,
+        Method::Bilinear,
+        Method::Graticule,
+        Method::RectifiedGraticule,
+        Method::Homography,
+        Method::Refractive,
+    ];
+
+    /// Name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Graticule => "graticule",
+            Method::Bilinear => "bilinear",
+            Method::Affine => "affine",
+            Method::RectifiedGraticule => "rectified-graticule",
+            Method::Homography => "homography",
+            Method::Refractive => "refractive",
+        }
+    }
+
+    /// The method of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.name() == name)
+    }
+}
+
+/// Why no map could be made of the nodes.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MapError {
+    /// Too few nodes.
+    #[error(
+        "{found} nodes are too few for `{method}`, which needs {needed}; show more of the board"
+    )]
+    TooFewNodes {
+        /// Method asked for.
+        method: &'static str,
+        /// Nodes given.
+        found: usize,
+        /// Nodes needed.
+        needed: usize,
+    },
+    /// A node with numbers that cannot be.
+    #[error(
+        "node {index} at pixel ({column_px}, {row_px}) has a coordinate or covariance that is not a sound number"
+    )]
+    BadNode {
+        /// Index in the list.
+        index: usize,
+        /// Column as given.
+        column_px: f64,
+        /// Row as given.
+        row_px: f64,
+    },
+    /// The nodes do not lie on a grid of lines.
+    #[error(
+        "the nodes lie on {columns} longitudes and {rows} latitudes with enough nodes each; a grid map needs at least 3 of both"
+    )]
+    NotAGrid {
+        /// Usable longitudes.
+        columns: usize,
+        /// Usable latitudes.
+        rows: usize,
+    },
+    /// All nodes on a line, or on top of each other.
+    #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
+    Degenerate,
+    /// The refractive map needs to know the camera roughly.
+    #[error(
+        "`refractive` needs a rough focal length, port and water index (rig file: camera, port); none was given"
+    )]
+    PriorMissing,
+    /// The fit itself failed.
+    #[error("`{method}` could not be fitted: {source}")]
+    Fit {
+        /// Method asked for.
+        method: &'static str,
+        /// Cause.
+        source: LmError,
+    },
+}
+
+/// What a fit may be told beyond the nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FitOptions {
+    /// Image size: centre of the distortion's prior. Without it the nodes' centre is taken.
+    pub image: Option<ImageSize>,
+    /// Rough knowledge of camera, port and water; needed by `refractive` only.
+    pub refractive: Option<RefractivePrior>,
+}
+
+/// A map fitted to nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FittedMap {
+    /// A literal reading of Wang and Cheng, rectified first or not.
+    Grid(GridMap),
+    /// Homography and Brown distortion.
+    Homography(HomographyMap),
+    /// Flat port.
+    Refractive(RefractiveMap),
+}
+
+/// Fits the map `method` to the nodes.
+///
+/// # Errors
+/// [`MapError`] says what the nodes lack.
+pub fn fit(method: Method, nodes: &[Node], options: &FitOptions) -> Result<FittedMap, MapError> {
+    check_nodes(nodes)?;
+    Ok(match method {
+        Method::Graticule => FittedMap::Grid(GridMap::fit(GridKind::Graticule, nodes)?),
+        Method::Bilinear => FittedMap::Grid(GridMap::fit(GridKind::Bilinear, nodes)?),
+        Method::Affine => FittedMap::Grid(GridMap::fit(GridKind::Affine, nodes)?),
+        Method::RectifiedGraticule => {
+            FittedMap::Grid(GridMap::fit(GridKind::RectifiedGraticule, nodes)?)
+        }
+        Method::Homography => FittedMap::Homography(HomographyMap::fit(nodes, options.image)?),
+        Method::Refractive => FittedMap::Refractive(RefractiveMap::fit(
+            nodes,
+            &options.refractive.ok_or(MapError::PriorMissing)?,
+        )?),
+    })
+}
+
+fn check_nodes(nodes: &[Node]) -> Result<(), MapError> {
+    match nodes.iter().position(|n| !n.is_sound()) {
+        Some(index) => Err(MapError::BadNode {
+            index,
+            column_px: nodes[index].column_px,
+            row_px: nodes[index].row_px,
+        }),
+        None => Ok(()),
+    }
+}
+
+impl FittedMap {
+    /// The method this map was fitted with.
+    pub fn method(&self) -> Method {
+        match self {
+            FittedMap::Grid(map) => match map.kind() {
+                GridKind::Graticule => Method::Graticule,
+                GridKind::Bilinear => Method::Bilinear,
+                GridKind::Affine => Method::Affine,
+                GridKind::RectifiedGraticule => Method::RectifiedGraticule,
+            },
+            FittedMap::Homography(_) => Method::Homography,
+            FittedMap::Refractive(_) => Method::Refractive,
+        }
+    }
+
+    /// The sheet point seen at a pixel, with the covariance the parameters leave.
+    pub fn to_plane(&self, column_px: f64, row_px: f64) -> Option<PlanePoint> {
+        if !(column_px.is_finite() && row_px.is_finite()) {
+            return None;
+        }
+        match self {
+            FittedMap::Grid(map) => map.to_plane(column_px, row_px),
+            FittedMap::Homography(map) => map.to_plane(column_px, row_px),
+            FittedMap::Refractive(map) => map.to_plane(column_px, row_px),
+        }
+    }
+
+    /// The pixel at which a sheet point is seen.
+    pub fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {
+        if !self.region().contains(xi_m, eta_m) {
+            return None;
+        }
+        match self {
+            FittedMap::Grid(map) => map.to_image(xi_m, eta_m),
+            FittedMap::Homography(map) => map.to_image(xi_m, eta_m),
+            FittedMap::Refractive(map) => map.to_image(xi_m, eta_m),
+        }
+    }
+
+    /// d(ξ, η)/d(column, row) \[m/px\].
+    pub fn jacobian(&self, column_px: f64, row_px: f64) -> Option<Matrix2<f64>> {
+        if !(column_px.is_finite() && row_px.is_finite()) {
+            return None;
+        }
+        match self {
+            FittedMap::Grid(map) => map.jacobian(column_px, row_px),
+            FittedMap::Homography(map) => map.jacobian(column_px, row_px),
+            FittedMap::Refractive(map) => map.jacobian(column_px, row_px),
+        }
+    }
+
+    /// Where the map holds.
+    pub fn region(&self) -> &Region {
+        match self {
+            FittedMap::Grid(map) => map.region(),
+            FittedMap::Homography(map) => map.region(),
+            FittedMap::Refractive(map) => map.region(),
+        }
+    }
+}
