@@ -10,6 +10,7 @@ pub mod clock;
 pub mod diagnostics;
 pub mod event;
 pub mod frame;
+pub mod identify;
 pub mod log;
 pub mod record;
 pub mod replay;

@@ -8,6 +8,7 @@
 //!
 //! Nothing here reads a clock, a file or a device; the same input gives the same bytes.
 
+pub mod dual;
 pub mod effect;
 pub mod fixture;
 pub mod model;
@@ -18,6 +19,7 @@ pub mod trajectory;
 pub mod vehicle;
 pub mod world;
 
+pub use dual::Dual;
 pub use effect::{EffectError, EffectStack};
 pub use model::Model;
 pub use real::Real;
