@@ -7,6 +7,7 @@
 
 pub mod axis;
 mod blind;
+pub mod bollard;
 pub mod cmaes;
 pub mod coupled;
 pub mod data;
@@ -25,4 +26,6 @@ pub mod statistics;
 pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};
-pub use outcome::{BlindSpot, CrossValidation, Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace};
+pub use outcome::{
+    BlindSpot, CrossValidation, Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace,
+};

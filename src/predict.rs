@@ -74,14 +74,22 @@ impl Identified {
     /// # Errors
     /// [`PredictError::Identified`].
     pub fn from_json(text: &str, file: &str) -> Result<Identified, PredictError> {
-        let bad = |reason: String| PredictError::Identified { file: file.to_owned(), reason };
+        let bad = |reason: String| PredictError::Identified {
+            file: file.to_owned(),
+            reason,
+        };
         let json: serde_json::Value = serde_json::from_str(text).map_err(|e| bad(e.to_string()))?;
-        let order = json["order"].as_array().ok_or_else(|| bad("no `order`".into()))?;
+        let order = json["order"]
+            .as_array()
+            .ok_or_else(|| bad("no `order`".into()))?;
         let mut values = Vec::new();
         for key in order {
             let key = key.as_str().unwrap_or_default();
-            let coefficient = Coefficient::find(key).ok_or_else(|| bad(format!("`{key}` is no coefficient")))?;
-            let value = json["parameters"][key]["value"].as_f64().ok_or_else(|| bad(format!("no value of `{key}`")))?;
+            let coefficient =
+                Coefficient::find(key).ok_or_else(|| bad(format!("`{key}` is no coefficient")))?;
+            let value = json["parameters"][key]["value"]
+                .as_f64()
+                .ok_or_else(|| bad(format!("no value of `{key}`")))?;
             values.push((coefficient, value));
         }
         if values.len() > N {
@@ -91,10 +99,16 @@ impl Identified {
         let n = values.len();
         for i in 0..n {
             if cell(i, i).is_none() {
-                return Err(bad(format!("{} was not determined (no variance): its band is unbounded; fix it (--fix) or run the experiment that excites it", values[i].0.key())));
+                return Err(bad(format!(
+                    "{} was not determined (no variance): its band is unbounded; fix it (--fix) or run the experiment that excites it",
+                    values[i].0.key()
+                )));
             }
         }
-        Ok(Identified { covariance: DMatrix::from_fn(n, n, |i, j| cell(i, j).unwrap_or(0.0)), values })
+        Ok(Identified {
+            covariance: DMatrix::from_fn(n, n, |i, j| cell(i, j).unwrap_or(0.0)),
+            values,
+        })
     }
 }
 
@@ -102,7 +116,13 @@ impl Identified {
 ///
 /// # Errors
 /// [`PredictError`].
-pub fn predict(rig: &Rig, plan: &Plan, identified: Option<&Identified>, rate_hz: f64, tail_s: f64) -> Result<Prediction, PredictError> {
+pub fn predict(
+    rig: &Rig,
+    plan: &Plan,
+    identified: Option<&Identified>,
+    rate_hz: f64,
+    tail_s: f64,
+) -> Result<Prediction, PredictError> {
     let allocation = Allocation::new(&rig.thrusters)?;
     let mut hydrodynamics: Hydrodynamics<Dual<N>> = Hydrodynamics::new(&rig.vehicle);
     for (i, (c, value)) in identified.iter().flat_map(|k| &k.values).enumerate() {
@@ -113,12 +133,23 @@ pub fn predict(rig: &Rig, plan: &Plan, identified: Option<&Identified>, rate_hz:
         };
         place[c.dof.index()] = Dual::variable(*value, i);
     }
-    let model = Model::assemble(hydrodynamics, &check(&rig.physics)?, |_, _, v| Dual::from_f64(v))?;
-    let mut path = Trajectory::new(model, ModelState::at_rest(rig.tank.start_pose.map(Dual::from_f64)), STEP_S)?;
+    let model = Model::assemble(hydrodynamics, &check(&rig.physics)?, |_, _, v| {
+        Dual::from_f64(v)
+    })?;
+    let mut path = Trajectory::new(
+        model,
+        ModelState::at_rest(rig.tank.start_pose.map(Dual::from_f64)),
+        STEP_S,
+    )?;
     let length_s = plan.duration_s() + tail_s;
     let command_rate_hz = rig.thrusters.link.rate_hz;
     let (mut next, mut last) = (0u64, None);
-    let mut out = Prediction { channels: CHANNELS, t_s: Vec::new(), motion: Vec::new(), sd: Vec::new() };
+    let mut out = Prediction {
+        channels: CHANNELS,
+        t_s: Vec::new(),
+        motion: Vec::new(),
+        sd: Vec::new(),
+    };
     let samples = (length_s * rate_hz).floor() as u64;
     for k in 0..=samples {
         let t_s = k as f64 / rate_hz;
@@ -133,11 +164,13 @@ pub fn predict(rig: &Rig, plan: &Plan, identified: Option<&Identified>, rate_hz:
             next += 1;
         }
         let state = path.state_at(Dual::from_f64(t_s))?.vehicle;
-        let all: [Dual<N>; 12] = std::array::from_fn(|c| if c < 6 { state.eta[c] } else { state.nu[c - 6] });
+        let all: [Dual<N>; 12] =
+            std::array::from_fn(|c| if c < 6 { state.eta[c] } else { state.nu[c - 6] });
         out.t_s.push(t_s);
         out.motion.push(all.map(|d| d.value));
         if let Some(known) = identified {
-            out.sd.push(all.map(|d| spread(&d.slope, &known.covariance)));
+            out.sd
+                .push(all.map(|d| spread(&d.slope, &known.covariance)));
         }
     }
     Ok(out)
@@ -163,11 +196,22 @@ mod tests {
         let rig = Rig::builtin("lshpi").unwrap();
         let plan = Plan::builtin("surge-8n").unwrap();
         let keys = ["x_udot", "x_u", "x_uu"];
-        let values: Vec<_> = keys.iter().map(|k| Coefficient::find(k).unwrap()).map(|c| (c, c.of_vehicle(&rig.vehicle))).collect();
-        let covariance = DMatrix::from_row_slice(3, 3, &[1.0, 0.1, 0.5, 0.1, 0.04, -0.3, 0.5, -0.3, 9.0]);
-        let known = Identified { values, covariance: covariance.clone() };
+        let values: Vec<_> = keys
+            .iter()
+            .map(|k| Coefficient::find(k).unwrap())
+            .map(|c| (c, c.of_vehicle(&rig.vehicle)))
+            .collect();
+        let covariance =
+            DMatrix::from_row_slice(3, 3, &[1.0, 0.1, 0.5, 0.1, 0.04, -0.3, 0.5, -0.3, 9.0]);
+        let known = Identified {
+            values,
+            covariance: covariance.clone(),
+        };
         let p = predict(&rig, &plan, Some(&known), 10.0, 0.0).unwrap();
-        assert!((p.motion.last().unwrap()[0] - (rig.tank.start_pose[0] + 1.0)).abs() < 0.02, "1 m at 8 N in 10.42 s");
+        assert!(
+            (p.motion.last().unwrap()[0] - (rig.tank.start_pose[0] + 1.0)).abs() < 0.02,
+            "1 m at 8 N in 10.42 s"
+        );
         // Finite differences along the three square-root directions of the covariance.
         let root = covariance.cholesky().unwrap().l();
         let end = |column: Option<usize>| {
@@ -177,10 +221,20 @@ mod tests {
                     c.put(&mut moved.vehicle, value + 0.01 * root[(i, j)]);
                 }
             }
-            predict(&moved, &plan, None, 10.0, 0.0).unwrap().motion.last().unwrap()[0]
+            predict(&moved, &plan, None, 10.0, 0.0)
+                .unwrap()
+                .motion
+                .last()
+                .unwrap()[0]
         };
-        let by_hand = (0..3).map(|j| ((end(Some(j)) - end(None)) / 0.01).powi(2)).sum::<f64>().sqrt();
+        let by_hand = (0..3)
+            .map(|j| ((end(Some(j)) - end(None)) / 0.01).powi(2))
+            .sum::<f64>()
+            .sqrt();
         let band = p.sd.last().unwrap()[0];
-        assert!(band > 1e-5 && (band / by_hand - 1.0).abs() < 0.01, "{band} {by_hand}");
+        assert!(
+            band > 1e-5 && (band / by_hand - 1.0).abs() < 0.01,
+            "{band} {by_hand}"
+        );
     }
 }

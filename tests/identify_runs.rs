@@ -17,8 +17,10 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
 fn shared() -> PathBuf {
-    std::env::var_os("HYDROLINE_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from)
+    std::env::var_os("HYDROLINE_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    )
 }
 
 /// White noise plus an Ornstein-Uhlenbeck process, and outliers.
@@ -32,12 +34,32 @@ struct TestNoise {
     outliers: f64,
 }
 
-const WHITE: TestNoise =
-    TestNoise { position_m: 1.5e-4, attitude_rad: 1.745e-4, coloured: 0.0, correlation_s: 0.6, outliers: 0.0 };
+const WHITE: TestNoise = TestNoise {
+    position_m: 1.5e-4,
+    attitude_rad: 1.745e-4,
+    coloured: 0.0,
+    correlation_s: 0.6,
+    outliers: 0.0,
+};
 
-fn simulated(vehicle: &Vehicle, name: &str, commands: &[(f64, [f64; 6])], length_s: f64, noise: TestNoise, seed: u64) -> Run {
-    let model = Model { hydrodynamics: Hydrodynamics::new(vehicle), effects: EffectStack::empty() };
-    let mut path = Trajectory::new(model, ModelState::at_rest([0.0, 0.0, -0.83, 0.0, 0.0, 0.0]), 0.005).unwrap();
+fn simulated(
+    vehicle: &Vehicle,
+    name: &str,
+    commands: &[(f64, [f64; 6])],
+    length_s: f64,
+    noise: TestNoise,
+    seed: u64,
+) -> Run {
+    let model = Model {
+        hydrodynamics: Hydrodynamics::new(vehicle),
+        effects: EffectStack::empty(),
+    };
+    let mut path = Trajectory::new(
+        model,
+        ModelState::at_rest([0.0, 0.0, -0.83, 0.0, 0.0, 0.0]),
+        0.005,
+    )
+    .unwrap();
     for (t_s, wrench) in commands {
         path.command(*t_s, *wrench).unwrap();
     }
@@ -53,15 +75,37 @@ fn simulated(vehicle: &Vehicle, name: &str, commands: &[(f64, [f64; 6])], length
             let mut values = [f64::NAN; 12];
             let spoilt = chance.random::<f64>() < noise.outliers;
             for c in 0..6 {
-                let sd = if c < 3 { noise.position_m } else { noise.attitude_rad };
+                let sd = if c < 3 {
+                    noise.position_m
+                } else {
+                    noise.attitude_rad
+                };
                 colour[c] = decay * colour[c] + (1.0 - decay * decay).sqrt() * normal();
-                values[c] = eta[c] + sd * (normal() + noise.coloured * colour[c]) + if spoilt { 20.0 * sd * normal() } else { 0.0 };
+                values[c] = eta[c]
+                    + sd * (normal() + noise.coloured * colour[c])
+                    + if spoilt { 20.0 * sd * normal() } else { 0.0 };
             }
-            Sample { t_s, values, covariance: None }
+            Sample {
+                t_s,
+                values,
+                covariance: None,
+            }
         })
         .collect();
-    let commands = commands.iter().map(|(t_s, wrench)| Command { t_s: *t_s, wrench: *wrench }).collect();
-    Run { name: name.into(), start_ns: 0, commands, samples, notes: Vec::new() }
+    let commands = commands
+        .iter()
+        .map(|(t_s, wrench)| Command {
+            t_s: *t_s,
+            wrench: *wrench,
+        })
+        .collect();
+    Run {
+        name: name.into(),
+        start_ns: 0,
+        commands,
+        samples,
+        ..Run::default()
+    }
 }
 
 fn surge(x: f64) -> [f64; 6] {
@@ -72,11 +116,31 @@ fn surge(x: f64) -> [f64; 6] {
 fn surge_runs(vehicle: &Vehicle, noise: TestNoise, seed: u64) -> Vec<Run> {
     let plans: [(&str, Vec<(f64, [f64; 6])>); 4] = [
         ("4n", vec![(0.0, surge(4.0)), (14.0, surge(0.0))]),
-        ("8n", vec![(0.0, surge(8.0)), (9.0, surge(-8.0)), (18.0, surge(8.0))]),
-        ("16n", vec![(0.0, surge(16.0)), (5.0, surge(-6.0)), (12.0, surge(3.0))]),
-        ("steps", (0..12).map(|k| (2.0 * f64::from(k), surge(if k % 2 == 0 { 12.0 } else { -9.0 }))).collect()),
+        (
+            "8n",
+            vec![(0.0, surge(8.0)), (9.0, surge(-8.0)), (18.0, surge(8.0))],
+        ),
+        (
+            "16n",
+            vec![(0.0, surge(16.0)), (5.0, surge(-6.0)), (12.0, surge(3.0))],
+        ),
+        (
+            "steps",
+            (0..12)
+                .map(|k| {
+                    (
+                        2.0 * f64::from(k),
+                        surge(if k % 2 == 0 { 12.0 } else { -9.0 }),
+                    )
+                })
+                .collect(),
+        ),
     ];
-    plans.into_iter().enumerate().map(|(i, (name, c))| simulated(vehicle, name, &c, 24.0, noise, seed * 10 + i as u64)).collect()
+    plans
+        .into_iter()
+        .enumerate()
+        .map(|(i, (name, c))| simulated(vehicle, name, &c, 24.0, noise, seed * 10 + i as u64))
+        .collect()
 }
 
 fn quick() -> LevenbergMarquardt {
@@ -106,7 +170,10 @@ fn inside(found: &Identification, truth: &Vehicle) -> BTreeMap<String, bool> {
         .iter()
         .map(|(key, p)| {
             let actual = Coefficient::find(key).unwrap().of_vehicle(truth);
-            (key.clone(), p.low.is_some_and(|l| l <= actual) && p.high.is_some_and(|h| actual <= h))
+            (
+                key.clone(),
+                p.low.is_some_and(|l| l <= actual) && p.high.is_some_and(|h| actual <= h),
+            )
         })
         .collect()
 }
@@ -119,7 +186,11 @@ fn coverage(experiments: u64, noise: TestNoise) -> BTreeMap<String, f64> {
     for seed in 0..experiments {
         let truth = other_vehicle(&rig, seed);
         let runs = surge_runs(&truth, noise, seed + 1);
-        let options = Options { method: &method, cross_validate: false, ..Options::default() };
+        let options = Options {
+            method: &method,
+            cross_validate: false,
+            ..Options::default()
+        };
         let found = identify(&runs[1..3], &rig, &options).unwrap();
         for (key, hit) in inside(&found, &truth) {
             *hits.entry(key).or_default() += f64::from(u8::from(hit)) / experiments as f64;
@@ -130,23 +201,37 @@ fn coverage(experiments: u64, noise: TestNoise) -> BTreeMap<String, f64> {
 
 #[test]
 fn intervals_cover_the_truth_in_a_share_of_experiments() {
-    let coloured = TestNoise { coloured: 1.0, outliers: 0.01, ..WHITE };
+    let coloured = TestNoise {
+        coloured: 1.0,
+        outliers: 0.01,
+        ..WHITE
+    };
     for (name, noise) in [("white", WHITE), ("coloured with outliers", coloured)] {
         let shares = coverage(80, noise);
         println!("{name}: {shares:?}");
         // 80 experiments: 95 % +- 3 binomial sd of 2.4 %.
-        assert!(shares.len() == 3 && shares.values().all(|s| *s >= 0.877), "{name}: {shares:?}");
+        assert!(
+            shares.len() == 3 && shares.values().all(|s| *s >= 0.877),
+            "{name}: {shares:?}"
+        );
     }
 }
 
 #[test]
 #[ignore = "600 experiments twice; run with --ignored"]
 fn intervals_cover_the_truth_in_600_experiments() {
-    let coloured = TestNoise { coloured: 1.0, outliers: 0.01, ..WHITE };
+    let coloured = TestNoise {
+        coloured: 1.0,
+        outliers: 0.01,
+        ..WHITE
+    };
     for (name, noise) in [("white", WHITE), ("coloured with outliers", coloured)] {
         let shares = coverage(600, noise);
         println!("{name}: {shares:?}");
-        assert!(shares.values().all(|s| (0.92..=0.98).contains(s)), "{name}: {shares:?}");
+        assert!(
+            shares.values().all(|s| (0.92..=0.98).contains(s)),
+            "{name}: {shares:?}"
+        );
     }
 }
 
@@ -159,12 +244,18 @@ fn four_surge_runs_give_three_parameters_white_residuals_and_the_blind_spots() {
     assert_eq!(found.model, "surge");
     for (key, p) in &found.parameters {
         let actual = Coefficient::find(key).unwrap().of_vehicle(&truth);
-        assert!((p.value - actual).abs() < 4.0 * p.sd.unwrap(), "{key}: {p:?} {actual}");
+        assert!(
+            (p.value - actual).abs() < 4.0 * p.sd.unwrap(),
+            "{key}: {p:?} {actual}"
+        );
         assert!(p.sd.unwrap() < 0.01 * actual.abs(), "{key}: {p:?}");
     }
     assert!(found.misfit.is_empty(), "{:?}", found.misfit);
     let spots: Vec<&str> = found.blind_spots.iter().map(|b| b.what.as_str()).collect();
-    assert!(spots.contains(&"thrust_scale") && spots.contains(&"position_scale"), "{spots:?}");
+    assert!(
+        spots.contains(&"thrust_scale") && spots.contains(&"position_scale"),
+        "{spots:?}"
+    );
     assert_eq!(found.cross_validation.len(), 4);
     for cv in &found.cross_validation {
         assert!(cv.left_out["x_m"] < 1.2 * cv.fitted["x_m"], "{cv:?}");
@@ -183,16 +274,30 @@ fn four_surge_runs_give_three_parameters_white_residuals_and_the_blind_spots() {
 #[test]
 fn a_run_at_rest_measures_the_noise() {
     let rig = decoupled();
-    let noise = TestNoise { coloured: 1.0, ..WHITE };
+    let noise = TestNoise {
+        coloured: 1.0,
+        ..WHITE
+    };
     let mut runs = surge_runs(&rig.vehicle, noise, 8);
     runs.push(simulated(&rig.vehicle, "still", &[], 60.0, noise, 99));
     let found = identify(&runs, &rig, &Options::default()).unwrap();
     let slot = &found.noise["x_m"];
     assert_eq!(slot.source, "measured at rest");
-    assert!((slot.noise.total_sd() / 2.1e-4 - 1.0).abs() < 0.25, "{slot:?}");
-    assert!((0.6..1.6).contains(&found.variance_ratio), "{}", found.variance_ratio);
+    assert!(
+        (slot.noise.total_sd() / 2.1e-4 - 1.0).abs() < 0.25,
+        "{slot:?}"
+    );
+    assert!(
+        (0.6..1.6).contains(&found.variance_ratio),
+        "{}",
+        found.variance_ratio
+    );
     let same = identify(&runs, &rig, &Options::default()).unwrap();
-    assert_eq!(serde_json::to_string(&found).unwrap(), serde_json::to_string(&same).unwrap(), "same input, same bytes");
+    assert_eq!(
+        serde_json::to_string(&found).unwrap(),
+        serde_json::to_string(&same).unwrap(),
+        "same input, same bytes"
+    );
 }
 
 /// The built-in plan's commands at the link's rate.
@@ -219,39 +324,74 @@ fn all_eighteen_from_two_mixed_runs_and_what_is_not_excited_is_named() {
         .iter()
         .map(|(t, _)| {
             let w = first[first.len() - 1 - ((t * 25.0).round() as usize).min(first.len() - 1)].1;
-            (*t, std::array::from_fn(|i| if i < 3 { -w[i] } else { 1.4 * w[i] }))
+            (
+                *t,
+                std::array::from_fn(|i| if i < 3 { -w[i] } else { 1.4 * w[i] }),
+            )
         })
         .collect();
-    let runs =
-        [simulated(&truth, "a", &first, 47.0, WHITE, 21), simulated(&truth, "b", &second, 47.0, WHITE, 22)];
+    let runs = [
+        simulated(&truth, "a", &first, 47.0, WHITE, 21),
+        simulated(&truth, "b", &second, 47.0, WHITE, 22),
+    ];
     let method = quick();
-    let options = Options { method: &method, cross_validate: false, from_rest: true, ..Options::default() };
+    let options = Options {
+        method: &method,
+        cross_validate: false,
+        from_rest: true,
+        ..Options::default()
+    };
     let found = identify(&runs, &rig, &options).unwrap();
     assert_eq!((found.model.as_str(), found.parameters.len()), ("eq1", 18));
     let mut outside = Vec::new();
     for (key, p) in &found.parameters {
         let actual = Coefficient::find(key).unwrap().of_vehicle(&truth);
         let sd = p.sd.unwrap_or(f64::INFINITY);
-        println!("{key:<7} {:>10.4} +- {sd:<9.4} truth {actual:.4}{}", p.value, if p.excited { "" } else { "  not excited" });
+        println!(
+            "{key:<7} {:>10.4} +- {sd:<9.4} truth {actual:.4}{}",
+            p.value,
+            if p.excited { "" } else { "  not excited" }
+        );
         if !(p.low.unwrap() <= actual && actual <= p.high.unwrap()) {
             outside.push(key.clone());
         }
-        assert!((p.value - actual).abs() < 4.0 * sd, "{key}: {p:?} truth {actual}");
+        assert!(
+            (p.value - actual).abs() < 4.0 * sd,
+            "{key}: {p:?} truth {actual}"
+        );
     }
     // 18 intervals of 95 %: three or more misses have 5.8 % (binomial), and four 1.1 %.
     assert!(outside.len() <= 3, "{outside:?}");
 
     // Surge alone moves nothing else: the other fifteen are named, with an experiment each.
-    let alone = [simulated(&truth, "surge", &[(0.0, surge(8.0)), (6.0, surge(-8.0)), (12.0, surge(0.0))], 20.0, WHITE, 31)];
-    let options = Options { model: ModelChoice::Coupled, ..options };
+    let alone = [simulated(
+        &truth,
+        "surge",
+        &[(0.0, surge(8.0)), (6.0, surge(-8.0)), (12.0, surge(0.0))],
+        20.0,
+        WHITE,
+        31,
+    )];
+    let options = Options {
+        model: ModelChoice::Coupled,
+        ..options
+    };
     let found = identify(&alone, &rig, &options).unwrap();
     let named: Vec<&str> = found.blind_spots.iter().map(|b| b.what.as_str()).collect();
     for dof in &Dof::ALL[1..] {
         for c in Coefficient::of(*dof) {
-            assert!(named.contains(&c.key()) && !found.parameters[c.key()].excited, "{}: {named:?}", c.key());
+            assert!(
+                named.contains(&c.key()) && !found.parameters[c.key()].excited,
+                "{}: {named:?}",
+                c.key()
+            );
         }
     }
-    assert!(Coefficient::of(Dof::Surge).iter().all(|c| found.parameters[c.key()].excited));
+    assert!(
+        Coefficient::of(Dof::Surge)
+            .iter()
+            .all(|c| found.parameters[c.key()].excited)
+    );
 }
 
 #[test]
@@ -262,17 +402,32 @@ fn case103_is_recovered_within_three_sd() {
         return;
     }
     let rig = Rig::builtin("lshpi").unwrap();
-    let key: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(folder.join("key.json")).unwrap()).unwrap();
-    let case = key.as_array().unwrap().iter().find(|c| c["case"] == "case103").unwrap();
-    let runs: Vec<Run> =
-        (0..4).map(|i| load(&folder.join(format!("case103/run{i}.mcap")), &rig).unwrap()).collect();
+    let key: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("key.json")).unwrap()).unwrap();
+    let case = key
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|c| c["case"] == "case103")
+        .unwrap();
+    let runs: Vec<Run> = (0..4)
+        .map(|i| load(&folder.join(format!("case103/run{i}.mcap")), &rig).unwrap())
+        .collect();
     let found = identify(&runs, &rig, &Options::default()).unwrap();
     assert_eq!(found.model, "surge");
     for (name, p) in &found.parameters {
         let truth = case["vehicle"][name].as_f64().unwrap();
         let sd = p.sd.unwrap();
-        println!("{name}: {:.4} +- {sd:.4}, key {truth:.4}, {:.2} sd", p.value, (p.value - truth) / sd);
-        assert!((p.value - truth).abs() < 3.0 * sd, "{name}: {} +- {sd}, key {truth}", p.value);
+        println!(
+            "{name}: {:.4} +- {sd:.4}, key {truth:.4}, {:.2} sd",
+            p.value,
+            (p.value - truth) / sd
+        );
+        assert!(
+            (p.value - truth).abs() < 3.0 * sd,
+            "{name}: {} +- {sd}, key {truth}",
+            p.value
+        );
     }
     println!("noise {:?} misfit {:?}", found.noise, found.misfit);
 }
@@ -295,7 +450,10 @@ fn kvlcc2() -> Rig {
     rig.vehicle.mass_kg = mass;
     rig.vehicle.r_bz_m = -5.73 / 68.0;
     rig.vehicle.inertia_kgm2[0] = mass * (0.341_f64).powi(2);
-    for (c, value) in Coefficient::of(Dof::Roll).into_iter().zip([-20.0, -3.0, 0.0]) {
+    for (c, value) in Coefficient::of(Dof::Roll)
+        .into_iter()
+        .zip([-20.0, -3.0, 0.0])
+    {
         c.put(&mut rig.vehicle, value);
     }
     rig
@@ -317,15 +475,32 @@ fn the_real_roll_decay_is_fitted_and_its_residual_called_far_from_white() {
     assert!(outcome.samples > 8000 && outcome.commands == 0);
     let rig = kvlcc2();
     let run = load(&out, &rig).unwrap();
-    let options = Options { fixed: vec![Coefficient::find("k_pp").unwrap()], ..Options::default() };
+    let options = Options {
+        fixed: vec![Coefficient::find("k_pp").unwrap()],
+        ..Options::default()
+    };
     let found = identify(&[run], &rig, &options).unwrap();
     assert_eq!(found.model, "roll");
-    println!("{:#?}\nnoise {:?}\nrms {:?}\n{:?}", found.parameters, found.noise, found.runs[0].rms, found.misfit);
+    println!(
+        "{:#?}\nnoise {:?}\nrms {:?}\n{:?}",
+        found.parameters, found.noise, found.runs[0].rms, found.misfit
+    );
     let damping = &found.parameters["k_p"];
     assert!(damping.value < 0.0 && damping.excited, "{damping:?}");
-    assert!(found.misfit.iter().any(|m| m.contains("far from white")), "{:?}", found.misfit);
+    assert!(
+        found.misfit.iter().any(|m| m.contains("far from white")),
+        "{:?}",
+        found.misfit
+    );
     assert!(found.residuals[0].plain.unwrap().p_value < 1e-12);
-    assert!(found.blind_spots.iter().any(|b| b.what == "restoring_scale"), "{:?}", found.blind_spots);
+    assert!(
+        found
+            .blind_spots
+            .iter()
+            .any(|b| b.what == "restoring_scale"),
+        "{:?}",
+        found.blind_spots
+    );
 }
 
 #[test]
@@ -340,7 +515,13 @@ fn the_real_linear_drive_is_imported_with_its_command() {
     let data = read(&text, &map);
     println!("{:?}", data.findings);
     assert!(!data.has_faults(), "{:?}", data.findings);
-    assert!(data.findings.iter().any(|f| f.kind == "kinematics" && f.message.contains("u_mps is d(x_m)/dt")), "{:?}", data.findings);
+    assert!(
+        data.findings
+            .iter()
+            .any(|f| f.kind == "kinematics" && f.message.contains("u_mps is d(x_m)/dt")),
+        "{:?}",
+        data.findings
+    );
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("emps.mcap");
     import(&data, &map, toml, &out, false).unwrap();

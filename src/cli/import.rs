@@ -33,11 +33,17 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let map = Map::load(&args.map).map_err(CliError::config)?;
-    let map_text = std::fs::read_to_string(&args.map).map_err(|e| CliError::Config(format!("{}: {e}", args.map.display())))?;
+    let map_text = std::fs::read_to_string(&args.map)
+        .map_err(|e| CliError::Config(format!("{}: {e}", args.map.display())))?;
     inputs::new_file(&args.out)?;
-    let bytes = std::fs::read(&args.data).map_err(|e| CliError::Config(format!("{}: {e}; check the path", args.data.display())))?;
+    let bytes = std::fs::read(&args.data)
+        .map_err(|e| CliError::Config(format!("{}: {e}; check the path", args.data.display())))?;
     let text = String::from_utf8(bytes).map_err(|e| {
-        CliError::Run(format!("{}: byte {} is not UTF-8; export the table as UTF-8 text", args.data.display(), e.utf8_error().valid_up_to()))
+        CliError::Run(format!(
+            "{}: byte {} is not UTF-8; export the table as UTF-8 text",
+            args.data.display(),
+            e.utf8_error().valid_up_to()
+        ))
     })?;
     let data = read(&text, &map);
     for f in &data.findings {
@@ -55,7 +61,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     let outcome = result.map_err(CliError::run)?;
     if !args.json {
-        println!("{}: {} motion samples, {} commands", args.out.display(), outcome.samples, outcome.commands);
+        println!(
+            "{}: {} motion samples, {} commands",
+            args.out.display(),
+            outcome.samples,
+            outcome.commands
+        );
     }
-    Ok(if data.has_faults() || outcome.lost > 0 { Outcome::Lossy } else { Outcome::Done })
+    Ok(if data.has_faults() || outcome.lost > 0 {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
 }

@@ -7,13 +7,24 @@ use super::outcome::BlindSpot;
 use super::parameter::{Coefficient, Term};
 
 fn spot(what: &str, why: String, experiment: &str) -> BlindSpot {
-    BlindSpot { what: what.to_owned(), why, experiment: experiment.to_owned() }
+    BlindSpot {
+        what: what.to_owned(),
+        why,
+        experiment: experiment.to_owned(),
+    }
 }
 
 /// Blind spots of runs fitted in these DOFs; `undetermined` are the coefficients they do not excite.
-pub fn blind_spots(runs: &[Run], dofs: &[Dof], undetermined: &[Coefficient], restoring: bool) -> Vec<BlindSpot> {
+pub fn blind_spots(
+    runs: &[Run],
+    dofs: &[Dof],
+    undetermined: &[Coefficient],
+    restoring: bool,
+) -> Vec<BlindSpot> {
     let mut spots = Vec::new();
-    let largest = runs.iter().fold([0.0_f64; 6], |m, r| std::array::from_fn(|i| m[i].max(r.largest_wrench()[i])));
+    let largest = runs.iter().fold([0.0_f64; 6], |m, r| {
+        std::array::from_fn(|i| m[i].max(r.largest_wrench()[i]))
+    });
     let commanded = dofs.iter().any(|d| largest[d.index()] > 0.0);
     if commanded {
         spots.push(spot(
@@ -33,7 +44,11 @@ pub fn blind_spots(runs: &[Run], dofs: &[Dof], undetermined: &[Coefficient], res
     let rated = runs.iter().any(|r| (6..9).any(|c| r.count(c) > 0));
     if translation {
         let why = "a factor on measured positions looks like lighter mass and weaker damping (X_u|u| twice)";
-        let rate_words = if rated { "; velocities from the same instrument scale along" } else { "" };
+        let rate_words = if rated {
+            "; velocities from the same instrument scale along"
+        } else {
+            ""
+        };
         spots.push(spot(
             "position_scale",
             format!("{why}{rate_words}"),
@@ -42,7 +57,10 @@ pub fn blind_spots(runs: &[Run], dofs: &[Dof], undetermined: &[Coefficient], res
     }
     for dof in dofs {
         let i = dof.index();
-        let loads: Vec<f64> = runs.iter().flat_map(|r| r.commands.iter().map(move |c| c.wrench[i])).collect();
+        let loads: Vec<f64> = runs
+            .iter()
+            .flat_map(|r| r.commands.iter().map(move |c| c.wrench[i]))
+            .collect();
         if largest[i] > 0.0 && !(loads.iter().any(|l| *l > 0.0) && loads.iter().any(|l| *l < 0.0)) {
             spots.push(spot(
                 "thrust_asymmetry, astern_drag",
@@ -54,7 +72,9 @@ pub fn blind_spots(runs: &[Run], dofs: &[Dof], undetermined: &[Coefficient], res
         sizes.sort_by(f64::total_cmp);
         sizes.dedup_by(|a, b| (*a - *b).abs() < 0.02 * b.abs());
         let coasts = runs.iter().any(|r| {
-            r.commands.windows(2).any(|w| w[0].wrench[i] != 0.0 && w[1].wrench[i] == 0.0)
+            r.commands
+                .windows(2)
+                .any(|w| w[0].wrench[i] != 0.0 && w[1].wrench[i] == 0.0)
         });
         if largest[i] > 0.0 && sizes.len() < 3 && !coasts {
             spots.push(spot(
@@ -66,11 +86,21 @@ pub fn blind_spots(runs: &[Run], dofs: &[Dof], undetermined: &[Coefficient], res
     }
     for c in undetermined {
         let experiment = match c.term {
-            Term::Added => format!("a run with quick reversals in {} (plan two-tone, period 3 s)", c.dof.name()),
+            Term::Added => format!(
+                "a run with quick reversals in {} (plan two-tone, period 3 s)",
+                c.dof.name()
+            ),
             Term::Linear => format!("a slow run or a coast-down in {}", c.dof.name()),
             Term::Quadratic => format!("a run at twice the load in {}", c.dof.name()),
         };
-        spots.push(spot(c.key(), format!("these runs hardly move it: its sd is above half its size ({})", c.dof.name()), &experiment));
+        spots.push(spot(
+            c.key(),
+            format!(
+                "these runs hardly move it: its sd is above half its size ({})",
+                c.dof.name()
+            ),
+            &experiment,
+        ));
     }
     spots
 }

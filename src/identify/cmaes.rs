@@ -21,7 +21,10 @@ pub struct Cmaes {
 
 impl Default for Cmaes {
     fn default() -> Self {
-        Self { restarts: 2, iterations: 1500 }
+        Self {
+            restarts: 2,
+            iterations: 1500,
+        }
     }
 }
 
@@ -33,7 +36,12 @@ impl Method for Cmaes {
         "cmaes"
     }
 
-    fn minimise(&self, problem: &Problem<'_>, objective: Objective, seed: u64) -> Result<Solution, MethodError> {
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError> {
         let n = problem.free().len();
         if n == 0 {
             return Err(MethodError::NothingFree);
@@ -42,7 +50,8 @@ impl Method for Cmaes {
         let (mut evaluations, mut converged) = (0, false);
         for restart in 0..self.restarts.max(1) {
             let lambda = (4 + (3.0 * (n as f64).ln()).floor() as usize) << restart;
-            let mut rng = StdRng::seed_from_u64(seed.wrapping_mul(1000).wrapping_add(restart as u64));
+            let mut rng =
+                StdRng::seed_from_u64(seed.wrapping_mul(1000).wrapping_add(restart as u64));
             let (value, at, used, done) = self.once(problem, objective, lambda, &mut rng);
             evaluations += used;
             converged |= done;
@@ -51,9 +60,18 @@ impl Method for Cmaes {
             }
         }
         if !best.0.is_finite() {
-            return Err(MethodError::NoStart(ForwardError { run: 0, reason: "every candidate diverges".into() }));
+            return Err(MethodError::NoStart(ForwardError {
+                run: 0,
+                reason: "every candidate diverges".into(),
+            }));
         }
-        Ok(Solution { parameters: best.1, objective: best.0, evaluations, converged, tries: self.restarts.max(1) })
+        Ok(Solution {
+            parameters: best.1,
+            objective: best.0,
+            evaluations,
+            converged,
+            tries: self.restarts.max(1),
+        })
     }
 }
 
@@ -70,34 +88,47 @@ impl Cmaes {
         let n = free.len();
         let nf = n as f64;
         let mu = lambda / 2;
-        let raw: Vec<f64> = (0..mu).map(|i| (mu as f64 + 0.5).ln() - (i as f64 + 1.0).ln()).collect();
+        let raw: Vec<f64> = (0..mu)
+            .map(|i| (mu as f64 + 0.5).ln() - (i as f64 + 1.0).ln())
+            .collect();
         let sum: f64 = raw.iter().sum();
         let weights: Vec<f64> = raw.iter().map(|w| w / sum).collect();
         let mu_eff = 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
         let cc = (4.0 + mu_eff / nf) / (nf + 4.0 + 2.0 * mu_eff / nf);
         let cs = (mu_eff + 2.0) / (nf + mu_eff + 5.0);
         let c1 = 2.0 / ((nf + 1.3).powi(2) + mu_eff);
-        let cmu = (1.0 - c1).min(2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((nf + 2.0).powi(2) + mu_eff));
+        let cmu =
+            (1.0 - c1).min(2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((nf + 2.0).powi(2) + mu_eff));
         let damps = 1.0 + 2.0 * (((mu_eff - 1.0) / (nf + 1.0)).sqrt() - 1.0).max(0.0) + cs;
         let chi = nf.sqrt() * (1.0 - 1.0 / (4.0 * nf) + 1.0 / (21.0 * nf * nf));
 
-        let share = |f: &super::parameter::Free| ((f.start - f.low) / (f.high - f.low)).clamp(0.0, 1.0);
+        let share =
+            |f: &super::parameter::Free| ((f.start - f.low) / (f.high - f.low)).clamp(0.0, 1.0);
         let mut mean = DVector::from_iterator(n, free.iter().map(share));
         let mut sigma = SIGMA;
         let mut c = DMatrix::<f64>::identity(n, n);
         let (mut ps, mut pc) = (DVector::<f64>::zeros(n), DVector::<f64>::zeros(n));
         let real = |x: &DVector<f64>| -> Vec<f64> {
-            x.iter().zip(free).map(|(s, f)| (f.low + s.clamp(0.0, 1.0) * (f.high - f.low)).clamp(f.low, f.high)).collect()
+            x.iter()
+                .zip(free)
+                .map(|(s, f)| (f.low + s.clamp(0.0, 1.0) * (f.high - f.low)).clamp(f.low, f.high))
+                .collect()
         };
         // Outside the range: the value on the bound plus the squared distance (Hansen, section B.5).
-        let outside = |x: &DVector<f64>| x.iter().map(|s| (s - s.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
+        let outside = |x: &DVector<f64>| {
+            x.iter()
+                .map(|s| (s - s.clamp(0.0, 1.0)).powi(2))
+                .sum::<f64>()
+        };
         let mut best = (f64::INFINITY, real(&mean));
         let mut evaluations = 0;
         for generation in 0..self.iterations {
             let eigen = SymmetricEigen::new(c.clone());
             let lengths = eigen.eigenvalues.map(|v| v.max(1e-300).sqrt());
             let spread = &eigen.eigenvectors * DMatrix::from_diagonal(&lengths);
-            let inverse_root = &eigen.eigenvectors * DMatrix::from_diagonal(&lengths.map(|l| 1.0 / l)) * eigen.eigenvectors.transpose();
+            let inverse_root = &eigen.eigenvectors
+                * DMatrix::from_diagonal(&lengths.map(|l| 1.0 / l))
+                * eigen.eigenvectors.transpose();
             let mut people: Vec<(f64, DVector<f64>)> = (0..lambda)
                 .map(|_| {
                     let z = DVector::from_fn(n, |_, _| StandardNormal.sample(rng));
@@ -113,14 +144,29 @@ impl Cmaes {
                 })
                 .collect();
             people.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let step = people.iter().zip(&weights).fold(DVector::zeros(n), |s: DVector<f64>, (p, w)| s + &p.1 * *w);
+            let step = people
+                .iter()
+                .zip(&weights)
+                .fold(DVector::zeros(n), |s: DVector<f64>, (p, w)| s + &p.1 * *w);
             mean += &step * sigma;
             ps = ps * (1.0 - cs) + (&inverse_root * &step) * (cs * (2.0 - cs) * mu_eff).sqrt();
-            let long = ps.norm() / (1.0 - (1.0 - cs).powi(2 * (generation as i32 + 1))).sqrt() / chi;
-            let h = if long < 1.4 + 2.0 / (nf + 1.0) { 1.0 } else { 0.0 };
+            let long =
+                ps.norm() / (1.0 - (1.0 - cs).powi(2 * (generation as i32 + 1))).sqrt() / chi;
+            let h = if long < 1.4 + 2.0 / (nf + 1.0) {
+                1.0
+            } else {
+                0.0
+            };
             pc = pc * (1.0 - cc) + &step * (h * (cc * (2.0 - cc) * mu_eff).sqrt());
-            let rank_mu = people.iter().zip(&weights).fold(DMatrix::zeros(n, n), |s: DMatrix<f64>, (p, w)| s + (&p.1 * p.1.transpose()) * *w);
-            c = &c * (1.0 - c1 - cmu + (1.0 - h) * c1 * cc * (2.0 - cc)) + (&pc * pc.transpose()) * c1 + rank_mu * cmu;
+            let rank_mu = people
+                .iter()
+                .zip(&weights)
+                .fold(DMatrix::zeros(n, n), |s: DMatrix<f64>, (p, w)| {
+                    s + (&p.1 * p.1.transpose()) * *w
+                });
+            c = &c * (1.0 - c1 - cmu + (1.0 - h) * c1 * cc * (2.0 - cc))
+                + (&pc * pc.transpose()) * c1
+                + rank_mu * cmu;
             c = (&c + c.transpose()) * 0.5;
             sigma *= ((cs / damps) * (ps.norm() / chi - 1.0)).exp();
             if sigma * lengths.max() < 1e-11 {

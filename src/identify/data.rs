@@ -8,7 +8,18 @@ pub use still::is_still;
 
 /// The twelve channels of `/vehicle/motion`: pose in the tank frame, rates in the body frame.
 pub const CHANNELS: [&str; 12] = [
-    "x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad", "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
+    "x_m",
+    "y_m",
+    "z_m",
+    "phi_rad",
+    "theta_rad",
+    "psi_rad",
+    "u_mps",
+    "v_mps",
+    "w_mps",
+    "p_radps",
+    "q_radps",
+    "r_radps",
 ];
 
 /// A body wrench in force from `t_s` until the next command.
@@ -42,6 +53,8 @@ pub struct Run {
     pub commands: Vec<Command>,
     /// Strictly ascending in time.
     pub samples: Vec<Sample>,
+    /// Every thruster command carried its pulse: loads come from the rig's curves, not from the log.
+    pub from_pulses: bool,
     /// What was odd about the data, one sentence each.
     pub notes: Vec<String>,
 }
@@ -49,7 +62,10 @@ pub struct Run {
 impl Run {
     /// Samples in which this channel is measured.
     pub fn count(&self, channel: usize) -> usize {
-        self.samples.iter().filter(|s| s.values[channel].is_finite()).count()
+        self.samples
+            .iter()
+            .filter(|s| s.values[channel].is_finite())
+            .count()
     }
 
     /// Last stamp \[s\].
@@ -60,7 +76,10 @@ impl Run {
     /// The wrench in force at `t_s`.
     pub fn wrench_at(&self, t_s: f64) -> [f64; 6] {
         let after = self.commands.partition_point(|c| c.t_s <= t_s);
-        after.checked_sub(1).and_then(|i| self.commands.get(i)).map_or([0.0; 6], |c| c.wrench)
+        after
+            .checked_sub(1)
+            .and_then(|i| self.commands.get(i))
+            .map_or([0.0; 6], |c| c.wrench)
     }
 
     /// Largest |component| commanded while motion was measured.
@@ -69,7 +88,9 @@ impl Run {
         self.commands
             .iter()
             .filter(|c| c.t_s <= end_s)
-            .fold([0.0; 6], |m, c| std::array::from_fn(|i| f64::max(m[i], c.wrench[i].abs())))
+            .fold([0.0; 6], |m, c| {
+                std::array::from_fn(|i| f64::max(m[i], c.wrench[i].abs()))
+            })
     }
 
     /// Only the motion within `from_s ..= to_s`; the commands stay, since the past acts on.
@@ -81,13 +102,22 @@ impl Run {
 
     /// Median of a channel; `None` where it was not measured.
     pub fn median(&self, channel: usize) -> Option<f64> {
-        let mut values: Vec<f64> = self.samples.iter().map(|s| s.values[channel]).filter(|v| v.is_finite()).collect();
+        let mut values: Vec<f64> = self
+            .samples
+            .iter()
+            .map(|s| s.values[channel])
+            .filter(|v| v.is_finite())
+            .collect();
         super::statistics::median(&mut values)
     }
 
     /// Median distance of stamps \[s\]; `None` below two samples.
     pub fn interval_s(&self) -> Option<f64> {
-        let mut gaps: Vec<f64> = self.samples.windows(2).map(|w| w[1].t_s - w[0].t_s).collect();
+        let mut gaps: Vec<f64> = self
+            .samples
+            .windows(2)
+            .map(|w| w[1].t_s - w[0].t_s)
+            .collect();
         super::statistics::median(&mut gaps)
     }
 }

@@ -36,12 +36,22 @@ pub trait Forward: Sync {
     ///
     /// # Errors
     /// [`ForwardError`] when the motion diverges.
-    fn values(&self, run: usize, parameters: &[f64], out: &mut Vec<f64>) -> Result<(), ForwardError>;
+    fn values(
+        &self,
+        run: usize,
+        parameters: &[f64],
+        out: &mut Vec<f64>,
+    ) -> Result<(), ForwardError>;
     /// Predictions and their derivatives (row = prediction, column = parameter of the run).
     ///
     /// # Errors
     /// As [`Forward::values`].
-    fn sensitivities(&self, run: usize, parameters: &[f64], out: &mut Vec<f64>) -> Result<DMatrix<f64>, ForwardError>;
+    fn sensitivities(
+        &self,
+        run: usize,
+        parameters: &[f64],
+        out: &mut Vec<f64>,
+    ) -> Result<DMatrix<f64>, ForwardError>;
     /// Predictions of the physical channels: (name, measured, predicted) over the stamps.
     ///
     /// # Errors
@@ -63,7 +73,12 @@ pub struct ChannelSeries {
 impl ChannelSeries {
     /// rms of measured - predicted over what was measured.
     pub fn rms(&self) -> f64 {
-        let pairs = self.measured.iter().zip(&self.predicted).map(|(m, p)| m - p).filter(|d| d.is_finite());
+        let pairs = self
+            .measured
+            .iter()
+            .zip(&self.predicted)
+            .map(|(m, p)| m - p)
+            .filter(|d| d.is_finite());
         let (sum, n) = pairs.fold((0.0, 0usize), |(s, n), d| (s + d * d, n + 1));
         (sum / n.max(1) as f64).sqrt()
     }

@@ -28,7 +28,13 @@ pub struct Genetic {
 
 impl Default for Genetic {
     fn default() -> Self {
-        Self { population: 500, iterations: 2000, crossover: 0.8, mutation: 0.15, repeats: 10 }
+        Self {
+            population: 500,
+            iterations: 2000,
+            crossover: 0.8,
+            mutation: 0.15,
+            repeats: 10,
+        }
     }
 }
 
@@ -36,10 +42,19 @@ impl Default for Genetic {
 const BLEND: f64 = 0.3;
 
 impl Genetic {
-    fn once(&self, problem: &Problem<'_>, objective: Objective, seed: u64) -> (Vec<f64>, f64, usize) {
+    fn once(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> (Vec<f64>, f64, usize) {
         let mut rng = StdRng::seed_from_u64(seed);
         let free = problem.free();
-        let draw = |rng: &mut StdRng| -> Vec<f64> { free.iter().map(|f| f.low + (f.high - f.low) * rng.random::<f64>()).collect() };
+        let draw = |rng: &mut StdRng| -> Vec<f64> {
+            free.iter()
+                .map(|f| f.low + (f.high - f.low) * rng.random::<f64>())
+                .collect()
+        };
         let mut evaluations = 0;
         let mut score = |genes: &[f64]| {
             evaluations += 1;
@@ -59,7 +74,10 @@ impl Genetic {
             next.extend(people.iter().min_by(|a, b| a.0.total_cmp(&b.0)).cloned());
             while next.len() < self.population {
                 let mut pick = || {
-                    let (a, b) = (rng.random_range(0..people.len()), rng.random_range(0..people.len()));
+                    let (a, b) = (
+                        rng.random_range(0..people.len()),
+                        rng.random_range(0..people.len()),
+                    );
                     if people[a].0 <= people[b].0 { a } else { b }
                 };
                 let (mother, father) = (pick(), pick());
@@ -82,14 +100,21 @@ impl Genetic {
                         *gene = gene.clamp(f.low, f.high);
                     }
                     if next.len() < self.population {
-                        let value = if changed { score(&child) } else { people[parent].0 };
+                        let value = if changed {
+                            score(&child)
+                        } else {
+                            people[parent].0
+                        };
                         next.push((value, child));
                     }
                 }
             }
             people = next;
         }
-        let (value, genes) = people.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, Vec::new()));
+        let (value, genes) = people
+            .into_iter()
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or((f64::INFINITY, Vec::new()));
         (genes, value, evaluations)
     }
 }
@@ -99,24 +124,40 @@ impl Method for Genetic {
         "ga"
     }
 
-    fn minimise(&self, problem: &Problem<'_>, objective: Objective, seed: u64) -> Result<Solution, MethodError> {
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError> {
         if problem.free().is_empty() || self.population == 0 {
             return Err(MethodError::NothingFree);
         }
         let mut best: Option<(Vec<f64>, f64)> = None;
         let mut evaluations = 0;
         for repeat in 0..self.repeats.max(1) {
-            let (genes, value, used) = self.once(problem, objective, seed.wrapping_mul(1000).wrapping_add(repeat as u64));
+            let (genes, value, used) = self.once(
+                problem,
+                objective,
+                seed.wrapping_mul(1000).wrapping_add(repeat as u64),
+            );
             evaluations += used;
             if best.as_ref().is_none_or(|b| value < b.1) {
                 best = Some((genes, value));
             }
         }
         match best {
-            Some((parameters, value)) if value.is_finite() => {
-                Ok(Solution { parameters, objective: value, evaluations, converged: true, tries: self.repeats.max(1) })
-            }
-            _ => Err(MethodError::NoStart(ForwardError { run: 0, reason: "every candidate diverges".into() })),
+            Some((parameters, value)) if value.is_finite() => Ok(Solution {
+                parameters,
+                objective: value,
+                evaluations,
+                converged: true,
+                tries: self.repeats.max(1),
+            }),
+            _ => Err(MethodError::NoStart(ForwardError {
+                run: 0,
+                reason: "every candidate diverges".into(),
+            })),
         }
     }
 }

@@ -34,7 +34,12 @@ impl Method for LevenbergMarquardt {
         "lm"
     }
 
-    fn minimise(&self, problem: &Problem<'_>, objective: Objective, seed: u64) -> Result<Solution, MethodError> {
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError> {
         if problem.free().is_empty() {
             return Err(MethodError::NothingFree);
         }
@@ -46,11 +51,19 @@ impl Method for LevenbergMarquardt {
         for attempt in 0..tries {
             let mut start = problem.start();
             if attempt > 0 {
-                for (value, free) in start.iter_mut().zip(problem.free()).take(problem.forward().globals().len()) {
+                for (value, free) in start
+                    .iter_mut()
+                    .zip(problem.free())
+                    .take(problem.forward().globals().len())
+                {
                     // Halfway into the range: its far corners are no hulls.
                     let span = 0.5 * (free.high - free.low);
-                    let centre = free.start.clamp(free.low + 0.5 * span, (free.high - 0.5 * span).max(free.low + 0.5 * span));
-                    *value = (centre + span * (rng.random::<f64>() - 0.5)).clamp(free.low, free.high);
+                    let centre = free.start.clamp(
+                        free.low + 0.5 * span,
+                        (free.high - 0.5 * span).max(free.low + 0.5 * span),
+                    );
+                    *value =
+                        (centre + span * (rng.random::<f64>() - 0.5)).clamp(free.low, free.high);
                 }
             }
             match from(problem, objective, start) {
@@ -64,7 +77,11 @@ impl Method for LevenbergMarquardt {
             }
         }
         match (best, failure) {
-            (Some(best), _) => Ok(Solution { evaluations, tries, ..best }),
+            (Some(best), _) => Ok(Solution {
+                evaluations,
+                tries,
+                ..best
+            }),
             (None, Some(error)) => Err(MethodError::NoStart(error)),
             (None, None) => Err(MethodError::NothingFree),
         }
@@ -75,7 +92,11 @@ impl Method for LevenbergMarquardt {
 ///
 /// # Errors
 /// [`ForwardError`] when the motion diverges already at the start.
-pub fn from(problem: &Problem<'_>, objective: Objective, start: Vec<f64>) -> Result<Solution, ForwardError> {
+pub fn from(
+    problem: &Problem<'_>,
+    objective: Objective,
+    start: Vec<f64>,
+) -> Result<Solution, ForwardError> {
     let held = vec![false; start.len()];
     let squares = least_squares(problem, start, &held)?;
     match objective {
@@ -88,7 +109,11 @@ pub fn from(problem: &Problem<'_>, objective: Objective, start: Vec<f64>) -> Res
 ///
 /// # Errors
 /// As [`from`].
-pub fn least_squares(problem: &Problem<'_>, mut at: Vec<f64>, held: &[bool]) -> Result<Solution, ForwardError> {
+pub fn least_squares(
+    problem: &Problem<'_>,
+    mut at: Vec<f64>,
+    held: &[bool],
+) -> Result<Solution, ForwardError> {
     let free = problem.free();
     for (value, f) in at.iter_mut().zip(free) {
         *value = value.clamp(f.low, f.high);
@@ -113,13 +138,17 @@ pub fn least_squares(problem: &Problem<'_>, mut at: Vec<f64>, held: &[bool]) -> 
         }
         loop {
             let step = damped_step(&normal.hessian, &normal.gradient, &moves, damping);
-            let trial: Vec<f64> =
-                (0..at.len()).map(|i| (at[i] + step[i]).clamp(free[i].low, free[i].high)).collect();
+            let trial: Vec<f64> = (0..at.len())
+                .map(|i| (at[i] + step[i]).clamp(free[i].low, free[i].high))
+                .collect();
             let cost = problem.objective(Objective::LeastSquares, &trial);
             evaluations += 1;
             if cost <= normal.cost {
                 let decrease = normal.cost - cost;
-                let moved = trial.iter().zip(&at).any(|(a, b)| (a - b).abs() > 1e-10 * (a.abs() + 1e-6));
+                let moved = trial
+                    .iter()
+                    .zip(&at)
+                    .any(|(a, b)| (a - b).abs() > 1e-10 * (a.abs() + 1e-6));
                 let threshold = DECREASE * normal.cost.max(f64::MIN_POSITIVE);
                 at = trial;
                 small = if decrease <= threshold { small + 1 } else { 0 };
@@ -140,17 +169,40 @@ pub fn least_squares(problem: &Problem<'_>, mut at: Vec<f64>, held: &[bool]) -> 
             }
         }
     }
-    Ok(Solution { parameters: at, objective: normal.cost, evaluations, converged, tries: 1 })
+    Ok(Solution {
+        parameters: at,
+        objective: normal.cost,
+        evaluations,
+        converged,
+        tries: 1,
+    })
 }
 
 /// (H + damping diag H) step = -g over the moving parameters.
-fn damped_step(hessian: &DMatrix<f64>, gradient: &DVector<f64>, moves: &[usize], damping: f64) -> DVector<f64> {
+fn damped_step(
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    moves: &[usize],
+    damping: f64,
+) -> DVector<f64> {
     let n = moves.len();
     // Scaled to unit diagonal: coefficients differ by 10^4 in size.
-    let scale: Vec<f64> = moves.iter().map(|&i| hessian[(i, i)].sqrt()).map(|d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect();
+    let scale: Vec<f64> = moves
+        .iter()
+        .map(|&i| hessian[(i, i)].sqrt())
+        .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
+        .collect();
     let scaled = DMatrix::from_fn(n, n, |a, b| {
         let h = hessian[(moves[a], moves[b])] * scale[a] * scale[b];
-        if a == b { if scale[a] > 0.0 { h + damping + 1e-15 } else { 1.0 } } else { h }
+        if a == b {
+            if scale[a] > 0.0 {
+                h + damping + 1e-15
+            } else {
+                1.0
+            }
+        } else {
+            h
+        }
     });
     let right = DVector::from_fn(n, |a, _| -gradient[moves[a]] * scale[a]);
     let mut step = DVector::zeros(gradient.len());
@@ -171,8 +223,9 @@ fn least_absolute(problem: &Problem<'_>, start: Solution) -> Result<Solution, Fo
     let mut objective = problem.objective(Objective::SumOfAbsolute, &at);
     let mut converged = false;
     for _ in 0..L1_ITERATIONS_MAX {
-        let blocks: Result<Vec<_>, _> =
-            (0..problem.forward().runs()).map(|run| problem.linearised(Objective::SumOfAbsolute, run, &at)).collect();
+        let blocks: Result<Vec<_>, _> = (0..problem.forward().runs())
+            .map(|run| problem.linearised(Objective::SumOfAbsolute, run, &at))
+            .collect();
         let blocks = blocks?;
         evaluations += 1;
         let rows: usize = blocks.iter().map(|(r, _)| r.len()).sum();
@@ -182,7 +235,9 @@ fn least_absolute(problem: &Problem<'_>, start: Solution) -> Result<Solution, Fo
         for (run, (r, j)) in blocks.iter().enumerate() {
             residual.rows_mut(first, r.len()).copy_from(r);
             for (local, column) in problem.columns(run).into_iter().enumerate() {
-                jacobian.view_mut((first, column), (r.len(), 1)).copy_from(&j.column(local));
+                jacobian
+                    .view_mut((first, column), (r.len(), 1))
+                    .copy_from(&j.column(local));
             }
             first += r.len();
         }
@@ -190,7 +245,9 @@ fn least_absolute(problem: &Problem<'_>, start: Solution) -> Result<Solution, Fo
         let mut share = 1.0;
         let mut improved = None;
         for _ in 0..12 {
-            let trial: Vec<f64> = (0..p).map(|i| (at[i] + share * step[i]).clamp(free[i].low, free[i].high)).collect();
+            let trial: Vec<f64> = (0..p)
+                .map(|i| (at[i] + share * step[i]).clamp(free[i].low, free[i].high))
+                .collect();
             let value = problem.objective(Objective::SumOfAbsolute, &trial);
             evaluations += 1;
             if value < objective {
@@ -210,13 +267,22 @@ fn least_absolute(problem: &Problem<'_>, start: Solution) -> Result<Solution, Fo
             break;
         }
     }
-    Ok(Solution { parameters: at, objective, evaluations, converged, tries: 1 })
+    Ok(Solution {
+        parameters: at,
+        objective,
+        evaluations,
+        converged,
+        tries: 1,
+    })
 }
 
 /// argmin over d of |r + J d|_1: reweighting, then simplex steps from the vertex it points to.
 fn linear_l1(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> DVector<f64> {
     let p = jacobian.ncols();
-    let scale: Vec<f64> = (0..p).map(|i| jacobian.column(i).norm()).map(|n| if n > 0.0 { 1.0 / n } else { 0.0 }).collect();
+    let scale: Vec<f64> = (0..p)
+        .map(|i| jacobian.column(i).norm())
+        .map(|n| if n > 0.0 { 1.0 / n } else { 0.0 })
+        .collect();
     let scaled = DMatrix::from_fn(jacobian.nrows(), p, |r, c| jacobian[(r, c)] * scale[c]);
     let size = |d: &DVector<f64>| (residual + &scaled * d).lp_norm(1);
     let level = residual.lp_norm(1) / residual.len().max(1) as f64;
@@ -237,7 +303,9 @@ fn linear_l1(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> DVector<f64> {
         for i in 0..p {
             normal[(i, i)] += 1e-14 * trace;
         }
-        let Some(next) = Cholesky::new(normal).map(|c| c.solve(&right)) else { break };
+        let Some(next) = Cholesky::new(normal).map(|c| c.solve(&right)) else {
+            break;
+        };
         step = next;
         let value = size(&step);
         if value < best.0 {
@@ -251,7 +319,11 @@ fn linear_l1(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> DVector<f64> {
 
 /// At the optimum of a linear L1 problem p residuals vanish: exchange them one by one while that helps
 /// (Barrodale and Roberts 1973; the line search is a weighted median).
-fn vertex_descent(jacobian: &DMatrix<f64>, residual: &DVector<f64>, best: &mut (f64, DVector<f64>)) {
+fn vertex_descent(
+    jacobian: &DMatrix<f64>,
+    residual: &DVector<f64>,
+    best: &mut (f64, DVector<f64>),
+) {
     let p = jacobian.ncols();
     let n = residual.len();
     for _ in 0..50 {
@@ -280,7 +352,9 @@ fn vertex_descent(jacobian: &DMatrix<f64>, residual: &DVector<f64>, best: &mut (
             return;
         }
         let square = DMatrix::from_fn(p, p, |r, c| jacobian[(chosen[r], c)]);
-        let Some(inverse) = square.try_inverse() else { return };
+        let Some(inverse) = square.try_inverse() else {
+            return;
+        };
         let target = DVector::from_fn(p, |r, _| -residual[chosen[r]]);
         let vertex = &inverse * target;
         let at_vertex = (residual + jacobian * &vertex).lp_norm(1);
@@ -294,8 +368,10 @@ fn vertex_descent(jacobian: &DMatrix<f64>, residual: &DVector<f64>, best: &mut (
             let direction = inverse.column(c).into_owned();
             let slopes = jacobian * &direction;
             let base = residual + jacobian * &vertex;
-            let mut kinks: Vec<(f64, f64)> =
-                (0..n).filter(|i| slopes[*i].abs() > 1e-300).map(|i| (-base[i] / slopes[i], slopes[i].abs())).collect();
+            let mut kinks: Vec<(f64, f64)> = (0..n)
+                .filter(|i| slopes[*i].abs() > 1e-300)
+                .map(|i| (-base[i] / slopes[i], slopes[i].abs()))
+                .collect();
             kinks.sort_by(|a, b| a.0.total_cmp(&b.0));
             let half = 0.5 * kinks.iter().map(|k| k.1).sum::<f64>();
             let mut sum = 0.0;
@@ -328,7 +404,13 @@ mod tests {
     fn the_linear_l1_step_finds_the_best_vertex() {
         let n = 23;
         let x: Vec<f64> = (0..n).map(|i| i as f64 * 0.7).collect();
-        let y: Vec<f64> = (0..n).map(|i| 1.0 + 0.5 * x[i] + ((i * 7919) % 13) as f64 * 0.1 + if i % 9 == 0 { 20.0 } else { 0.0 }).collect();
+        let y: Vec<f64> = (0..n)
+            .map(|i| {
+                1.0 + 0.5 * x[i]
+                    + ((i * 7919) % 13) as f64 * 0.1
+                    + if i % 9 == 0 { 20.0 } else { 0.0 }
+            })
+            .collect();
         let jacobian = DMatrix::from_fn(n, 2, |r, c| if c == 0 { 1.0 } else { x[r] });
         let residual = DVector::from_fn(n, |r, _| -y[r]);
         let step = linear_l1(&jacobian, &residual);
@@ -340,6 +422,10 @@ mod tests {
                 best = best.min(cost(y[i] - b * x[i], b));
             }
         }
-        assert!(cost(step[0], step[1]) <= best * (1.0 + 1e-12), "{} {best}", cost(step[0], step[1]));
+        assert!(
+            cost(step[0], step[1]) <= best * (1.0 + 1e-12),
+            "{} {best}",
+            cost(step[0], step[1])
+        );
     }
 }

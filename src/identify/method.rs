@@ -22,7 +22,9 @@ pub struct Solution {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MethodError {
     /// No starting point gives a finite motion.
-    #[error("no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units")]
+    #[error(
+        "no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units"
+    )]
     NoStart(ForwardError),
     /// Nothing to search.
     #[error("no free parameter")]
@@ -38,5 +40,10 @@ pub trait Method: Sync {
     ///
     /// # Errors
     /// [`MethodError`].
-    fn minimise(&self, problem: &Problem<'_>, objective: Objective, seed: u64) -> Result<Solution, MethodError>;
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError>;
 }

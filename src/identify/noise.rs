@@ -6,6 +6,8 @@
 //! gaps, uneven stamps and outliers (a rejected sample updates nothing).
 //! Reference: Jazwinski 1970, ch. 7; Harvey 1989, section 3.4 (prediction error decomposition).
 
+use nalgebra::{Cholesky, DMatrix, DVector};
+
 use super::statistics::robust_sd;
 
 /// A sample further from its prediction than this many sd is an outlier: 7e-6 of normal ones are.
@@ -29,7 +31,11 @@ pub struct Noise {
 impl Noise {
     /// White only.
     pub fn white(sd: f64) -> Self {
-        Noise { white_sd: sd, coloured_sd: 0.0, correlation_s: 0.0 }
+        Noise {
+            white_sd: sd,
+            coloured_sd: 0.0,
+            correlation_s: 0.0,
+        }
     }
 
     /// sd of one sample.
@@ -51,7 +57,11 @@ impl Whitener {
         let (white, ou) = (noise.white_sd.powi(2), noise.coloured_sd.powi(2));
         let (mut variance, mut last_s) = (ou, f64::NAN);
         let steps = times_s.iter().enumerate().map(|(k, &t_s)| {
-            let decay = if ou > 0.0 && last_s.is_finite() { (-(t_s - last_s) / noise.correlation_s).exp() } else { 0.0 };
+            let decay = if ou > 0.0 && last_s.is_finite() {
+                (-(t_s - last_s) / noise.correlation_s).exp()
+            } else {
+                0.0
+            };
             last_s = t_s;
             variance = ou + decay * decay * (variance - ou);
             if !used(k) {
@@ -62,7 +72,9 @@ impl Whitener {
             variance -= gain * variance;
             (decay, gain, 1.0 / total.sqrt())
         });
-        Whitener { steps: steps.collect() }
+        Whitener {
+            steps: steps.collect(),
+        }
     }
 
     /// Filters a series in place; rejected samples become 0.
@@ -92,7 +104,11 @@ impl Whitener {
 
     /// Sum of log innovation variances.
     fn log_variance(&self) -> f64 {
-        self.steps.iter().filter(|s| s.2 > 0.0).map(|s| -2.0 * s.2.ln()).sum()
+        self.steps
+            .iter()
+            .filter(|s| s.2 > 0.0)
+            .map(|s| -2.0 * s.2.ln())
+            .sum()
     }
 }
 
@@ -103,6 +119,10 @@ pub struct Series<'a> {
     pub times_s: &'a [f64],
     /// Residuals.
     pub values: &'a [f64],
+    /// Their derivatives with respect to everything that was fitted (all columns of the problem).
+    /// With them the likelihood is the restricted one (REML, Patterson and Thompson 1971): what the
+    /// fit took out of the residuals, above all of slow noise, is put back.
+    pub jacobian: Option<&'a DMatrix<f64>>,
 }
 
 /// Noise of several series of the same channel, and which of their samples are outliers.
@@ -110,7 +130,12 @@ pub struct Series<'a> {
 /// The white level starts from the median absolute residual; colour is kept when it gains more
 /// than [`COLOUR_GAIN`] in twice the log-likelihood. `None` when fewer than 8 samples.
 pub fn estimate(series: &[Series<'_>]) -> Option<(Noise, Vec<Vec<bool>>)> {
-    let present: Vec<f64> = series.iter().flat_map(|s| s.values).copied().filter(|v| v.is_finite()).collect();
+    let present: Vec<f64> = series
+        .iter()
+        .flat_map(|s| s.values)
+        .copied()
+        .filter(|v| v.is_finite())
+        .collect();
     if present.len() < 8 {
         return None;
     }
@@ -142,7 +167,11 @@ pub fn mask(series: &[Series<'_>], noise: Noise) -> Vec<Vec<bool>> {
             .iter()
             .zip(s.values)
             .map(|(t_s, value)| {
-                let decay = if ou > 0.0 && last_s.is_finite() { (-(t_s - last_s) / noise.correlation_s).exp() } else { 0.0 };
+                let decay = if ou > 0.0 && last_s.is_finite() {
+                    (-(t_s - last_s) / noise.correlation_s).exp()
+                } else {
+                    0.0
+                };
                 last_s = *t_s;
                 state *= decay;
                 variance = ou + decay * decay * (variance - ou);
@@ -160,9 +189,16 @@ pub fn mask(series: &[Series<'_>], noise: Noise) -> Vec<Vec<bool>> {
             .collect()
     };
     let flags: Vec<Vec<bool>> = series.iter().map(flags).collect();
-    let present: usize = series.iter().flat_map(|s| s.values).filter(|v| v.is_finite()).count();
+    let present: usize = series
+        .iter()
+        .flat_map(|s| s.values)
+        .filter(|v| v.is_finite())
+        .count();
     if rejected as f64 > OUTLIERS_MAX * present as f64 {
-        return series.iter().map(|s| s.values.iter().map(|v| v.is_finite()).collect()).collect();
+        return series
+            .iter()
+            .map(|s| s.values.iter().map(|v| v.is_finite()).collect())
+            .collect();
     }
     flags
 }
@@ -171,22 +207,95 @@ pub fn mask(series: &[Series<'_>], noise: Noise) -> Vec<Vec<bool>> {
 fn likeliest(series: &[Series<'_>], used: &[Vec<bool>]) -> Option<Noise> {
     // (twice the negative log-likelihood, white sd) at a ratio of variances and a correlation time.
     let deviance = |ratio: f64, correlation_s: f64| -> Option<(f64, f64)> {
-        let unit = Noise { white_sd: 1.0, coloured_sd: ratio.sqrt(), correlation_s };
+        let unit = Noise {
+            white_sd: 1.0,
+            coloured_sd: ratio.sqrt(),
+            correlation_s,
+        };
         let (mut energy, mut logs, mut n) = (0.0, 0.0, 0usize);
+        let mut fitted: Option<(DVector<f64>, DMatrix<f64>)> = None;
         for (s, used) in series.iter().zip(used) {
             let filter = Whitener::new(s.times_s, unit, |k| used[k]);
-            let mut values: Vec<f64> = s.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
+            let mut values: Vec<f64> = s
+                .values
+                .iter()
+                .map(|v| if v.is_finite() { *v } else { 0.0 })
+                .collect();
             filter.apply(values.iter_mut());
             energy += values.iter().map(|v| v * v).sum::<f64>();
             logs += filter.log_variance();
             n += filter.used();
+            if let Some(jacobian) = s.jacobian {
+                let columns = jacobian.ncols();
+                let (gradient, hessian) = fitted.get_or_insert_with(|| {
+                    (DVector::zeros(columns), DMatrix::zeros(columns, columns))
+                });
+                let mut whitened = jacobian.clone();
+                // Columns of other runs' own unknowns are empty here.
+                let busy: Vec<usize> = (0..columns)
+                    .filter(|c| jacobian.column(*c).iter().any(|v| *v != 0.0))
+                    .collect();
+                for c in &busy {
+                    filter.apply(whitened.column_mut(*c).iter_mut());
+                }
+                for (a, ca) in busy.iter().enumerate() {
+                    gradient[*ca] += whitened
+                        .column(*ca)
+                        .iter()
+                        .zip(&values)
+                        .map(|(j, v)| j * v)
+                        .sum::<f64>();
+                    for cb in &busy[..=a] {
+                        let product = whitened.column(*ca).dot(&whitened.column(*cb));
+                        hessian[(*ca, *cb)] += product;
+                        if ca != cb {
+                            hessian[(*cb, *ca)] += product;
+                        }
+                    }
+                }
+            }
         }
-        let variance = energy / n.max(1) as f64;
-        (variance > 0.0).then(|| (n as f64 * variance.ln() + logs, variance.sqrt()))
+        let mut freedom = n as f64;
+        if let Some((gradient, hessian)) = fitted {
+            let p = gradient.len();
+            let scale: Vec<f64> = (0..p)
+                .map(|i| hessian[(i, i)].sqrt())
+                .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
+                .collect();
+            let scaled = DMatrix::from_fn(p, p, |i, j| {
+                if i == j {
+                    1.0 + 1e-12
+                } else {
+                    hessian[(i, j)] * scale[i] * scale[j]
+                }
+            });
+            let right = DVector::from_fn(p, |i, _| gradient[i] * scale[i]);
+            // A direction without information leaves the likelihood the plain one.
+            if let Some(root) = Cholesky::new(scaled).filter(|_| n > 2 * p) {
+                energy -= right.dot(&root.solve(&right));
+                logs += 2.0 * root.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+                logs -= 2.0
+                    * scale
+                        .iter()
+                        .filter(|s| **s > 0.0)
+                        .map(|s| s.ln())
+                        .sum::<f64>();
+                freedom -= p as f64;
+            }
+        }
+        let variance = energy / freedom.max(1.0);
+        (variance > 0.0).then(|| (freedom * variance.ln() + logs, variance.sqrt()))
     };
     let (white_deviance, white_sd) = deviance(0.0, 1.0)?;
-    let interval_s = series.iter().flat_map(|s| s.times_s.windows(2)).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
-    let span_s = series.iter().filter_map(|s| Some(s.times_s.last()? - s.times_s.first()?)).fold(0.0, f64::max);
+    let interval_s = series
+        .iter()
+        .flat_map(|s| s.times_s.windows(2))
+        .map(|w| w[1] - w[0])
+        .fold(f64::INFINITY, f64::min);
+    let span_s = series
+        .iter()
+        .filter_map(|s| Some(s.times_s.last()? - s.times_s.first()?))
+        .fold(0.0, f64::max);
     let (low, high) = (0.5 * interval_s, 0.25 * span_s);
     if !(low > 0.0 && high > 2.0 * low) {
         return Some(Noise::white(white_sd));
@@ -210,7 +319,14 @@ fn likeliest(series: &[Series<'_>], used: &[Vec<bool>]) -> Option<Noise> {
         while step > 0.02 {
             let before = best.0;
             let (r, t) = (best.1.ln(), best.2.ln());
-            for (dr, dt) in [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step), (step, -step), (-step, step)] {
+            for (dr, dt) in [
+                (step, 0.0),
+                (-step, 0.0),
+                (0.0, step),
+                (0.0, -step),
+                (step, -step),
+                (-step, step),
+            ] {
                 look(r + dr, t + dt, &mut best);
             }
             if best.0 >= before - 1e-3 {
@@ -222,7 +338,11 @@ fn likeliest(series: &[Series<'_>], used: &[Vec<bool>]) -> Option<Noise> {
     if ratio == 0.0 || white_deviance - d < COLOUR_GAIN {
         return Some(Noise::white(white_sd));
     }
-    Some(Noise { white_sd: sd, coloured_sd: sd * ratio.sqrt(), correlation_s })
+    Some(Noise {
+        white_sd: sd,
+        coloured_sd: sd * ratio.sqrt(),
+        correlation_s,
+    })
 }
 
 #[cfg(test)]
@@ -246,14 +366,23 @@ mod tests {
 
     #[test]
     fn colour_and_outliers_are_found() {
-        let truth = Noise { white_sd: 1.0, coloured_sd: 1.5, correlation_s: 0.6 };
+        let truth = Noise {
+            white_sd: 1.0,
+            coloured_sd: 1.5,
+            correlation_s: 0.6,
+        };
         let times: Vec<f64> = (0..2400).map(|k| 0.04 * f64::from(k)).collect();
         let mut values = draw(3, 2400, 0.04, truth);
         for k in (50..2400).step_by(97) {
             values[k] += 30.0;
         }
         values[777] = f64::NAN;
-        let (noise, used) = estimate(&[Series { times_s: &times, values: &values }]).unwrap();
+        let (noise, used) = estimate(&[Series {
+            times_s: &times,
+            values: &values,
+            jacobian: None,
+        }])
+        .unwrap();
         assert!((noise.white_sd - 1.0).abs() < 0.1, "{noise:?}");
         assert!((noise.coloured_sd - 1.5).abs() < 0.25, "{noise:?}");
         assert!((noise.correlation_s - 0.6).abs() < 0.2, "{noise:?}");
@@ -267,15 +396,33 @@ mod tests {
         let coloured = (0..60)
             .filter(|seed| {
                 let values = draw(*seed, 600, 0.04, Noise::white(2.0));
-                estimate(&[Series { times_s: &times, values: &values }]).unwrap().0.coloured_sd > 0.0
+                estimate(&[Series {
+                    times_s: &times,
+                    values: &values,
+                    jacobian: None,
+                }])
+                .unwrap()
+                .0
+                .coloured_sd
+                    > 0.0
             })
             .count();
-        assert!(coloured <= 9, "{coloured} of 60 white series called coloured");
-        let truth = Noise { white_sd: 0.5, coloured_sd: 1.0, correlation_s: 0.3 };
+        assert!(
+            coloured <= 9,
+            "{coloured} of 60 white series called coloured"
+        );
+        let truth = Noise {
+            white_sd: 0.5,
+            coloured_sd: 1.0,
+            correlation_s: 0.3,
+        };
         let mut values = draw(5, 600, 0.04, truth);
         Whitener::new(&times, truth, |_| true).apply(values.iter_mut());
         let white = super::super::statistics::ljung_box(&values, 20).unwrap();
         let variance = values.iter().map(|v| v * v).sum::<f64>() / 600.0;
-        assert!(white.p_value > 0.01 && (variance - 1.0).abs() < 0.15, "{white:?} {variance}");
+        assert!(
+            white.p_value > 0.01 && (variance - 1.0).abs() < 0.15,
+            "{white:?} {variance}"
+        );
     }
 }

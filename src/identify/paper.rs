@@ -20,7 +20,8 @@ pub const TABLE9: [(f64, f64); 3] = [(-500.0, 0.0), (-100.0, 0.0), (-500.0, 0.0)
 pub const TABLE11_THRUST_N: [f64; 3] = [4.0, 8.0, 16.0];
 
 /// Table 11 as printed \[mm\], rows as in [`TABLE10`] without the first.
-pub const TABLE11_PRINTED_MM: [[f64; 3]; 3] = [[0.4, 1.1, 2.1], [17.5, 17.1, 42.7], [21.7, 55.5, 80.4]];
+pub const TABLE11_PRINTED_MM: [[f64; 3]; 3] =
+    [[0.4, 1.1, 2.1], [17.5, 17.1, 42.7], [21.7, 55.5, 80.4]];
 
 /// One row of Table 11.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -38,7 +39,8 @@ pub fn table11() -> Vec<Table11Row> {
     let rows = TABLE10[1..].iter().zip(TABLE11_PRINTED_MM);
     rows.map(|((condition, found), printed_mm)| Table11Row {
         condition: (*condition).to_owned(),
-        error_mm: TABLE11_THRUST_N.map(|thrust_n| 1e3 * largest_error_m(TABLE10[0].1, *found, thrust_n, 5.0)),
+        error_mm: TABLE11_THRUST_N
+            .map(|thrust_n| 1e3 * largest_error_m(TABLE10[0].1, *found, thrust_n, 5.0)),
         printed_mm,
     })
     .collect()
@@ -47,7 +49,12 @@ pub fn table11() -> Vec<Table11Row> {
 /// Largest distance \[m\] between two surge models under a constant thrust from rest, until the first has gone `length_m`.
 pub fn largest_error_m(actual: [f64; 3], found: [f64; 3], thrust_n: f64, length_m: f64) -> f64 {
     const STEP_S: f64 = 1e-3;
-    let model = |[added, linear, quadratic]: [f64; 3]| AxisModel { mass: MASS_KG - added, linear, quadratic, restoring_nm: 0.0 };
+    let model = |[added, linear, quadratic]: [f64; 3]| AxisModel {
+        mass: MASS_KG - added,
+        linear,
+        quadratic,
+        restoring_nm: 0.0,
+    };
     let (one, two) = (model(actual), model(found));
     let (mut a, mut b) = ((0.0, 0.0), (0.0, 0.0));
     let mut largest = 0.0_f64;
@@ -69,10 +76,17 @@ mod tests {
     #[test]
     fn table_11_comes_out_within_a_tenth_of_a_millimetre() {
         // geometry.md's own figures, RK4 at 1 ms.
-        let ours = [[0.37, 1.05, 2.11], [17.49, 17.13, 42.68], [21.64, 55.54, 80.47]];
+        let ours = [
+            [0.37, 1.05, 2.11],
+            [17.49, 17.13, 42.68],
+            [21.64, 55.54, 80.47],
+        ];
         for (row, ours) in table11().iter().zip(ours) {
             for i in 0..3 {
-                assert!((row.error_mm[i] - row.printed_mm[i]).abs() <= 0.1, "{row:?}");
+                assert!(
+                    (row.error_mm[i] - row.printed_mm[i]).abs() <= 0.1,
+                    "{row:?}"
+                );
                 assert!((row.error_mm[i] - ours[i]).abs() <= 0.006, "{row:?}");
             }
         }

@@ -74,7 +74,10 @@ impl Coefficient {
 
     /// The one with this key.
     pub fn find(key: &str) -> Option<Coefficient> {
-        Dof::ALL.into_iter().flat_map(Coefficient::of).find(|c| c.key() == key)
+        Dof::ALL
+            .into_iter()
+            .flat_map(Coefficient::of)
+            .find(|c| c.key() == key)
     }
 
     /// The rig's value.
@@ -127,7 +130,12 @@ pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
         Term::Added => (-5.0 * size.max(rigid), 0.0),
         Term::Linear | Term::Quadratic => (-10.0 * size, size),
     };
-    Free { name: coefficient.key().to_owned(), start, low, high }
+    Free {
+        name: coefficient.key().to_owned(),
+        start,
+        low,
+        high,
+    }
 }
 
 #[cfg(test)]

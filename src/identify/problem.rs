@@ -49,8 +49,20 @@ impl<'a> Problem<'a> {
             free.extend_from_slice(forward.locals(run));
         }
         let slots = forward.slots().len();
-        let l1_weight = (0..forward.runs()).map(|run| (0..slots).map(|slot| l1_weight(forward, run, slot)).collect()).collect();
-        let mut problem = Problem { forward, whiteners: Vec::new(), first_local, free, l1_weight };
+        let l1_weight = (0..forward.runs())
+            .map(|run| {
+                (0..slots)
+                    .map(|slot| l1_weight(forward, run, slot))
+                    .collect()
+            })
+            .collect();
+        let mut problem = Problem {
+            forward,
+            whiteners: Vec::new(),
+            first_local,
+            free,
+            l1_weight,
+        };
         problem.set_white(sds);
         problem
     }
@@ -72,7 +84,9 @@ impl<'a> Problem<'a> {
                     .iter()
                     .enumerate()
                     .map(|(slot, noise)| {
-                        Whitener::new(times_s, *noise, |k| measured[k * slots + slot].is_finite() && used(run, slot, k))
+                        Whitener::new(times_s, *noise, |k| {
+                            measured[k * slots + slot].is_finite() && used(run, slot, k)
+                        })
                     })
                     .collect()
             })
@@ -108,24 +122,42 @@ impl<'a> Problem<'a> {
     pub fn columns(&self, run: usize) -> Vec<usize> {
         let globals = 0..self.forward.globals().len();
         let first = self.first_local[run];
-        globals.chain(first..first + self.forward.locals(run).len()).collect()
+        globals
+            .chain(first..first + self.forward.locals(run).len())
+            .collect()
     }
 
     /// A run's parameters.
     pub fn of_run(&self, run: usize, parameters: &[f64]) -> Vec<f64> {
-        self.columns(run).into_iter().map(|c| parameters[c]).collect()
+        self.columns(run)
+            .into_iter()
+            .map(|c| parameters[c])
+            .collect()
     }
 
     /// Predicted minus measured, unweighted, `[slot]` of series; NaN where nothing was measured.
     ///
     /// # Errors
     /// [`ForwardError`].
-    pub fn raw_residuals(&self, run: usize, parameters: &[f64]) -> Result<Vec<Vec<f64>>, ForwardError> {
+    pub fn raw_residuals(
+        &self,
+        run: usize,
+        parameters: &[f64],
+    ) -> Result<Vec<Vec<f64>>, ForwardError> {
         let mut values = Vec::new();
-        self.forward.values(run, &self.of_run(run, parameters), &mut values)?;
+        self.forward
+            .values(run, &self.of_run(run, parameters), &mut values)?;
         let slots = self.forward.slots().len();
         let measured = self.forward.measured(run);
-        let slot = |c: usize| values.iter().zip(measured).skip(c).step_by(slots).map(|(v, m)| v - m).collect();
+        let slot = |c: usize| {
+            values
+                .iter()
+                .zip(measured)
+                .skip(c)
+                .step_by(slots)
+                .map(|(v, m)| v - m)
+                .collect()
+        };
         Ok((0..slots).map(slot).collect())
     }
 
@@ -143,25 +175,44 @@ impl<'a> Problem<'a> {
 
     /// The objective; infinite where the motion diverges or a bound is left.
     pub fn objective(&self, kind: Objective, parameters: &[f64]) -> f64 {
-        let inside = self.free.iter().zip(parameters).all(|(f, v)| (f.low..=f.high).contains(v));
+        let inside = self
+            .free
+            .iter()
+            .zip(parameters)
+            .all(|(f, v)| (f.low..=f.high).contains(v));
         if !inside {
             return f64::INFINITY;
         }
         let run = |run: usize| -> Result<f64, ForwardError> {
             Ok(match kind {
                 Objective::LeastSquares => {
-                    0.5 * self.whitened(run, parameters)?.iter().flatten().map(|v| v * v).sum::<f64>()
+                    0.5 * self
+                        .whitened(run, parameters)?
+                        .iter()
+                        .flatten()
+                        .map(|v| v * v)
+                        .sum::<f64>()
                 }
                 Objective::SumOfAbsolute => self
                     .raw_residuals(run, parameters)?
                     .iter()
                     .zip(&self.l1_weight[run])
-                    .map(|(series, weight)| weight * series.iter().map(|v| v.abs()).filter(|v| v.is_finite()).sum::<f64>())
+                    .map(|(series, weight)| {
+                        weight
+                            * series
+                                .iter()
+                                .map(|v| v.abs())
+                                .filter(|v| v.is_finite())
+                                .sum::<f64>()
+                    })
                     .sum(),
             })
         };
         let total: Result<f64, ForwardError> = (0..self.forward.runs()).map(run).sum();
-        total.ok().filter(|v| v.is_finite()).unwrap_or(f64::INFINITY)
+        total
+            .ok()
+            .filter(|v| v.is_finite())
+            .unwrap_or(f64::INFINITY)
     }
 
     /// Weighted residuals and Jacobian of a run: whitened for least squares, Eq. 10's weights for L1.
@@ -175,10 +226,15 @@ impl<'a> Problem<'a> {
         parameters: &[f64],
     ) -> Result<(DVector<f64>, DMatrix<f64>), ForwardError> {
         let mut values = Vec::new();
-        let mut jacobian = self.forward.sensitivities(run, &self.of_run(run, parameters), &mut values)?;
+        let mut jacobian =
+            self.forward
+                .sensitivities(run, &self.of_run(run, parameters), &mut values)?;
         let measured = self.forward.measured(run);
         let slots = self.forward.slots().len();
-        let mut residual = DVector::from_iterator(values.len(), values.iter().zip(measured).map(|(v, m)| v - m));
+        let mut residual = DVector::from_iterator(
+            values.len(),
+            values.iter().zip(measured).map(|(v, m)| v - m),
+        );
         match kind {
             Objective::LeastSquares => {
                 for (slot, filter) in self.whiteners[run].iter().enumerate() {
@@ -191,7 +247,11 @@ impl<'a> Problem<'a> {
             Objective::SumOfAbsolute => {
                 for row in 0..residual.len() {
                     let finite = residual[row].is_finite();
-                    let weight = if finite { self.l1_weight[run][row % slots] } else { 0.0 };
+                    let weight = if finite {
+                        self.l1_weight[run][row % slots]
+                    } else {
+                        0.0
+                    };
                     residual[row] = if finite { residual[row] * weight } else { 0.0 };
                     jacobian.row_mut(row).scale_mut(weight);
                 }
@@ -219,7 +279,33 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        Ok(Normal { cost, gradient, hessian })
+        Ok(Normal {
+            cost,
+            gradient,
+            hessian,
+        })
+    }
+
+    /// Unweighted derivatives per run over all parameters, where there is one slot; else none:
+    /// with several the restricted likelihood does not fall apart by slot, and each has so many
+    /// samples per unknown that the plain one serves.
+    fn all_columns(&self, parameters: &[f64]) -> Result<Vec<DMatrix<f64>>, ForwardError> {
+        if self.forward.slots().len() != 1 {
+            return Ok(Vec::new());
+        }
+        let mut values = Vec::new();
+        (0..self.forward.runs())
+            .map(|run| {
+                let own =
+                    self.forward
+                        .sensitivities(run, &self.of_run(run, parameters), &mut values)?;
+                let mut all = DMatrix::zeros(own.nrows(), self.free.len());
+                for (local, column) in self.columns(run).into_iter().enumerate() {
+                    all.set_column(column, &own.column(local));
+                }
+                Ok(all)
+            })
+            .collect()
     }
 
     /// Noise of each slot from the residuals at a point, pooled over runs, and which samples count.
@@ -227,22 +313,35 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`ForwardError`].
     #[allow(clippy::type_complexity)]
-    pub fn noise_of_residuals(&self, parameters: &[f64]) -> Result<(Vec<Option<Noise>>, Vec<Vec<Vec<bool>>>), ForwardError> {
-        let residuals: Result<Vec<_>, _> = (0..self.forward.runs()).map(|r| self.raw_residuals(r, parameters)).collect();
+    pub fn noise_of_residuals(
+        &self,
+        parameters: &[f64],
+    ) -> Result<(Vec<Option<Noise>>, Vec<Vec<Vec<bool>>>), ForwardError> {
+        let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
+            .map(|r| self.raw_residuals(r, parameters))
+            .collect();
         let residuals = residuals?;
         let slots = self.forward.slots().len();
+        let jacobians = self.all_columns(parameters)?;
         let mut noises = Vec::new();
         let mut used = vec![vec![Vec::new(); slots]; self.forward.runs()];
         for slot in 0..slots {
             let series: Vec<Series<'_>> = residuals
                 .iter()
                 .enumerate()
-                .map(|(run, r)| Series { times_s: self.forward.times_s(run), values: &r[slot] })
+                .map(|(run, r)| Series {
+                    times_s: self.forward.times_s(run),
+                    values: &r[slot],
+                    jacobian: jacobians.get(run),
+                })
                 .collect();
             let found = super::noise::estimate(&series);
             let masks = found.as_ref().map(|(_, masks)| masks.clone());
             for (run, r) in residuals.iter().enumerate() {
-                used[run][slot] = masks.as_ref().map_or_else(|| r[slot].iter().map(|v| v.is_finite()).collect(), |m| m[run].clone());
+                used[run][slot] = masks.as_ref().map_or_else(
+                    || r[slot].iter().map(|v| v.is_finite()).collect(),
+                    |m| m[run].clone(),
+                );
             }
             noises.push(found.map(|(noise, _)| noise));
         }
@@ -251,7 +350,19 @@ impl<'a> Problem<'a> {
 }
 
 fn l1_weight(forward: &dyn Forward, run: usize, slot: usize) -> f64 {
-    let measured = forward.measured(run).iter().skip(slot).step_by(forward.slots().len()).filter(|v| v.is_finite());
-    let (low, high, n) = measured.fold((f64::INFINITY, f64::NEG_INFINITY, 0usize), |(l, h, n), v| (l.min(*v), h.max(*v), n + 1));
-    if n == 0 || high <= low { 0.0 } else { 1.0 / (n as f64 * (high - low)) }
+    let measured = forward
+        .measured(run)
+        .iter()
+        .skip(slot)
+        .step_by(forward.slots().len())
+        .filter(|v| v.is_finite());
+    let (low, high, n) = measured.fold(
+        (f64::INFINITY, f64::NEG_INFINITY, 0usize),
+        |(l, h, n), v| (l.min(*v), h.max(*v), n + 1),
+    );
+    if n == 0 || high <= low {
+        0.0
+    } else {
+        1.0 / (n as f64 * (high - low))
+    }
 }

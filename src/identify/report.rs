@@ -17,7 +17,11 @@ pub fn html(result: &Identification, command: &str) -> String {
         escape(&result.model),
         escape(&result.method),
         result.evaluations,
-        if result.converged { "" } else { " <span class=\"warn\">(not converged)</span>" },
+        if result.converged {
+            ""
+        } else {
+            " <span class=\"warn\">(not converged)</span>"
+        },
         escape(command),
     );
     for words in &result.misfit {
@@ -31,17 +35,32 @@ pub fn html(result: &Identification, command: &str) -> String {
         if trace.measured.iter().filter(|v| v.is_finite()).count() < 2 {
             continue;
         }
-        let _ = writeln!(page, "<h3>{}: {}</h3>", escape(&trace.run), escape(&trace.channel));
+        let _ = writeln!(
+            page,
+            "<h3>{}: {}</h3>",
+            escape(&trace.run),
+            escape(&trace.channel)
+        );
         page += &fit_chart(trace);
         page += &residual_chart(trace);
     }
     validation(&mut page, result);
     let _ = writeln!(page, "<h2>Blind spots</h2><ul>");
     for spot in &result.blind_spots {
-        let _ = writeln!(page, "<li><b>{}</b>: {}. To break it: {}</li>", escape(&spot.what), escape(&spot.why), escape(&spot.experiment));
+        let _ = writeln!(
+            page,
+            "<li><b>{}</b>: {}. To break it: {}</li>",
+            escape(&spot.what),
+            escape(&spot.why),
+            escape(&spot.experiment)
+        );
     }
     let _ = writeln!(page, "</ul><h2>Remarks</h2><ul>");
-    for note in result.notes.iter().chain(result.runs.iter().flat_map(|r| &r.notes)) {
+    for note in result
+        .notes
+        .iter()
+        .chain(result.runs.iter().flat_map(|r| &r.notes))
+    {
         let _ = writeln!(page, "<li>{}</li>", escape(note));
     }
     page += "</ul></body></html>\n";
@@ -51,7 +70,9 @@ pub fn html(result: &Identification, command: &str) -> String {
 fn parameters(page: &mut String, result: &Identification) {
     page.push_str("<h2>Coefficients</h2><table><tr><th></th><th>value</th><th>sd</th><th>95 % interval</th><th>rig</th><th>unit</th></tr>\n");
     for key in &result.order {
-        let Some(p) = result.parameters.get(key) else { continue };
+        let Some(p) = result.parameters.get(key) else {
+            continue;
+        };
         let number = |v: Option<f64>| v.map_or("-".to_owned(), significant);
         let _ = writeln!(
             page,
@@ -62,7 +83,11 @@ fn parameters(page: &mut String, result: &Identification) {
             number(p.sd),
             number(p.low),
             number(p.high),
-            if p.profile.is_some() { " (profile)" } else { "" },
+            if p.profile.is_some() {
+                " (profile)"
+            } else {
+                ""
+            },
             significant(p.rig),
             escape(&p.unit),
         );
@@ -81,7 +106,11 @@ fn correlations(page: &mut String, result: &Identification) {
         for value in row {
             let strength = (value.abs() * 60.0) as u32;
             let hue = if *value < 0.0 { 210 } else { 20 };
-            let _ = write!(page, "<td style=\"background:hsl({hue} 80% {}%)\">{value:.2}</td>", 100 - strength / 2);
+            let _ = write!(
+                page,
+                "<td style=\"background:hsl({hue} 80% {}%)\">{value:.2}</td>",
+                100 - strength / 2
+            );
         }
         page.push_str("</tr>\n");
     }
@@ -94,14 +123,29 @@ fn noise(page: &mut String, result: &Identification) {
         let _ = writeln!(
             page,
             "<tr><td>{}</td><td>{:.3e}</td><td>{:.3e}</td><td>{:.3}</td><td>{:.2} %</td><td>{}</td></tr>",
-            escape(slot), n.noise.white_sd, n.noise.coloured_sd, n.noise.correlation_s, 100.0 * n.outliers, escape(&n.source)
+            escape(slot),
+            n.noise.white_sd,
+            n.noise.coloured_sd,
+            n.noise.correlation_s,
+            100.0 * n.outliers,
+            escape(&n.source)
         );
     }
     page.push_str("</table>\n<table><tr><th>residuals</th><th>rms</th><th>Ljung-Box p</th><th>lag 1</th><th>p after colour</th></tr>\n");
     for r in &result.residuals {
-        let p = |w: Option<super::statistics::Whiteness>| w.map_or("-".to_owned(), |w| format!("{:.2e}", w.p_value));
+        let p = |w: Option<super::statistics::Whiteness>| {
+            w.map_or("-".to_owned(), |w| format!("{:.2e}", w.p_value))
+        };
         let lag = r.plain.map_or("-".to_owned(), |w| format!("{:.2}", w.lag1));
-        let _ = writeln!(page, "<tr><td>{} {}</td><td>{:.3e}</td><td>{}</td><td>{lag}</td><td>{}</td></tr>", escape(&r.run), escape(&r.slot), r.rms, p(r.plain), p(r.filtered));
+        let _ = writeln!(
+            page,
+            "<tr><td>{} {}</td><td>{:.3e}</td><td>{}</td><td>{lag}</td><td>{}</td></tr>",
+            escape(&r.run),
+            escape(&r.slot),
+            r.rms,
+            p(r.plain),
+            p(r.filtered)
+        );
     }
     page.push_str("</table>\n");
 }
@@ -114,7 +158,12 @@ fn validation(page: &mut String, result: &Identification) {
     for cv in &result.cross_validation {
         for (channel, rms) in &cv.left_out {
             let fitted = cv.fitted.get(channel).copied().unwrap_or(f64::NAN);
-            let _ = writeln!(page, "<tr><td>{}</td><td>{}</td><td>{rms:.3e}</td><td>{fitted:.3e}</td></tr>", escape(&cv.run), escape(channel));
+            let _ = writeln!(
+                page,
+                "<tr><td>{}</td><td>{}</td><td>{rms:.3e}</td><td>{fitted:.3e}</td></tr>",
+                escape(&cv.run),
+                escape(channel)
+            );
         }
     }
     page.push_str("</table>\n");
@@ -122,7 +171,10 @@ fn validation(page: &mut String, result: &Identification) {
 
 fn fit_chart(trace: &Trace) -> String {
     chart(
-        &[("#999", &trace.measured, "measured"), ("#c30", &trace.fitted, "fitted")],
+        &[
+            ("#999", &trace.measured, "measured"),
+            ("#c30", &trace.fitted, "fitted"),
+        ],
         &trace.times_s,
         220.0,
         &trace.channel,
@@ -130,31 +182,63 @@ fn fit_chart(trace: &Trace) -> String {
 }
 
 fn residual_chart(trace: &Trace) -> String {
-    let residual: Vec<f64> = trace.measured.iter().zip(&trace.fitted).map(|(m, f)| m - f).collect();
-    chart(&[("#06a", &residual, "measured - fitted")], &trace.times_s, 120.0, "residual")
+    let residual: Vec<f64> = trace
+        .measured
+        .iter()
+        .zip(&trace.fitted)
+        .map(|(m, f)| m - f)
+        .collect();
+    chart(
+        &[("#06a", &residual, "measured - fitted")],
+        &trace.times_s,
+        120.0,
+        "residual",
+    )
 }
 
 /// Lines over time as SVG; at most 1500 points each, NaN breaks a line.
 pub fn chart(lines: &[(&str, &[f64], &str)], times_s: &[f64], height: f64, label: &str) -> String {
     const WIDTH: f64 = 860.0;
     const LEFT: f64 = 80.0;
-    let all = lines.iter().flat_map(|l| l.1).copied().filter(|v| v.is_finite());
-    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let (t0, t1) = (times_s.first().copied().unwrap_or(0.0), times_s.last().copied().unwrap_or(1.0));
+    let all = lines
+        .iter()
+        .flat_map(|l| l.1)
+        .copied()
+        .filter(|v| v.is_finite());
+    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    let (t0, t1) = (
+        times_s.first().copied().unwrap_or(0.0),
+        times_s.last().copied().unwrap_or(1.0),
+    );
     if !(high.is_finite() && low.is_finite()) {
         return String::new();
     }
-    let (high, low) = if high > low { (high, low) } else { (high + 1.0, low - 1.0) };
+    let (high, low) = if high > low {
+        (high, low)
+    } else {
+        (high + 1.0, low - 1.0)
+    };
     let x = |t: f64| LEFT + (WIDTH - LEFT - 10.0) * (t - t0) / (t1 - t0).max(1e-9);
     let y = |v: f64| 10.0 + (height - 35.0) * (high - v) / (high - low);
-    let mut svg = format!("<svg width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\" font-size=\"11\" font-family=\"sans-serif\">");
+    let mut svg = format!(
+        "<svg width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\" font-size=\"11\" font-family=\"sans-serif\">"
+    );
     for k in 0..=4 {
         let v = low + (high - low) * f64::from(k) / 4.0;
         let t = t0 + (t1 - t0) * f64::from(k) / 4.0;
         let _ = write!(
             svg,
             "<line x1=\"{LEFT}\" x2=\"{0}\" y1=\"{1:.1}\" y2=\"{1:.1}\" stroke=\"#eee\"/><text x=\"{2}\" y=\"{3:.1}\" text-anchor=\"end\">{4:.3e}</text><text x=\"{5:.1}\" y=\"{6:.1}\" text-anchor=\"middle\">{7:.1} s</text>",
-            WIDTH - 10.0, y(v), LEFT - 6.0, y(v) + 4.0, v, x(t), height - 8.0, t
+            WIDTH - 10.0,
+            y(v),
+            LEFT - 6.0,
+            y(v) + 4.0,
+            v,
+            x(t),
+            height - 8.0,
+            t
         );
     }
     for (i, (colour, values, name)) in lines.iter().enumerate() {
@@ -172,10 +256,17 @@ pub fn chart(lines: &[(&str, &[f64], &str)], times_s: &[f64], height: f64, label
         let _ = write!(
             svg,
             "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.3\"/><text x=\"{}\" y=\"{}\" fill=\"{colour}\">{}</text>",
-            LEFT + 8.0, 20.0 + 13.0 * i as f64, escape(name)
+            LEFT + 8.0,
+            20.0 + 13.0 * i as f64,
+            escape(name)
         );
     }
-    let _ = write!(svg, "<text x=\"{}\" y=\"20\" text-anchor=\"end\">{}</text></svg>", WIDTH - 14.0, escape(label));
+    let _ = write!(
+        svg,
+        "<text x=\"{}\" y=\"20\" text-anchor=\"end\">{}</text></svg>",
+        WIDTH - 14.0,
+        escape(label)
+    );
     svg
 }
 
@@ -185,11 +276,18 @@ pub fn significant(value: f64) -> String {
         return format!("{value}");
     }
     let places = (4 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
-    if value.abs() < 1e-4 { format!("{value:.4e}") } else { format!("{value:.places$}") }
+    if value.abs() < 1e-4 {
+        format!("{value:.4e}")
+    } else {
+        format!("{value:.places$}")
+    }
 }
 
 fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 #[cfg(test)]
@@ -206,7 +304,12 @@ mod tests {
 
     #[test]
     fn a_chart_is_closed_svg_and_breaks_at_gaps() {
-        let svg = chart(&[("#000", &[0.0, f64::NAN, 1.0, 2.0], "a<b")], &[0.0, 1.0, 2.0, 3.0], 100.0, "x");
+        let svg = chart(
+            &[("#000", &[0.0, f64::NAN, 1.0, 2.0], "a<b")],
+            &[0.0, 1.0, 2.0, 3.0],
+            100.0,
+            "x",
+        );
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>") && svg.contains("a&lt;b"));
         assert_eq!(svg.matches('M').count(), 2);
         assert!(!svg.contains("NaN") && !svg.contains("http"));

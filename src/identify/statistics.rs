@@ -13,14 +13,21 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
 
 /// Robust standard deviation about 0: 1.4826 median |v|.
 pub fn robust_sd(values: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).filter(|v| v.is_finite()).collect();
+    let mut sizes: Vec<f64> = values
+        .iter()
+        .map(|v| v.abs())
+        .filter(|v| v.is_finite())
+        .collect();
     median(&mut sizes).unwrap_or(0.0) * MAD_TO_SD
 }
 
 /// White noise of a smooth signal from third differences, whose variance is 20 sd^2
 /// (1 + 9 + 9 + 1); what is smoother than a few samples drops out.
 pub fn difference_sd(values: &[f64]) -> f64 {
-    let third: Vec<f64> = values.windows(4).map(|w| w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).collect();
+    let third: Vec<f64> = values
+        .windows(4)
+        .map(|w| w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0])
+        .collect();
     robust_sd(&third) / 20f64.sqrt()
 }
 
@@ -49,14 +56,34 @@ pub fn ljung_box(series: &[f64], lags: usize) -> Option<Whiteness> {
     }
     let n = count as f64;
     let mean = series.iter().filter(|v| v.is_finite()).sum::<f64>() / n;
-    let centred: Vec<f64> = series.iter().map(|v| if v.is_finite() { v - mean } else { 0.0 }).collect();
+    let centred: Vec<f64> = series
+        .iter()
+        .map(|v| if v.is_finite() { v - mean } else { 0.0 })
+        .collect();
     let energy: f64 = centred.iter().map(|v| v * v).sum();
     if energy <= 0.0 {
         return None;
     }
-    let correlation = |k: usize| centred.iter().zip(&centred[k..]).map(|(a, b)| a * b).sum::<f64>() / energy;
-    let statistic = n * (n + 2.0) * (1..=lags).map(|k| correlation(k).powi(2) / (n - k as f64)).sum::<f64>();
-    Some(Whiteness { statistic, lags, p_value: chi2_above(statistic, lags as f64), lag1: correlation(1), count })
+    let correlation = |k: usize| {
+        centred
+            .iter()
+            .zip(&centred[k..])
+            .map(|(a, b)| a * b)
+            .sum::<f64>()
+            / energy
+    };
+    let statistic = n
+        * (n + 2.0)
+        * (1..=lags)
+            .map(|k| correlation(k).powi(2) / (n - k as f64))
+            .sum::<f64>();
+    Some(Whiteness {
+        statistic,
+        lags,
+        p_value: chi2_above(statistic, lags as f64),
+        lag1: correlation(1),
+        count,
+    })
 }
 
 /// Probability that a chi-square variable exceeds `x`.
@@ -82,14 +109,20 @@ mod tests {
 
     #[test]
     fn difference_sd_sees_noise_through_motion() {
-        let series: Vec<f64> = white(1, 2000).iter().enumerate().map(|(i, e)| 0.1 * e + (i as f64 * 0.01).sin() * 5.0).collect();
+        let series: Vec<f64> = white(1, 2000)
+            .iter()
+            .enumerate()
+            .map(|(i, e)| 0.1 * e + (i as f64 * 0.01).sin() * 5.0)
+            .collect();
         let sd = difference_sd(&series);
         assert!((sd - 0.1).abs() < 0.006, "{sd}");
     }
 
     #[test]
     fn ljung_box_keeps_its_level_and_finds_colour() {
-        let rejected = (0..400).filter(|s| ljung_box(&white(*s, 300), 20).unwrap().p_value < 0.05).count();
+        let rejected = (0..400)
+            .filter(|s| ljung_box(&white(*s, 300), 20).unwrap().p_value < 0.05)
+            .count();
         assert!((8..=35).contains(&rejected), "{rejected} of 400 at 5 %");
         let mut coloured = white(7, 600);
         for i in 1..coloured.len() {

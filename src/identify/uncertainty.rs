@@ -96,18 +96,28 @@ pub fn profile(
                     return Ok((limit, true));
                 }
                 (inner, inner_z) = (trial, z);
-                let ratio = if z > 0.0 { (wanted / z).clamp(1.05, 3.0) } else { 3.0 };
+                let ratio = if z > 0.0 {
+                    (wanted / z).clamp(1.05, 3.0)
+                } else {
+                    3.0
+                };
                 trial = (trial * ratio).min(room);
             } else {
                 // z grows nearly linearly between the last point inside and this one.
-                trial = inner + (trial - inner) * ((wanted - inner_z) / (z - inner_z)).clamp(0.1, 0.95);
+                trial =
+                    inner + (trial - inner) * ((wanted - inner_z) / (z - inner_z)).clamp(0.1, 0.95);
             }
         }
         Ok((at[index] + sign * trial, false))
     };
     let (low, low_open) = end(-1.0)?;
     let (high, high_open) = end(1.0)?;
-    Ok(Profile { low, high, low_open, high_open })
+    Ok(Profile {
+        low,
+        high,
+        low_open,
+        high_open,
+    })
 }
 
 /// Ends of a profile interval.
@@ -130,7 +140,11 @@ mod tests {
     #[test]
     fn a_direction_without_information_is_infinite_and_the_rest_is_not() {
         // Parameters 0 and 1 only as a sum; 2 alone; 3 not at all.
-        let j = DMatrix::from_row_slice(3, 4, &[1.0, 1.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0]);
+        let j = DMatrix::from_row_slice(
+            3,
+            4,
+            &[1.0, 1.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0],
+        );
         let c = covariance(&(j.transpose() * &j));
         assert!(c[(0, 0)].is_infinite() && c[(1, 1)].is_infinite() && c[(3, 3)].is_infinite());
         assert!((c[(2, 2)] - 1.0 / 16.0).abs() < 1e-12);

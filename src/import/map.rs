@@ -98,7 +98,10 @@ pub struct FileMap {
 
 impl Default for FileMap {
     fn default() -> Self {
-        FileMap { separator: ',', decimal: '.' }
+        FileMap {
+            separator: ',',
+            decimal: '.',
+        }
     }
 }
 
@@ -172,7 +175,10 @@ impl Map {
     /// [`MapError`].
     pub fn load(path: &Path) -> Result<Map, MapError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| MapError::Unreadable { path: file.clone(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| MapError::Unreadable {
+            path: file.clone(),
+            source,
+        })?;
         Map::from_toml(&text, &file)
     }
 
@@ -181,43 +187,108 @@ impl Map {
     /// # Errors
     /// [`MapError`].
     pub fn from_toml(text: &str, file: &str) -> Result<Map, MapError> {
-        let map: Map = toml::from_str(text).map_err(|e| MapError::Toml { file: file.to_owned(), source: Box::new(e) })?;
+        let map: Map = toml::from_str(text).map_err(|e| MapError::Toml {
+            file: file.to_owned(),
+            source: Box::new(e),
+        })?;
         let bad = |key: String, value: &str, allowed: String| {
-            Err(MapError::Value { file: file.to_owned(), key, value: format!("'{value}'"), allowed })
+            Err(MapError::Value {
+                file: file.to_owned(),
+                key,
+                value: format!("'{value}'"),
+                allowed,
+            })
         };
         if time_unit_s(&map.time.unit).is_none() && map.time.unit != "iso8601" {
-            return bad("time.unit".into(), &map.time.unit, "it must be s, ms, us, ns or iso8601".into());
+            return bad(
+                "time.unit".into(),
+                &map.time.unit,
+                "it must be s, ms, us, ns or iso8601".into(),
+            );
         }
-        if let Some(unit) = map.time.compare_unit.as_ref().filter(|u| time_unit_s(u).is_none()) {
-            return bad("time.compare_unit".into(), unit, "it must be s, ms, us or ns".into());
+        if let Some(unit) = map
+            .time
+            .compare_unit
+            .as_ref()
+            .filter(|u| time_unit_s(u).is_none())
+        {
+            return bad(
+                "time.compare_unit".into(),
+                unit,
+                "it must be s, ms, us or ns".into(),
+            );
         }
         if !matches!(map.time.clock.as_str(), "relative" | "unix") {
-            return bad("time.clock".into(), &map.time.clock, "it must be relative or unix".into());
+            return bad(
+                "time.clock".into(),
+                &map.time.clock,
+                "it must be relative or unix".into(),
+            );
         }
-        if !map.file.separator.is_ascii() || !matches!(map.file.decimal, '.' | ',') || map.file.separator == map.file.decimal {
-            let given = format!("separator {} decimal {}", map.file.separator, map.file.decimal);
-            return bad("file".into(), &given, "the decimal sign is . or , and differs from the separator, an ASCII character".into());
+        if !map.file.separator.is_ascii()
+            || !matches!(map.file.decimal, '.' | ',')
+            || map.file.separator == map.file.decimal
+        {
+            let given = format!(
+                "separator {} decimal {}",
+                map.file.separator, map.file.decimal
+            );
+            return bad(
+                "file".into(),
+                &given,
+                "the decimal sign is . or , and differs from the separator, an ASCII character"
+                    .into(),
+            );
         }
         if map.motion.is_empty() {
-            return bad("motion".into(), "", format!("map at least one channel: [motion.x_m] .. of {}", CHANNELS.join(" ")));
+            return bad(
+                "motion".into(),
+                "",
+                format!(
+                    "map at least one channel: [motion.x_m] .. of {}",
+                    CHANNELS.join(" ")
+                ),
+            );
         }
         for (name, channel) in &map.motion {
             let Some(place) = CHANNELS.iter().position(|c| c == name) else {
-                return bad(format!("motion.{name}"), name, format!("channels are {}", CHANNELS.join(" ")));
+                return bad(
+                    format!("motion.{name}"),
+                    name,
+                    format!("channels are {}", CHANNELS.join(" ")),
+                );
             };
             if unit_factor(place, &channel.unit).is_none() {
-                return bad(format!("motion.{name}.unit"), &channel.unit, format!("it must be one of {}", units(place).join(" ")));
+                return bad(
+                    format!("motion.{name}.unit"),
+                    &channel.unit,
+                    format!("it must be one of {}", units(place).join(" ")),
+                );
             }
             if channel.sign.abs() != 1.0 {
-                return bad(format!("motion.{name}.sign"), &channel.sign.to_string(), "it must be 1 or -1".into());
+                return bad(
+                    format!("motion.{name}.sign"),
+                    &channel.sign.to_string(),
+                    "it must be 1 or -1".into(),
+                );
             }
-            if channel.sd.is_some_and(|sd| !(sd > 0.0 && sd.is_finite())) || !channel.offset.is_finite() {
-                return bad(format!("motion.{name}"), "sd or offset", "sd must be > 0 and both finite".into());
+            if channel.sd.is_some_and(|sd| !(sd > 0.0 && sd.is_finite()))
+                || !channel.offset.is_finite()
+            {
+                return bad(
+                    format!("motion.{name}"),
+                    "sd or offset",
+                    "sd must be > 0 and both finite".into(),
+                );
             }
         }
         for (i, command) in map.commands.iter().enumerate() {
             if !(command.scale.is_finite() && command.scale != 0.0 && command.offset.is_finite()) {
-                return bad(format!("command {}", i + 1), &command.scale.to_string(), "scale must be finite and not 0".into());
+                return bad(
+                    format!("command {}", i + 1),
+                    &command.scale.to_string(),
+                    "scale must be finite and not 0".into(),
+                );
             }
         }
         Ok(map)
@@ -228,7 +299,9 @@ impl Map {
         let place = |name: &String| CHANNELS.iter().position(|c| c == name);
         self.motion
             .iter()
-            .filter_map(|(name, c)| place(name).map(|p| (p, c, unit_factor(p, &c.unit).unwrap_or(1.0) * c.sign)))
+            .filter_map(|(name, c)| {
+                place(name).map(|p| (p, c, unit_factor(p, &c.unit).unwrap_or(1.0) * c.sign))
+            })
             .collect()
     }
 }
@@ -248,7 +321,10 @@ fn table(place: usize) -> &'static [(&'static str, f64)] {
 }
 
 fn unit_factor(place: usize, unit: &str) -> Option<f64> {
-    table(place).iter().find(|(name, _)| *name == unit).map(|(_, f)| *f)
+    table(place)
+        .iter()
+        .find(|(name, _)| *name == unit)
+        .map(|(_, f)| *f)
 }
 
 fn units(place: usize) -> Vec<&'static str> {
@@ -257,5 +333,8 @@ fn units(place: usize) -> Vec<&'static str> {
 
 /// Seconds per unit of time.
 pub(super) fn time_unit_s(unit: &str) -> Option<f64> {
-    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)].iter().find(|(name, _)| *name == unit).map(|(_, f)| *f)
+    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)]
+        .iter()
+        .find(|(name, _)| *name == unit)
+        .map(|(_, f)| *f)
 }

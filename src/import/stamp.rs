@@ -22,7 +22,11 @@ pub fn parse(text: &str) -> Option<(f64, Zone)> {
     let hour: i64 = parts.next()?.parse().ok()?;
     let minute: i64 = parts.next()?.parse().ok()?;
     let second: f64 = parts.next().unwrap_or("0").parse().ok()?;
-    if !(0..24).contains(&hour) || !(0..60).contains(&minute) || !(0.0..61.0).contains(&second) || parts.next().is_some() {
+    if !(0..24).contains(&hour)
+        || !(0..60).contains(&minute)
+        || !(0.0..61.0).contains(&second)
+        || parts.next().is_some()
+    {
         return None;
     }
     let zone = match zone.trim() {
@@ -32,10 +36,18 @@ pub fn parse(text: &str) -> Option<(f64, Zone)> {
             let sign = if offset.starts_with('-') { -1 } else { 1 };
             let digits: String = offset.chars().filter(char::is_ascii_digit).collect();
             let (h, m) = digits.split_at_checked(2)?;
-            Some(sign * (h.parse::<i32>().ok()? * 60 + if m.is_empty() { 0 } else { m.parse::<i32>().ok()? }))
+            Some(
+                sign * (h.parse::<i32>().ok()? * 60
+                    + if m.is_empty() {
+                        0
+                    } else {
+                        m.parse::<i32>().ok()?
+                    }),
+            )
         }
     };
-    let whole = days(year, month, day) * 86_400 + hour * 3600 + minute * 60 - i64::from(zone.unwrap_or(0)) * 60;
+    let whole = days(year, month, day) * 86_400 + hour * 3600 + minute * 60
+        - i64::from(zone.unwrap_or(0)) * 60;
     Some((whole as f64 + second, zone))
 }
 
@@ -56,9 +68,22 @@ mod tests {
     fn stamps_of_known_instants() {
         assert_eq!(parse("1970-01-01T00:00:00Z"), Some((0.0, Some(0))));
         assert_eq!(parse("2020-09-13 12:26:40"), Some((1_600_000_000.0, None)));
-        assert_eq!(parse("2020-09-13T14:26:40.5+02:00"), Some((1_600_000_000.5, Some(120))));
-        assert_eq!(parse("2024-02-29T00:00:00-0130"), Some((1_709_170_200.0, Some(-90))));
-        for bad in ["", "12:00", "2020-13-01T00:00:00", "2020-01-01T25:00:00", "2020-01-01", "é020-01-01T0"] {
+        assert_eq!(
+            parse("2020-09-13T14:26:40.5+02:00"),
+            Some((1_600_000_000.5, Some(120)))
+        );
+        assert_eq!(
+            parse("2024-02-29T00:00:00-0130"),
+            Some((1_709_170_200.0, Some(-90)))
+        );
+        for bad in [
+            "",
+            "12:00",
+            "2020-13-01T00:00:00",
+            "2020-01-01T25:00:00",
+            "2020-01-01",
+            "é020-01-01T0",
+        ] {
             assert_eq!(parse(bad), None, "{bad}");
         }
     }

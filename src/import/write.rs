@@ -15,7 +15,9 @@ const LINEAR_STEP_S: f64 = 0.01;
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// Findings forbid it.
-    #[error("{faults} fault(s) in the data, nothing written; mend the file or the map, or import what is sound with --accept-faults")]
+    #[error(
+        "{faults} fault(s) in the data, nothing written; mend the file or the map, or import what is sound with --accept-faults"
+    )]
     Faults {
         /// How many.
         faults: usize,
@@ -42,17 +44,42 @@ pub struct ImportOutcome {
 ///
 /// # Errors
 /// [`ImportError`].
-pub fn import(data: &Imported, map: &Map, map_text: &str, out: &Path, accept_faults: bool) -> Result<ImportOutcome, ImportError> {
-    let faults = data.findings.iter().filter(|f| f.severity == Severity::Fault).count();
+pub fn import(
+    data: &Imported,
+    map: &Map,
+    map_text: &str,
+    out: &Path,
+    accept_faults: bool,
+) -> Result<ImportOutcome, ImportError> {
+    let faults = data
+        .findings
+        .iter()
+        .filter(|f| f.severity == Severity::Fault)
+        .count();
     if faults > 0 && !accept_faults {
         return Err(ImportError::Faults { faults });
     }
-    let mut session = MetadataMap::from([("kind".to_owned(), "import".to_owned()), ("import.map".to_owned(), map_text.to_owned())]);
-    session.insert("import.findings".to_owned(), serde_json::to_string(&data.findings).unwrap_or_default());
-    let head = Head { rig_toml: "# imported: no rig was recorded\n".to_owned(), calibration_toml: None, session };
+    let mut session = MetadataMap::from([
+        ("kind".to_owned(), "import".to_owned()),
+        ("import.map".to_owned(), map_text.to_owned()),
+    ]);
+    session.insert(
+        "import.findings".to_owned(),
+        serde_json::to_string(&data.findings).unwrap_or_default(),
+    );
+    let head = Head {
+        rig_toml: "# imported: no rig was recorded\n".to_owned(),
+        calibration_toml: None,
+        session,
+    };
     let mut log = FileRecorder::create(out, false, head, WriteSettings::offline(None))?;
     let at = |t_s: f64| data.start_ns + (t_s.max(0.0) * 1e9).round() as u64;
-    let mut outcome = ImportOutcome { samples: 0, commands: 0, lost: 0, findings: data.findings.clone() };
+    let mut outcome = ImportOutcome {
+        samples: 0,
+        commands: 0,
+        lost: 0,
+        findings: data.findings.clone(),
+    };
     let mut sequence = 0u32;
     let mut last: Option<(f64, usize)> = None;
     for (k, &t_s) in data.times_s.iter().enumerate() {
@@ -62,13 +89,21 @@ pub fn import(data: &Imported, map: &Map, map_text: &str, out: &Path, accept_fau
             continue;
         }
         for (c, values) in map.commands.iter().zip(&data.commands) {
-            let Some(&value) = values.get(k).filter(|v| v.is_finite()) else { continue };
-            let before = last.and_then(|(t0, k0)| values.get(k0).filter(|v| v.is_finite()).map(|v| (t0, *v)));
+            let Some(&value) = values.get(k).filter(|v| v.is_finite()) else {
+                continue;
+            };
+            let before = last
+                .and_then(|(t0, k0)| values.get(k0).filter(|v| v.is_finite()).map(|v| (t0, *v)));
             let mut steps = vec![(t_s, value)];
             if let (Between::Linear, Some((t0, v0))) = (c.between, before) {
                 // The mean of each piece at the piece's start: a held staircase with the same integral.
                 let pieces = ((t_s - t0) / LINEAR_STEP_S).ceil().clamp(1.0, 1000.0) as usize;
-                let piece = |i: usize| (t0 + (t_s - t0) * i as f64 / pieces as f64, v0 + (value - v0) * (i as f64 + 0.5) / pieces as f64);
+                let piece = |i: usize| {
+                    (
+                        t0 + (t_s - t0) * i as f64 / pieces as f64,
+                        v0 + (value - v0) * (i as f64 + 0.5) / pieces as f64,
+                    )
+                };
                 steps = (0..pieces).map(piece).collect();
                 if k + 1 == data.times_s.len() {
                     steps.push((t_s, value));
@@ -91,7 +126,9 @@ pub fn import(data: &Imported, map: &Map, map_text: &str, out: &Path, accept_fau
             }
         }
         let value = |c: usize| data.motion[c].get(k).copied().filter(|v| v.is_finite());
-        outcome.lost += (0..12).filter(|c| data.motion[*c].get(k).is_some_and(|v| !v.is_finite())).count();
+        outcome.lost += (0..12)
+            .filter(|c| data.motion[*c].get(k).is_some_and(|v| !v.is_finite()))
+            .count();
         if (0..12).any(|c| value(c).is_some()) {
             log.write(at(t_s), &Entry::motion(&motion(at(t_s), &value, map)))?;
             outcome.samples += 1;
@@ -105,7 +142,12 @@ pub fn import(data: &Imported, map: &Map, map_text: &str, out: &Path, accept_fau
 fn motion(unix_ns: u64, value: &impl Fn(usize) -> Option<f64>, map: &Map) -> pb::VehicleMotion {
     let mut covariance = Vec::new();
     let channels = map.channels();
-    let sd = |c: usize| channels.iter().find(|(p, ..)| *p == c).and_then(|(_, m, _)| m.sd);
+    let sd = |c: usize| {
+        channels
+            .iter()
+            .find(|(p, ..)| *p == c)
+            .and_then(|(_, m, _)| m.sd)
+    };
     if (0..6).all(|c| sd(c).is_some()) {
         covariance = vec![0.0; 36];
         for c in 0..6 {

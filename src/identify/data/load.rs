@@ -62,7 +62,10 @@ pub enum LoadError {
 /// # Errors
 /// [`LoadError`].
 pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
-    let name = path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned());
+    let name = path.file_stem().map_or_else(
+        || path.display().to_string(),
+        |s| s.to_string_lossy().into_owned(),
+    );
     let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
     for message in LogReader::open(path)? {
         match message?.record {
@@ -73,7 +76,10 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         }
     }
     if motion.is_empty() {
-        return Err(LoadError::NoMotion { log: path.display().to_string(), frames });
+        return Err(LoadError::NoMotion {
+            log: path.display().to_string(),
+            frames,
+        });
     }
     load_messages(&name, &commands, &motion, rig)
 }
@@ -92,14 +98,30 @@ pub fn load_messages(
     rig: &Rig,
 ) -> Result<Run, LoadError> {
     let stamp = |t: &Option<prost_types::Timestamp>| unix_ns(t.as_ref().unwrap_or(&timestamp(0)));
-    let first = commands.iter().map(|c| stamp(&c.timestamp)).chain(motion.iter().map(|m| stamp(&m.timestamp))).min();
+    let first = commands
+        .iter()
+        .map(|c| stamp(&c.timestamp))
+        .chain(motion.iter().map(|m| stamp(&m.timestamp)))
+        .min();
     let start_ns = first.unwrap_or(0);
     // Differences of u64 ns, not of f64 s: UNIX time in f64 resolves only 0.2 us.
     let since_s = |ns: u64| ns.saturating_sub(start_ns) as f64 * 1e-9;
-    let mut run = Run { name: name.to_owned(), start_ns, ..Run::default() };
-    run.commands = wrenches(name, commands, rig, |c| since_s(stamp(&c.timestamp)), &mut run.notes)?;
+    let mut run = Run {
+        name: name.to_owned(),
+        start_ns,
+        ..Run::default()
+    };
+    run.from_pulses = !commands.is_empty() && commands.iter().all(|c| c.pulse_us > 0.0);
+    run.commands = wrenches(
+        name,
+        commands,
+        rig,
+        |c| since_s(stamp(&c.timestamp)),
+        &mut run.notes,
+    )?;
     let (mut repeated, mut not_finite) = (0usize, 0usize);
-    let mut ordered: Vec<(u64, &pb::VehicleMotion)> = motion.iter().map(|m| (stamp(&m.timestamp), m)).collect();
+    let mut ordered: Vec<(u64, &pb::VehicleMotion)> =
+        motion.iter().map(|m| (stamp(&m.timestamp), m)).collect();
     let backwards = ordered.windows(2).filter(|w| w[1].0 < w[0].0).count();
     ordered.sort_by_key(|(ns, _)| *ns);
     let mut last_ns = None;
@@ -121,9 +143,15 @@ pub fn load_messages(
         }
     };
     note(backwards, "motion stamps go backwards; sorted by stamp");
-    note(repeated, "motion samples repeat a stamp; only the first of each was used");
+    note(
+        repeated,
+        "motion samples repeat a stamp; only the first of each was used",
+    );
     note(not_finite, "motion values are not finite; left out");
-    note(wraps, "jumps of a whole turn in an angle; continued without the jump");
+    note(
+        wraps,
+        "jumps of a whole turn in an angle; continued without the jump",
+    );
     Ok(run)
 }
 
@@ -151,12 +179,29 @@ fn unwrap_angles(samples: &mut [Sample]) -> usize {
 
 fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
     let given = [
-        m.x_m, m.y_m, m.z_m, m.phi_rad, m.theta_rad, m.psi_rad, m.u_mps, m.v_mps, m.w_mps, m.p_radps, m.q_radps, m.r_radps,
+        m.x_m,
+        m.y_m,
+        m.z_m,
+        m.phi_rad,
+        m.theta_rad,
+        m.psi_rad,
+        m.u_mps,
+        m.v_mps,
+        m.w_mps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
     ];
     *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
     let values = given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN));
-    let covariance = <[f64; 36]>::try_from(m.covariance.as_slice()).ok().filter(|c| c.iter().all(|v| v.is_finite()));
-    Sample { t_s, values, covariance: covariance.map(Box::new) }
+    let covariance = <[f64; 36]>::try_from(m.covariance.as_slice())
+        .ok()
+        .filter(|c| c.iter().all(|v| v.is_finite()));
+    Sample {
+        t_s,
+        values,
+        covariance: covariance.map(Box::new),
+    }
 }
 
 fn wrenches(
@@ -175,24 +220,44 @@ fn wrenches(
     let mut largest_change_n = 0.0_f64;
     for command in ordered {
         let t_s = time_s(command);
-        let place = rig.thrusters.thrusters.iter().position(|t| t.name == command.thruster);
+        let place = rig
+            .thrusters
+            .thrusters
+            .iter()
+            .position(|t| t.name == command.thruster);
         let mut value = command.thrust_n;
         if let (Some(i), true) = (place, command.pulse_us > 0.0) {
             value = rig.thrusters.thrusters[i].curve.thrust_n(command.pulse_us);
             largest_change_n = largest_change_n.max((value - command.thrust_n).abs());
         }
         if !value.is_finite() {
-            return Err(LoadError::CommandNotFinite { log: log.to_owned(), thruster: command.thruster.clone(), t_s, value });
+            return Err(LoadError::CommandNotFinite {
+                log: log.to_owned(),
+                thruster: command.thruster.clone(),
+                t_s,
+                value,
+            });
         }
-        match (place, Dof::ALL.iter().find(|d| d.name() == command.thruster)) {
+        match (
+            place,
+            Dof::ALL.iter().find(|d| d.name() == command.thruster),
+        ) {
             (Some(i), _) => thrust_n[i] = value,
             (None, Some(dof)) => direct[dof.index()] = value,
             (None, None) => {
-                let known: Vec<&str> = rig.thrusters.thrusters.iter().map(|t| t.name.as_str()).collect();
+                let known: Vec<&str> = rig
+                    .thrusters
+                    .thrusters
+                    .iter()
+                    .map(|t| t.name.as_str())
+                    .collect();
                 return Err(LoadError::UnknownThruster {
                     log: log.to_owned(),
                     thruster: command.thruster.clone(),
-                    commands: commands.iter().filter(|c| c.thruster == command.thruster).count(),
+                    commands: commands
+                        .iter()
+                        .filter(|c| c.thruster == command.thruster)
+                        .count(),
                     known: known.join(", "),
                 });
             }
@@ -219,11 +284,21 @@ mod tests {
     use super::*;
 
     fn motion(ns: u64, x_m: f64) -> pb::VehicleMotion {
-        pb::VehicleMotion { timestamp: Some(timestamp(ns)), x_m: Some(x_m), ..Default::default() }
+        pb::VehicleMotion {
+            timestamp: Some(timestamp(ns)),
+            x_m: Some(x_m),
+            ..Default::default()
+        }
     }
 
     fn command(ns: u64, thruster: &str, thrust_n: f64, pulse_us: f64) -> pb::ThrusterCommand {
-        pb::ThrusterCommand { timestamp: Some(timestamp(ns)), thruster: thruster.into(), thrust_n, pulse_us, ..Default::default() }
+        pb::ThrusterCommand {
+            timestamp: Some(timestamp(ns)),
+            thruster: thruster.into(),
+            thrust_n,
+            pulse_us,
+            ..Default::default()
+        }
     }
 
     const T0: u64 = 1_760_000_000_000_000_000;
@@ -237,10 +312,29 @@ mod tests {
             command(T0 + 900_000_000, "surge", 4.0, 0.0),
             command(T0 + 1_500_000_000, "v_fore_stbd", 2.0, 0.0),
         ];
-        let run = load_messages("a", &commands, &[motion(T0, 0.0), motion(T0 + 40_000_000, 1.0)], &rig).unwrap();
-        assert_eq!(run.commands.len(), 2, "a repeated command is no edge: {:?}", run.commands);
-        assert_eq!(run.commands[0], Command { t_s: 0.5, wrench: [4.0, 0.0, 0.0, 0.0, 0.0, 0.5] });
-        assert!((run.commands[1].wrench[2] - 2.0).abs() < 1e-12 && run.commands[1].wrench[4] != 0.0);
+        let run = load_messages(
+            "a",
+            &commands,
+            &[motion(T0, 0.0), motion(T0 + 40_000_000, 1.0)],
+            &rig,
+        )
+        .unwrap();
+        assert_eq!(
+            run.commands.len(),
+            2,
+            "a repeated command is no edge: {:?}",
+            run.commands
+        );
+        assert_eq!(
+            run.commands[0],
+            Command {
+                t_s: 0.5,
+                wrench: [4.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+            }
+        );
+        assert!(
+            (run.commands[1].wrench[2] - 2.0).abs() < 1e-12 && run.commands[1].wrench[4] != 0.0
+        );
         assert_eq!(run.wrench_at(0.4), [0.0; 6]);
         assert!((run.samples[1].t_s - 0.04).abs() < 1e-12 && run.samples[1].values[1].is_nan());
     }
@@ -248,20 +342,45 @@ mod tests {
     #[test]
     fn a_pulse_goes_through_the_rigs_curve() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let run = load_messages("a", &[command(T0, "v_fore_stbd", 99.0, 1700.0)], &[motion(T0, 0.0)], &rig).unwrap();
-        assert!((run.commands[0].wrench[2] - 18.02).abs() < 1e-9, "{:?}", run.commands);
+        let run = load_messages(
+            "a",
+            &[command(T0, "v_fore_stbd", 99.0, 1700.0)],
+            &[motion(T0, 0.0)],
+            &rig,
+        )
+        .unwrap();
+        assert!(
+            (run.commands[0].wrench[2] - 18.02).abs() < 1e-9,
+            "{:?}",
+            run.commands
+        );
         assert!(run.notes[0].contains("differs"), "{:?}", run.notes);
     }
 
     #[test]
     fn odd_stamps_and_values_are_named_and_a_stranger_is_refused() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let samples = [motion(T0 + 80, 1.0), motion(T0, 0.0), motion(T0, 0.5), motion(T0 + 90, f64::NAN)];
+        let samples = [
+            motion(T0 + 80, 1.0),
+            motion(T0, 0.0),
+            motion(T0, 0.5),
+            motion(T0 + 90, f64::NAN),
+        ];
         let run = load_messages("a", &[], &samples, &rig).unwrap();
-        assert_eq!(run.samples.iter().map(|s| s.values[0]).collect::<Vec<_>>(), [0.0, 1.0]);
+        assert_eq!(
+            run.samples.iter().map(|s| s.values[0]).collect::<Vec<_>>(),
+            [0.0, 1.0]
+        );
         assert_eq!(run.notes.len(), 3, "{:?}", run.notes);
-        let words = load_messages("a", &[command(T0, "bow", 1.0, 0.0)], &samples, &rig).unwrap_err().to_string();
-        assert!(words.contains("'bow'") && words.contains("h_fore_stbd"), "{words}");
-        assert!(load_messages("a", &[command(T0, "surge", f64::NAN, 0.0)], &samples, &rig).is_err());
+        let words = load_messages("a", &[command(T0, "bow", 1.0, 0.0)], &samples, &rig)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            words.contains("'bow'") && words.contains("h_fore_stbd"),
+            "{words}"
+        );
+        assert!(
+            load_messages("a", &[command(T0, "surge", f64::NAN, 0.0)], &samples, &rig).is_err()
+        );
     }
 }
