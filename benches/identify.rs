@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench identify` prints a table; GA_REPEATS=1 shortens it (its time is then not that of ten).
 
+#![allow(clippy::expect_used)]
+
 use std::time::Instant;
 
 use hydroline::identify::axis::Axis;

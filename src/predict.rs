@@ -97,11 +97,11 @@ impl Identified {
         }
         let cell = |i: usize, j: usize| json["covariance"][i][j].as_f64();
         let n = values.len();
-        for i in 0..n {
+        for (i, (coefficient, _)) in values.iter().enumerate() {
             if cell(i, i).is_none() {
                 return Err(bad(format!(
                     "{} was not determined (no variance): its band is unbounded; fix it (--fix) or run the experiment that excites it",
-                    values[i].0.key()
+                    coefficient.key()
                 )));
             }
         }

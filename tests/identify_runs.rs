@@ -1,6 +1,8 @@
 //! Identification end to end: simulated experiments with known truth, logs made apart from the
 //! project, and a real tank test. The latter two skip, with a message, where they are absent.
 
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -108,13 +110,16 @@ fn simulated(
     }
 }
 
+/// (time \[s\], wrench).
+type Commands = Vec<(f64, [f64; 6])>;
+
 fn surge(x: f64) -> [f64; 6] {
     [x, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
 /// Four runs of 24 s at 25 Hz: the paper's loads, reversals and a coast-down.
 fn surge_runs(vehicle: &Vehicle, noise: TestNoise, seed: u64) -> Vec<Run> {
-    let plans: [(&str, Vec<(f64, [f64; 6])>); 4] = [
+    let plans: [(&str, Commands); 4] = [
         ("4n", vec![(0.0, surge(4.0)), (14.0, surge(0.0))]),
         (
             "8n",

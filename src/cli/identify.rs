@@ -87,18 +87,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .as_deref()
         .map(|path| measure_curve(path, &mut rig))
         .transpose()?;
-    if let Some(found) = &bollard {
-        if args.logs.is_empty() {
-            if args.json {
-                println!(
-                    "{}",
-                    serde_json::to_string_pretty(found).map_err(CliError::run)?
-                );
-            } else {
-                print!("{}", found.to_toml());
-            }
-            return Ok(Outcome::Done);
+    if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
+        if args.json {
+            println!(
+                "{}",
+                serde_json::to_string_pretty(found).map_err(CliError::run)?
+            );
+        } else {
+            print!("{}", found.to_toml());
         }
+        return Ok(Outcome::Done);
     }
     let model = model(&args.model)?;
     let fixed: Result<Vec<Coefficient>, CliError> = args

@@ -461,8 +461,8 @@ impl<'f> Fit<'f> {
                 self.noises[slot] = noise;
             }
             let (mut kept, mut present) = (0usize, 0usize);
-            for run in 0..self.forward.runs() {
-                kept += used[run][slot].iter().filter(|u| **u).count();
+            for (run, used) in used.iter().enumerate() {
+                kept += used[slot].iter().filter(|u| **u).count();
                 present += self
                     .forward
                     .measured(run)
@@ -557,7 +557,7 @@ impl<'f> Fit<'f> {
             };
             let ends = sd
                 .is_finite()
-                .then(|| (value - quantile * sd, value + quantile * sd));
+                .then_some((value - quantile * sd, value + quantile * sd));
             let estimate = Estimate {
                 symbol: c.symbol().to_owned(),
                 unit: c.unit().to_owned(),

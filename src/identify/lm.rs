@@ -127,9 +127,9 @@ pub fn least_squares(
         // A parameter on its bound that wants out stays for this step.
         let moves: Vec<usize> = (0..at.len())
             .filter(|&i| {
-                !held[i]
-                    && !(at[i] <= free[i].low && normal.gradient[i] > 0.0)
-                    && !(at[i] >= free[i].high && normal.gradient[i] < 0.0)
+                let down_and_out = at[i] <= free[i].low && normal.gradient[i] > 0.0;
+                let up_and_out = at[i] >= free[i].high && normal.gradient[i] < 0.0;
+                !(held[i] || down_and_out || up_and_out)
             })
             .collect();
         if moves.is_empty() {

@@ -82,12 +82,11 @@ mod tests {
             [21.64, 55.54, 80.47],
         ];
         for (row, ours) in table11().iter().zip(ours) {
-            for i in 0..3 {
-                assert!(
-                    (row.error_mm[i] - row.printed_mm[i]).abs() <= 0.1,
-                    "{row:?}"
-                );
-                assert!((row.error_mm[i] - ours[i]).abs() <= 0.006, "{row:?}");
+            for ((error_mm, printed_mm), ours_mm) in
+                row.error_mm.iter().zip(row.printed_mm).zip(ours)
+            {
+                assert!((error_mm - printed_mm).abs() <= 0.1, "{row:?}");
+                assert!((error_mm - ours_mm).abs() <= 0.006, "{row:?}");
             }
         }
     }

@@ -334,10 +334,8 @@ fn kinematics(data: &Imported, findings: &mut Vec<Finding>) {
     } else if has(0) {
         expected[0] = Some(derivative(0));
     }
-    for c in 2..6 {
-        if has(c) {
-            expected[c] = Some(derivative(c));
-        }
+    for (c, own) in expected.iter_mut().enumerate().skip(2) {
+        *own = has(c).then(|| derivative(c));
     }
     for rate in (0..6).filter(|r| has(6 + r)) {
         let Some(own) = &expected[rate] else { continue };

@@ -264,7 +264,7 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
             .start_unix_s
             .unwrap_or(crate::simulate::START_UNIX_S as f64),
     };
-    if unix_s < 0.0 || unix_s > 4e9 {
+    if !(0.0..=4e9).contains(&unix_s) {
         findings.push(Finding::fault("time_unit", None, format!("the first stamp is UNIX {unix_s:.3e} s, outside 1970 .. 2096: is time.unit '{}' right?", map.time.unit)));
     }
     out.start_ns = (unix_s.clamp(0.0, 4e9) * 1e9) as u64;
