@@ -66,7 +66,8 @@ impl Method for LevenbergMarquardt {
                         (centre + span * (rng.random::<f64>() - 0.5)).clamp(free.low, free.high);
                 }
             }
-            match from(problem, objective, start) {
+            // L1 too: the starts are told apart by least squares, only the best one is reweighted.
+            match from(problem, Objective::LeastSquares, start) {
                 Ok(found) => {
                     evaluations += found.evaluations;
                     if best.as_ref().is_none_or(|b| found.objective < b.objective) {
@@ -77,6 +78,15 @@ impl Method for LevenbergMarquardt {
             }
         }
         match (best, failure) {
+            (Some(best), _) if objective == Objective::SumOfAbsolute => {
+                let before = best.evaluations;
+                let found = least_absolute(problem, best).map_err(MethodError::NoStart)?;
+                Ok(Solution {
+                    evaluations: evaluations + found.evaluations - before,
+                    tries,
+                    ..found
+                })
+            }
             (Some(best), _) => Ok(Solution {
                 evaluations,
                 tries,
