@@ -8,10 +8,13 @@ mod check;
 mod demo;
 mod devices;
 mod extract;
+mod identify;
+mod import;
 mod inputs;
 mod log_tools;
 mod outcome;
 mod print;
+mod predict;
 mod progress;
 mod record;
 mod replay;
@@ -60,6 +63,12 @@ enum Command {
     Simulate(simulate::Args),
     /// Stripe points of single images
     Extract(extract::Args),
+    /// Motion and commands recorded by something else, into a log
+    Import(import::Args),
+    /// Hydrodynamic coefficients with their uncertainty
+    Identify(identify::Args),
+    /// The motion a plan will make, with its band
+    Predict(predict::Args),
     /// Rig files
     #[command(subcommand)]
     Rig(rig::Command),
@@ -95,6 +104,9 @@ impl Cli {
             Command::Replay(args) => replay::run(&args),
             Command::Simulate(args) => simulate::run(&args),
             Command::Extract(args) => extract::run(&args),
+            Command::Import(args) => import::run(&args),
+            Command::Identify(args) => identify::run(&args),
+            Command::Predict(args) => predict::run(&args),
             Command::Rig(command) => rig::run(&command),
             Command::SimController(args) => sim_controller::run(&args),
         }

@@ -11,6 +11,7 @@
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod dual;
 pub mod effect;
 pub mod fixture;
 pub mod model;
@@ -21,6 +22,7 @@ pub mod trajectory;
 pub mod vehicle;
 pub mod world;
 
+pub use dual::Dual;
 pub use effect::{EffectError, EffectStack};
 pub use model::Model;
 pub use real::Real;

@@ -1,0 +1,178 @@
+//! lm, cmaes and ga side by side on the same objective, one thread each: must show 3 and 7.
+//!
+//! `cargo bench --bench identify` prints a table; GA_REPEATS=1 shortens it (its time is then not that of ten).
+
+#![allow(clippy::expect_used)]
+
+use std::time::Instant;
+
+use hydroline::identify::axis::Axis;
+use hydroline::identify::cmaes::Cmaes;
+use hydroline::identify::data::{Command, Run, Sample};
+use hydroline::identify::forward::Forward;
+use hydroline::identify::ga::Genetic;
+use hydroline::identify::lm::LevenbergMarquardt;
+use hydroline::identify::method::Method;
+use hydroline::identify::paper::TABLE9;
+use hydroline::identify::parameter::Coefficient;
+use hydroline::identify::problem::{Objective, Problem};
+use hydroline::identify::{Options, identify};
+use hydroline_rigs::{Dof, Rig};
+use rand::{SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, Normal};
+
+const NOISE_M: f64 = 3e-4;
+
+/// A surge run from rest at 25 Hz with white noise.
+fn run(rig: &Rig, commands: Vec<Command>, length_s: f64, seed: u64) -> Run {
+    let sample = |k: usize| Sample {
+        t_s: 0.04 * k as f64,
+        values: std::array::from_fn(|c| if c == 0 { 0.0 } else { f64::NAN }),
+        covariance: None,
+    };
+    let mut run = Run {
+        name: format!("run{seed}"),
+        commands,
+        samples: (0..(length_s / 0.04) as usize).map(sample).collect(),
+        ..Run::default()
+    };
+    let axis = Axis::new(
+        std::slice::from_ref(&run),
+        &rig.vehicle,
+        Dof::Surge,
+        &[],
+        true,
+    );
+    let mut truth = Vec::new();
+    axis.values(0, &[0.0], &mut truth)
+        .expect("the rig's own motion");
+    let normal = Normal::new(0.0, NOISE_M).expect("a standard deviation");
+    let mut rng = StdRng::seed_from_u64(seed);
+    for (sample, x) in run.samples.iter_mut().zip(truth) {
+        sample.values[0] = x + normal.sample(&mut rng);
+    }
+    run
+}
+
+fn main() {
+    let rig = Rig::builtin("lshpi").expect("built in");
+    let constant = |x: f64| {
+        vec![Command {
+            t_s: 0.0,
+            wrench: [x, 0.0, 0.0, 0.0, 0.0, 0.0],
+        }]
+    };
+    // The paper's two runs, 1 m each, start known (section 3.6.3), ranges of Table 9.
+    let runs = [
+        run(&rig, constant(4.0), 15.42, 1),
+        run(&rig, constant(8.0), 10.42, 2),
+    ];
+    let mut axis = Axis::new(
+        &runs,
+        &rig.vehicle,
+        Dof::Surge,
+        &Coefficient::of(Dof::Surge),
+        true,
+    );
+    axis.set_ranges(&TABLE9);
+    axis.know_start();
+    let problem = Problem::new(&axis, &[NOISE_M]);
+    let repeats = std::env::var("GA_REPEATS")
+        .ok()
+        .and_then(|v| v.parse().ok())
+        .unwrap_or(10);
+    let (lm, cmaes, ga) = (
+        LevenbergMarquardt::default(),
+        Cmaes::default(),
+        Genetic {
+            repeats,
+            ..Genetic::default()
+        },
+    );
+    for objective in [Objective::SumOfAbsolute, Objective::LeastSquares] {
+        println!("{objective:?}");
+        println!(
+            "  {:<6}{:>22}{:>13}{:>12}   X_udot      X_u         X_u|u|     ga time / its time",
+            "", "objective", "evaluations", "time [s]"
+        );
+        let mut rows = Vec::new();
+        for method in [&lm as &dyn Method, &cmaes, &ga] {
+            let start = Instant::now();
+            let found = method
+                .minimise(&problem, objective, 1)
+                .expect("a finite motion");
+            rows.push((method.name(), found, start.elapsed().as_secs_f64()));
+        }
+        let slowest = rows.last().map_or(1.0, |r| r.2);
+        for (name, found, time_s) in &rows {
+            let p = &found.parameters;
+            println!(
+                "  {name:<6}{:>22.15e}{:>13}{time_s:>12.5}   {:<11.4} {:<11.5} {:<11.4} {:.0}",
+                found.objective,
+                found.evaluations,
+                p[0],
+                p[1],
+                p[2],
+                slowest / time_s
+            );
+        }
+        let best = |name: &str| {
+            rows.iter()
+                .find(|r| r.0 == name)
+                .map_or(f64::NAN, |r| r.1.objective)
+        };
+        println!(
+            "  lm - ga {:+.3e}, cmaes - ga {:+.3e} (relative; not above 0 = no worse)",
+            best("lm") / best("ga") - 1.0,
+            best("cmaes") / best("ga") - 1.0
+        );
+    }
+    // Four runs of 24 s at 25 Hz, starts and velocities free, everything `identify` does.
+    let step = |pairs: &[(f64, f64)]| {
+        pairs
+            .iter()
+            .map(|(t_s, x)| Command {
+                t_s: *t_s,
+                wrench: [*x, 0.0, 0.0, 0.0, 0.0, 0.0],
+            })
+            .collect()
+    };
+    let four = [
+        run(&rig, step(&[(0.0, 4.0), (14.0, 0.0)]), 24.0, 3),
+        run(&rig, step(&[(0.0, 8.0), (9.0, -8.0), (18.0, 8.0)]), 24.0, 4),
+        run(
+            &rig,
+            step(&[(0.0, 16.0), (5.0, -6.0), (12.0, 3.0)]),
+            24.0,
+            5,
+        ),
+        run(
+            &rig,
+            step(&[(0.0, 2.0), (3.0, 10.0), (6.0, -10.0), (12.0, 4.0)]),
+            24.0,
+            6,
+        ),
+    ];
+    let start = Instant::now();
+    let found = identify(&four, &rig, &Options::default()).expect("identified");
+    println!(
+        "identify, 4 runs x 24 s x 25 Hz, intervals, noise and cross-validation: {:.3} s, {} evaluations",
+        start.elapsed().as_secs_f64(),
+        found.evaluations
+    );
+    let start = Instant::now();
+    let found = identify(
+        &four,
+        &rig,
+        &Options {
+            cross_validate: false,
+            ..Options::default()
+        },
+    )
+    .expect("identified");
+    println!(
+        "the same without cross-validation: {:.3} s, {} evaluations",
+        start.elapsed().as_secs_f64(),
+        found.evaluations
+    );
+}

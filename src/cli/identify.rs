@@ -1,0 +1,309 @@
+//! `hydroline identify`: coefficients with their uncertainty from logs.
+
+use std::path::PathBuf;
+
+use hydroline_rigs::Dof;
+
+use super::{CliError, Outcome, inputs};
+use crate::identify::bollard::{self, Bollard};
+use crate::identify::cmaes::Cmaes;
+use crate::identify::data::{Run, load};
+use crate::identify::ga::Genetic;
+use crate::identify::lm::LevenbergMarquardt;
+use crate::identify::method::Method;
+use crate::identify::parameter::Coefficient;
+use crate::identify::problem::Objective;
+use crate::identify::report::{html, significant};
+use crate::identify::{Identification, ModelChoice, Options, identify};
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Search {
+    Lm,
+    Cmaes,
+    Ga,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Loss {
+    /// Least squares weighted by the noise
+    Ls,
+    /// The paper's Eq. 10, each run normalised
+    L1,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables) and,
+unless they are decay tests, /thruster/command. A log at rest for 20 s or more measures the noise.
+
+Example: hydroline identify run0.mcap run1.mcap --rig lshpi --report out")]
+pub struct Args {
+    /// Logs, all of the same vehicle
+    #[arg(required_unless_present = "bollard", value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Rig file or built-in name: mass, inertia, thrusters, and where the search starts
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// How to search
+    #[arg(long, value_enum, default_value = "lm")]
+    method: Search,
+    /// What the search minimises; intervals always come from the least squares
+    #[arg(long, value_enum, default_value = "ls")]
+    objective: Loss,
+    /// surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
+    #[arg(long, default_value = "auto", value_name = "MODEL")]
+    model: String,
+    /// Coefficient to keep as the rig has it, e.g. k_pp (repeatable)
+    #[arg(long, value_name = "KEY")]
+    fix: Vec<String>,
+    /// Every run starts at rest: initial velocities are known
+    #[arg(long)]
+    from_rest: bool,
+    /// Only motion from this time of each log on \[s\]
+    #[arg(long, value_parser = inputs::not_negative, default_value = "0", value_name = "S")]
+    from: f64,
+    /// Only motion up to this time of each log \[s\]
+    #[arg(long, value_parser = inputs::not_negative, value_name = "S")]
+    to: Option<f64>,
+    /// Seed of random starts and searches
+    #[arg(long, default_value = "1")]
+    seed: u64,
+    /// Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and
+    /// uses it for the logs given, which cures the thrust-scale blind spot
+    #[arg(long, value_name = "DATA.csv")]
+    bollard: Option<PathBuf>,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Writes DIR/identify.html
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let mut rig = inputs::rig(&args.rig)?;
+    let bollard = args
+        .bollard
+        .as_deref()
+        .map(|path| measure_curve(path, &mut rig))
+        .transpose()?;
+    if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
+        if args.json {
+            println!(
+                "{}",
+                serde_json::to_string_pretty(found).map_err(CliError::run)?
+            );
+        } else {
+            print!("{}", found.to_toml());
+        }
+        return Ok(Outcome::Done);
+    }
+    let model = model(&args.model)?;
+    let fixed: Result<Vec<Coefficient>, CliError> = args
+        .fix
+        .iter()
+        .map(|k| {
+            Coefficient::find(k).ok_or_else(|| {
+                CliError::Config(format!(
+                    "--fix {k}: no such coefficient; they are x_udot x_u x_uu .. n_rdot n_r n_rr"
+                ))
+            })
+        })
+        .collect();
+    let mut runs: Vec<Run> = Vec::new();
+    for log in &args.logs {
+        let loaded = load(log, &rig).map_err(CliError::run)?;
+        runs.push(if args.from > 0.0 || args.to.is_some() {
+            loaded.window(args.from, args.to.unwrap_or(f64::INFINITY))
+        } else {
+            loaded
+        });
+    }
+    let (lm, cmaes, ga) = (
+        LevenbergMarquardt::default(),
+        Cmaes::default(),
+        Genetic::default(),
+    );
+    let method: &dyn Method = match args.method {
+        Search::Lm => &lm,
+        Search::Cmaes => &cmaes,
+        Search::Ga => &ga,
+    };
+    let options = Options {
+        model,
+        method,
+        objective: match args.objective {
+            Loss::Ls => Objective::LeastSquares,
+            Loss::L1 => Objective::SumOfAbsolute,
+        },
+        fixed: fixed?,
+        from_rest: args.from_rest,
+        cross_validate: true,
+        seed: args.seed,
+    };
+    let mut result = identify(&runs, &rig, &options).map_err(CliError::run)?;
+    if let Some(found) = &bollard {
+        if runs.iter().all(|r| r.from_pulses || r.commands.is_empty()) {
+            result.blind_spots.retain(|b| b.what != "thrust_scale");
+            result.notes.push(format!("thrust from the bollard pull (scatter {:.3} N); its own uncertainty is not in the intervals", found.rms_n));
+        } else {
+            result.notes.push(
+                "the logs carry thrusts without pulses: the bollard pull's curve could not be used"
+                    .to_owned(),
+            );
+        }
+    }
+    if let Some(dir) = &args.report {
+        let path = dir.join("identify.html");
+        let written = std::fs::create_dir_all(dir).and_then(|()| {
+            std::fs::write(
+                &path,
+                html(&result, &std::env::args().collect::<Vec<_>>().join(" ")),
+            )
+        });
+        written.map_err(|e| {
+            CliError::Run(format!(
+                "{}: {e}; check that the folder is writable",
+                path.display()
+            ))
+        })?;
+        eprintln!("{}", path.display());
+    }
+    if args.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&result).map_err(CliError::run)?
+        );
+    } else {
+        print(&result);
+    }
+    Ok(Outcome::Done)
+}
+
+/// Fits the curve and puts it into every thruster of the rig.
+fn measure_curve(
+    path: &std::path::Path,
+    rig: &mut hydroline_rigs::Rig,
+) -> Result<Bollard, CliError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
+    let pulls = bollard::read(&text, &path.display().to_string()).map_err(CliError::config)?;
+    let set = &mut rig.thrusters;
+    let found =
+        bollard::fit(&pulls, (set.min_us, set.neutral_us, set.max_us)).map_err(CliError::run)?;
+    let points: Vec<(f64, f64)> = found
+        .curve
+        .iter()
+        .map(|(pulse_us, thrust_n, _)| (*pulse_us, *thrust_n))
+        .collect();
+    if let Some(w) = points
+        .windows(2)
+        .find(|w| w[0].0 >= w[1].0 || w[0].1 > w[1].1)
+    {
+        return Err(CliError::Run(format!(
+            "the fitted thrust falls from {:.2} N at {:.1} us to {:.2} N at {:.1} us; check the readings there",
+            w[0].1, w[0].0, w[1].1, w[1].0
+        )));
+    }
+    for thruster in &mut set.thrusters {
+        thruster.curve.points.clone_from(&points);
+    }
+    Ok(found)
+}
+
+fn model(word: &str) -> Result<ModelChoice, CliError> {
+    match word {
+        "auto" => Ok(ModelChoice::Auto),
+        "coupled" => Ok(ModelChoice::Coupled),
+        _ => Dof::ALL
+            .into_iter()
+            .find(|d| d.name() == word)
+            .map(ModelChoice::Axis)
+            .ok_or_else(|| {
+                CliError::Config(format!(
+                    "--model {word}: give auto, coupled, surge, sway, heave, roll, pitch or yaw"
+                ))
+            }),
+    }
+}
+
+fn print(result: &Identification) {
+    println!(
+        "{} by {} ({} evaluations)",
+        result.model, result.method, result.evaluations
+    );
+    println!(
+        "  {:<9}{:>12} {:>11}   {:<26}{:>10}  unit",
+        "", "value", "sd", "95 % interval", "rig"
+    );
+    for p in result.order.iter().filter_map(|k| result.parameters.get(k)) {
+        let number = |v: Option<f64>| v.map_or("-".to_owned(), significant);
+        let remark = match (p.excited, p.at_bound, &p.profile) {
+            (false, ..) => "  NOT DETERMINED by these runs",
+            (_, true, _) => "  on its search range",
+            (_, _, Some(_)) => "  (profile)",
+            _ => "",
+        };
+        let interval = format!("{} .. {}", number(p.low), number(p.high));
+        // The combining dot of X_u-dot takes no column.
+        let width =
+            9 + p.symbol.chars().count() - p.symbol.chars().filter(|c| *c != '\u{307}').count();
+        println!(
+            "  {:<width$}{:>12} {:>11}   {interval:<26}{:>10}  {}{remark}",
+            p.symbol,
+            significant(p.value),
+            number(p.sd),
+            significant(p.rig),
+            p.unit
+        );
+    }
+    for (slot, n) in &result.noise {
+        let colour = if n.noise.coloured_sd > 0.0 {
+            format!(
+                " + {:.3e} correlated over {:.2} s",
+                n.noise.coloured_sd, n.noise.correlation_s
+            )
+        } else {
+            " white".to_owned()
+        };
+        println!(
+            "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}",
+            n.noise.white_sd,
+            100.0 * n.outliers,
+            n.source
+        );
+    }
+    for cv in &result.cross_validation {
+        let words: Vec<String> = cv
+            .left_out
+            .iter()
+            .map(|(c, rms)| {
+                format!(
+                    "{c} {rms:.3e} (fitted {:.3e})",
+                    cv.fitted.get(c).copied().unwrap_or(f64::NAN)
+                )
+            })
+            .collect();
+        println!(
+            "  {} predicted by the others, rms: {}",
+            cv.run,
+            words.join(", ")
+        );
+    }
+    for words in &result.misfit {
+        println!("  MISFIT: {words}");
+    }
+    for spot in &result.blind_spots {
+        println!(
+            "  blind to {}: {}; {}",
+            spot.what, spot.why, spot.experiment
+        );
+    }
+    for note in result
+        .notes
+        .iter()
+        .chain(result.runs.iter().flat_map(|r| &r.notes))
+    {
+        eprintln!("  note: {note}");
+    }
+}

@@ -1,0 +1,79 @@
+//! `hydroline predict`: the motion a plan will make, with its band.
+
+use std::path::PathBuf;
+
+use super::{CliError, Outcome, inputs};
+use crate::predict::{Identified, predict};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Rig file or built-in name
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// Plan file or built-in name
+    #[arg(long, value_name = "PLAN")]
+    plan: String,
+    /// Output of `identify --json`: its coefficients replace the rig's, its covariance makes the band
+    #[arg(long, value_name = "IDENTIFIED.json")]
+    identified: Option<PathBuf>,
+    /// Rows per second
+    #[arg(long, default_value = "25", value_parser = inputs::not_negative, value_name = "HZ")]
+    rate: f64,
+    /// Goes on after the plan's last step (coasting) \[s\]
+    #[arg(long, default_value = "0", value_parser = inputs::not_negative, value_name = "S")]
+    tail: f64,
+    /// Prints one JSON object instead of CSV
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let rig = inputs::rig(&args.rig)?;
+    let plan = inputs::plan(&args.plan, &rig)?;
+    if args.rate == 0.0 || args.rate > 10_000.0 {
+        return Err(CliError::Config(format!(
+            "--rate {}: give more than 0 and at most 10000",
+            args.rate
+        )));
+    }
+    let identified = match &args.identified {
+        None => None,
+        Some(path) => {
+            let text = std::fs::read_to_string(path)
+                .map_err(|e| CliError::Config(format!("{}: {e}", path.display())))?;
+            Some(
+                Identified::from_json(&text, &path.display().to_string())
+                    .map_err(CliError::config)?,
+            )
+        }
+    };
+    let made =
+        predict(&rig, &plan, identified.as_ref(), args.rate, args.tail).map_err(CliError::run)?;
+    if identified.is_none() {
+        eprintln!(
+            "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json)"
+        );
+    }
+    if args.json {
+        println!("{}", serde_json::to_string(&made).map_err(CliError::run)?);
+        return Ok(Outcome::Done);
+    }
+    let mut header = format!("t_s,{}", made.channels.join(","));
+    if !made.sd.is_empty() {
+        header += &made
+            .channels
+            .iter()
+            .map(|c| format!(",{c}_sd"))
+            .collect::<String>();
+    }
+    println!("{header}");
+    for (k, (t_s, row)) in made.t_s.iter().zip(&made.motion).enumerate() {
+        let cells = row
+            .iter()
+            .chain(made.sd.get(k).into_iter().flatten())
+            .map(|v| format!(",{v}"))
+            .collect::<String>();
+        println!("{t_s}{cells}");
+    }
+    Ok(Outcome::Done)
+}

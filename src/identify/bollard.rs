@@ -1,0 +1,442 @@
+//! Bollard pull: pulse to thrust from a table, with covariance; the cure of the thrust-scale blind spot.
+//!
+//! T(p, V) = (V / V0)^k (g (p - p0) + h (p - p0)^2) beyond each edge p0 of the deadband, 0 inside;
+//! ahead and astern have their own edge and shape (an asymmetric propeller). k only where the
+//! table holds voltages that differ. Quadratic in the pulse as propeller thrust is in the
+//! rate of turn (Carlton, Marine Propellers and Propulsion, ch. 6).
+
+use hydroline_sim::{Dual, Real};
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use super::forward::{ChannelSeries, Forward, ForwardError};
+use super::lm::{LevenbergMarquardt, least_squares};
+use super::method::{Method, MethodError};
+use super::noise::{Noise, OUTLIER_SD};
+use super::parameter::Free;
+use super::problem::{Objective, Problem};
+use super::statistics::robust_sd;
+use super::uncertainty::covariance;
+
+/// One reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pull {
+    /// Pulse \[us\].
+    pub pulse_us: f64,
+    /// Thrust on the scale, ahead positive \[N\].
+    pub thrust_n: f64,
+    /// Supply \[V\].
+    pub voltage_v: Option<f64>,
+}
+
+/// A fitted curve.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Bollard {
+    /// Names of the numbers below.
+    pub order: Vec<String>,
+    /// Estimates.
+    pub values: Vec<f64>,
+    /// Covariance.
+    pub covariance: Vec<Vec<f64>>,
+    /// (pulse \[us\], thrust \[N\], sd \[N\]) at the middle voltage: the rig's `curve`.
+    pub curve: Vec<(f64, f64, f64)>,
+    /// Voltage the curve holds at \[V\]; 0 = not measured.
+    pub voltage_v: f64,
+    /// Scatter of the readings about the curve \[N\].
+    pub rms_n: f64,
+    /// Readings left out as outliers.
+    pub outliers: usize,
+}
+
+/// Why there is no curve.
+#[derive(Debug, thiserror::Error)]
+pub enum BollardError {
+    /// The table.
+    #[error("{file}: {reason}; the table needs columns pulse_us,thrust_n and may have voltage_v")]
+    Table {
+        /// File.
+        file: String,
+        /// Why, with the line.
+        reason: String,
+    },
+    /// Too little.
+    #[error(
+        "{ahead} readings ahead and {astern} astern of {neutral_us} us; at least 4 on each side are needed, spread over the range"
+    )]
+    TooFew {
+        /// Ahead.
+        ahead: usize,
+        /// Astern.
+        astern: usize,
+        /// Neutral \[us\].
+        neutral_us: f64,
+    },
+    /// The fit.
+    #[error(transparent)]
+    Method(#[from] MethodError),
+    /// The model.
+    #[error(transparent)]
+    Forward(#[from] ForwardError),
+}
+
+/// Reads `pulse_us,thrust_n[,voltage_v]`; columns by name, any order.
+///
+/// # Errors
+/// [`BollardError::Table`] naming the line.
+pub fn read(text: &str, file: &str) -> Result<Vec<Pull>, BollardError> {
+    let bad = |reason: String| BollardError::Table {
+        file: file.to_owned(),
+        reason,
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|e| bad(e.to_string()))?.clone();
+    let place = |name: &str| header.iter().position(|h| h == name);
+    let pulse = place("pulse_us").ok_or_else(|| bad("no column pulse_us".into()))?;
+    let thrust = place("thrust_n").ok_or_else(|| bad("no column thrust_n".into()))?;
+    let voltage = place("voltage_v");
+    let mut pulls = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| bad(e.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |column: usize| {
+            let cell = record.get(column).unwrap_or("");
+            let value = cell.parse::<f64>().ok().filter(|v| v.is_finite());
+            value.ok_or_else(|| bad(format!("line {line}: '{cell}' is no finite number")))
+        };
+        let voltage_v = voltage.map(number).transpose()?;
+        if voltage_v.is_some_and(|v| v <= 0.0) {
+            return Err(bad(format!("line {line}: voltage must be above 0")));
+        }
+        pulls.push(Pull {
+            pulse_us: number(pulse)?,
+            thrust_n: number(thrust)?,
+            voltage_v,
+        });
+    }
+    Ok(pulls)
+}
+
+struct Model {
+    pulls: Vec<Pull>,
+    measured: Vec<f64>,
+    places: Vec<f64>,
+    globals: Vec<Free>,
+    slots: Vec<String>,
+    middle_v: f64,
+}
+
+impl Model {
+    fn thrust<T: Real>(&self, p: &[T], pulse_us: f64, voltage_v: Option<f64>) -> T {
+        let [ahead_us, g_ahead, h_ahead, astern_us, g_astern, h_astern] =
+            std::array::from_fn(|i| p[i]);
+        let pulse = T::from_f64(pulse_us);
+        let beyond = (pulse - ahead_us).max(T::zero());
+        let below = (astern_us - pulse).max(T::zero());
+        let shape = (g_ahead + h_ahead * beyond) * beyond - (g_astern + h_astern * below) * below;
+        match (p.get(6), voltage_v) {
+            // (V / V0)^k = exp(k ln(V / V0))
+            (Some(k), Some(v)) => shape * (*k * (v / self.middle_v).ln()).exp(),
+            _ => shape,
+        }
+    }
+}
+
+impl Forward for Model {
+    fn globals(&self) -> &[Free] {
+        &self.globals
+    }
+    fn runs(&self) -> usize {
+        1
+    }
+    fn locals(&self, _run: usize) -> &[Free] {
+        &[]
+    }
+    fn slots(&self) -> &[String] {
+        &self.slots
+    }
+    fn times_s(&self, _run: usize) -> &[f64] {
+        &self.places
+    }
+    fn measured(&self, _run: usize) -> &[f64] {
+        &self.measured
+    }
+    fn values(
+        &self,
+        _run: usize,
+        parameters: &[f64],
+        out: &mut Vec<f64>,
+    ) -> Result<(), ForwardError> {
+        out.clear();
+        out.extend(
+            self.pulls
+                .iter()
+                .map(|r| self.thrust(parameters, r.pulse_us, r.voltage_v)),
+        );
+        Ok(())
+    }
+    fn sensitivities(
+        &self,
+        _run: usize,
+        parameters: &[f64],
+        out: &mut Vec<f64>,
+    ) -> Result<DMatrix<f64>, ForwardError> {
+        out.clear();
+        let duals: Vec<Dual<7>> = parameters
+            .iter()
+            .enumerate()
+            .map(|(i, v)| Dual::variable(*v, i))
+            .collect();
+        let mut jacobian = DMatrix::zeros(self.pulls.len(), parameters.len());
+        for (row, r) in self.pulls.iter().enumerate() {
+            let thrust = self.thrust(&duals, r.pulse_us, r.voltage_v);
+            out.push(thrust.value);
+            for (i, slope) in thrust.slope.iter().enumerate().take(parameters.len()) {
+                jacobian[(row, i)] = *slope;
+            }
+        }
+        Ok(jacobian)
+    }
+    fn channels(&self, run: usize, parameters: &[f64]) -> Result<Vec<ChannelSeries>, ForwardError> {
+        let mut predicted = Vec::new();
+        self.values(run, parameters, &mut predicted)?;
+        Ok(vec![ChannelSeries {
+            name: "thrust_n".into(),
+            measured: self.measured.clone(),
+            predicted,
+        }])
+    }
+}
+
+/// Fits the curve; `range_us` = (min, neutral, max) pulse of the rig.
+///
+/// # Errors
+/// [`BollardError`].
+pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, BollardError> {
+    let (min_us, neutral_us, max_us) = range_us;
+    let ahead = pulls
+        .iter()
+        .filter(|p| p.pulse_us > neutral_us && p.thrust_n > 0.0)
+        .count();
+    let astern = pulls
+        .iter()
+        .filter(|p| p.pulse_us < neutral_us && p.thrust_n < 0.0)
+        .count();
+    if ahead < 4 || astern < 4 {
+        return Err(BollardError::TooFew {
+            ahead,
+            astern,
+            neutral_us,
+        });
+    }
+    let mut volts: Vec<f64> = pulls.iter().filter_map(|p| p.voltage_v).collect();
+    volts.sort_by(f64::total_cmp);
+    let middle_v = volts.get(volts.len() / 2).copied().unwrap_or(0.0);
+    let spread_v = volts
+        .last()
+        .zip(volts.first())
+        .map_or(0.0, |(high, low)| high - low);
+    let with_voltage = volts.len() == pulls.len() && spread_v > 0.01 * middle_v;
+    let (up_us, down_us) = (max_us - neutral_us, neutral_us - min_us);
+    let free = |name: &str, start: f64, low: f64, high: f64| Free {
+        name: name.into(),
+        start,
+        low,
+        high,
+    };
+    let largest = pulls.iter().fold(0.0_f64, |m, p| m.max(p.thrust_n.abs()));
+    let slope = |span_us: f64| (0.3 * largest / span_us, 5.0 * largest / span_us);
+    let bend = |span_us: f64| {
+        (
+            0.7 * largest / span_us.powi(2),
+            5.0 * largest / span_us.powi(2),
+        )
+    };
+    let mut globals = vec![
+        free(
+            "edge_ahead_us",
+            neutral_us + 0.05 * up_us,
+            neutral_us,
+            neutral_us + 0.5 * up_us,
+        ),
+        free("slope_ahead_npus", slope(up_us).0, 0.0, slope(up_us).1),
+        free(
+            "bend_ahead_npus2",
+            bend(up_us).0,
+            -bend(up_us).1,
+            bend(up_us).1,
+        ),
+        free(
+            "edge_astern_us",
+            neutral_us - 0.05 * down_us,
+            neutral_us - 0.5 * down_us,
+            neutral_us,
+        ),
+        free("slope_astern_npus", slope(down_us).0, 0.0, slope(down_us).1),
+        free(
+            "bend_astern_npus2",
+            bend(down_us).0,
+            -bend(down_us).1,
+            bend(down_us).1,
+        ),
+    ];
+    if with_voltage {
+        globals.push(free("voltage_exponent", 1.5, 0.0, 4.0));
+    }
+    let model = Model {
+        measured: pulls.iter().map(|p| p.thrust_n).collect(),
+        places: (0..pulls.len()).map(|i| i as f64).collect(),
+        pulls: pulls.to_vec(),
+        globals,
+        slots: vec!["thrust_n".into()],
+        middle_v,
+    };
+    let mut problem = Problem::new(&model, &[1.0]);
+    let mut at = LevenbergMarquardt { starts: 8 }
+        .minimise(&problem, Objective::LeastSquares, 1)?
+        .parameters;
+    let mut used = vec![true; pulls.len()];
+    for _ in 0..4 {
+        let residuals = problem.raw_residuals(0, &at)?;
+        let sd = robust_sd(&residuals[0]).max(1e-9);
+        let next: Vec<bool> = residuals[0]
+            .iter()
+            .map(|r| r.abs() <= OUTLIER_SD * sd)
+            .collect();
+        let same = next == used;
+        used = next;
+        problem.set_noise(&[Noise::white(1.0)], |_, _, k| used[k]);
+        at = least_squares(&problem, at, &vec![false; model.globals.len()])?.parameters;
+        if same {
+            break;
+        }
+    }
+    let normal = problem.normal(&at)?;
+    let freedom = (problem.samples() as f64 - at.len() as f64).max(1.0);
+    let variance = 2.0 * normal.cost / freedom;
+    let c = covariance(&normal.hessian) * variance;
+    let n = at.len();
+    let at_pulse = |pulse_us: f64| {
+        let duals: Vec<Dual<7>> = at
+            .iter()
+            .enumerate()
+            .map(|(i, v)| Dual::variable(*v, i))
+            .collect();
+        let t = model.thrust(&duals, pulse_us, with_voltage.then_some(middle_v));
+        let v: f64 = (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .map(|(i, j)| t.slope[i] * c[(i, j)] * t.slope[j])
+            .sum();
+        (pulse_us, t.value, v.max(0.0).sqrt())
+    };
+    let mut pulses: Vec<f64> = (0..=8)
+        .map(|k| min_us + (at[3] - min_us) * f64::from(k) / 8.0)
+        .collect();
+    pulses.extend((0..=8).map(|k| at[0] + (max_us - at[0]) * f64::from(k) / 8.0));
+    Ok(Bollard {
+        order: model.globals.iter().map(|g| g.name.clone()).collect(),
+        curve: pulses.into_iter().map(at_pulse).collect(),
+        covariance: c.row_iter().map(|r| r.iter().copied().collect()).collect(),
+        values: at,
+        voltage_v: middle_v,
+        rms_n: variance.sqrt(),
+        outliers: used.iter().filter(|u| !**u).count(),
+    })
+}
+
+impl Bollard {
+    /// The `curve` of a rig file; falling pieces of the fit are refused by the rig's own check.
+    pub fn to_toml(&self) -> String {
+        let mut out = format!(
+            "# Bollard pull, {} V, scatter {:.3} N; sd of each point behind it.\ncurve = [\n",
+            self.voltage_v, self.rms_n
+        );
+        for (pulse_us, thrust_n, sd_n) in &self.curve {
+            out += &format!(
+                "  [{pulse_us:.2}, {:.3}],  # +- {sd_n:.3}\n",
+                thrust_n + 0.0
+            );
+        }
+        out + "]\n"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{SeedableRng, rngs::StdRng};
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn deadband_asymmetry_and_voltage_are_found_within_their_sd() {
+        let truth = [1531.0, 0.06, 2.1e-4, 1467.0, 0.05, 1.5e-4, 1.7];
+        let mut rng = StdRng::seed_from_u64(4);
+        let mut pulls = Vec::new();
+        for volts in [14.0, 15.0, 16.0] {
+            for k in 0..=40 {
+                let pulse_us = 1100.0 + 20.0 * f64::from(k);
+                let (up, down) = (
+                    (pulse_us - truth[0]).max(0.0),
+                    (truth[3] - pulse_us).max(0.0),
+                );
+                let shape =
+                    truth[1] * up + truth[2] * up * up - truth[4] * down - truth[5] * down * down;
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                pulls.push(Pull {
+                    pulse_us,
+                    thrust_n: shape * (volts / 15.0_f64).powf(truth[6]) + 0.1 * noise,
+                    voltage_v: Some(volts),
+                });
+            }
+        }
+        pulls[17].thrust_n += 9.0;
+        let found = fit(&pulls, (1100.0, 1500.0, 1900.0)).unwrap();
+        for (i, actual) in truth.iter().enumerate() {
+            let sd = found.covariance[i][i].sqrt();
+            assert!(
+                (found.values[i] - actual).abs() < 4.0 * sd,
+                "{}: {} +- {sd}, {actual}",
+                found.order[i],
+                found.values[i]
+            );
+        }
+        assert!(
+            (found.rms_n - 0.1).abs() < 0.03 && found.outliers >= 1,
+            "{found:?}"
+        );
+        assert!(
+            found
+                .curve
+                .windows(2)
+                .all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1),
+            "{:?}",
+            found.curve
+        );
+    }
+
+    #[test]
+    fn a_table_that_is_wrong_names_its_line() {
+        assert!(
+            read("pulse_us,thrust_n\n1500,0\n1600,abc\n", "b.csv")
+                .unwrap_err()
+                .to_string()
+                .contains("line 3")
+        );
+        assert!(
+            read("pulse,thrust\n", "b.csv")
+                .unwrap_err()
+                .to_string()
+                .contains("pulse_us")
+        );
+        let few = read("thrust_n,pulse_us\n3,1600\n", "b.csv").unwrap();
+        assert!(matches!(
+            fit(&few, (1100.0, 1500.0, 1900.0)),
+            Err(BollardError::TooFew {
+                ahead: 1,
+                astern: 0,
+                ..
+            })
+        ));
+    }
+}

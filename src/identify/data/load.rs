@@ -1,0 +1,386 @@
+//! From a log, ours or anyone's, to a [`Run`].
+
+use std::path::Path;
+
+use hydroline_rigs::{Dof, Rig};
+use hydroline_sim::{Allocation, ThrustError};
+
+use super::{Command, Run, Sample};
+use crate::log::messages::{pb, timestamp, unix_ns};
+use crate::log::{LogError, LogReader, Record};
+
+/// Why a log gives no run.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Thrusters of the rig.
+    #[error(transparent)]
+    Thrust(#[from] ThrustError),
+    /// Nothing to fit.
+    #[error(
+        "{log}: no /vehicle/motion in it ({frames} images); {}",
+        if *frames > 0 { "first measure the pose: hydroline replay LOG --rig RIG --out NEW.mcap" } else { "record, replay or import motion first" }
+    )]
+    NoMotion {
+        /// File.
+        log: String,
+        /// Images in it.
+        frames: usize,
+    },
+    /// A command to a thruster nobody knows.
+    #[error(
+        "{log}: {commands} commands to '{thruster}', which is neither a thruster of the rig ({known}) nor surge, sway, heave, roll, pitch, yaw; use the rig this log was made with"
+    )]
+    UnknownThruster {
+        /// File.
+        log: String,
+        /// Its name.
+        thruster: String,
+        /// How many.
+        commands: usize,
+        /// Thrusters of the rig.
+        known: String,
+    },
+    /// A command that is no number.
+    #[error("{log}: the command to '{thruster}' at {t_s:.3} s is {value}; it must be finite")]
+    CommandNotFinite {
+        /// File.
+        log: String,
+        /// Thruster.
+        thruster: String,
+        /// When \[s\].
+        t_s: f64,
+        /// What.
+        value: f64,
+    },
+}
+
+/// Reads a log.
+///
+/// # Errors
+/// [`LoadError`].
+pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
+    let name = path.file_stem().map_or_else(
+        || path.display().to_string(),
+        |s| s.to_string_lossy().into_owned(),
+    );
+    let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
+    for message in LogReader::open(path)? {
+        match message?.record {
+            Record::Command(command) => commands.push(command),
+            Record::Motion(sample) => motion.push(sample),
+            Record::Frame(_) => frames += 1,
+            _ => {}
+        }
+    }
+    if motion.is_empty() {
+        return Err(LoadError::NoMotion {
+            log: path.display().to_string(),
+            frames,
+        });
+    }
+    load_messages(&name, &commands, &motion, rig)
+}
+
+/// The same from messages already in memory.
+///
+/// Pulses go through the curves of `rig` (so a curve measured later counts), thrusts where no
+/// pulse was sent are taken as logged; components "surge" .. "yaw" act directly.
+///
+/// # Errors
+/// [`LoadError`] except for reading.
+pub fn load_messages(
+    name: &str,
+    commands: &[pb::ThrusterCommand],
+    motion: &[pb::VehicleMotion],
+    rig: &Rig,
+) -> Result<Run, LoadError> {
+    let stamp = |t: &Option<prost_types::Timestamp>| unix_ns(t.as_ref().unwrap_or(&timestamp(0)));
+    let first = commands
+        .iter()
+        .map(|c| stamp(&c.timestamp))
+        .chain(motion.iter().map(|m| stamp(&m.timestamp)))
+        .min();
+    let start_ns = first.unwrap_or(0);
+    // Differences of u64 ns, not of f64 s: UNIX time in f64 resolves only 0.2 us.
+    let since_s = |ns: u64| ns.saturating_sub(start_ns) as f64 * 1e-9;
+    let mut run = Run {
+        name: name.to_owned(),
+        start_ns,
+        ..Run::default()
+    };
+    run.from_pulses = !commands.is_empty() && commands.iter().all(|c| c.pulse_us > 0.0);
+    run.commands = wrenches(
+        name,
+        commands,
+        rig,
+        |c| since_s(stamp(&c.timestamp)),
+        &mut run.notes,
+    )?;
+    let (mut repeated, mut not_finite) = (0usize, 0usize);
+    let mut ordered: Vec<(u64, &pb::VehicleMotion)> =
+        motion.iter().map(|m| (stamp(&m.timestamp), m)).collect();
+    let backwards = ordered.windows(2).filter(|w| w[1].0 < w[0].0).count();
+    ordered.sort_by_key(|(ns, _)| *ns);
+    let mut last_ns = None;
+    for (ns, message) in ordered {
+        if last_ns == Some(ns) {
+            repeated += 1;
+            continue;
+        }
+        last_ns = Some(ns);
+        let sample = sample(message, since_s(ns), &mut not_finite);
+        if sample.values.iter().any(|v| v.is_finite()) {
+            run.samples.push(sample);
+        }
+    }
+    let wraps = unwrap_angles(&mut run.samples);
+    let mut note = |count: usize, words: &str| {
+        if count > 0 {
+            run.notes.push(format!("{count} {words}"));
+        }
+    };
+    note(backwards, "motion stamps go backwards; sorted by stamp");
+    note(
+        repeated,
+        "motion samples repeat a stamp; only the first of each was used",
+    );
+    note(not_finite, "motion values are not finite; left out");
+    note(
+        wraps,
+        "jumps of a whole turn in an angle; continued without the jump",
+    );
+    Ok(run)
+}
+
+/// Continues angles over +-pi; returns the number of jumps taken out.
+fn unwrap_angles(samples: &mut [Sample]) -> usize {
+    use std::f64::consts::{PI, TAU};
+    let mut jumps = 0;
+    for channel in 3..6 {
+        let (mut turns, mut last) = (0.0, f64::NAN);
+        for sample in samples.iter_mut() {
+            let value = sample.values[channel];
+            if !value.is_finite() {
+                continue;
+            }
+            if (value - last).abs() > PI {
+                turns -= ((value - last) / TAU).round() * TAU;
+                jumps += 1;
+            }
+            last = value;
+            sample.values[channel] = value + turns;
+        }
+    }
+    jumps
+}
+
+fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
+    let given = [
+        m.x_m,
+        m.y_m,
+        m.z_m,
+        m.phi_rad,
+        m.theta_rad,
+        m.psi_rad,
+        m.u_mps,
+        m.v_mps,
+        m.w_mps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
+    ];
+    *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
+    let values = given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN));
+    let covariance = <[f64; 36]>::try_from(m.covariance.as_slice())
+        .ok()
+        .filter(|c| c.iter().all(|v| v.is_finite()));
+    Sample {
+        t_s,
+        values,
+        covariance: covariance.map(Box::new),
+    }
+}
+
+fn wrenches(
+    log: &str,
+    commands: &[pb::ThrusterCommand],
+    rig: &Rig,
+    time_s: impl Fn(&pb::ThrusterCommand) -> f64,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Command>, LoadError> {
+    let allocation = Allocation::new(&rig.thrusters)?;
+    let mut thrust_n = vec![0.0; allocation.len()];
+    let mut direct = [0.0; 6];
+    let mut out: Vec<Command> = Vec::new();
+    let mut ordered: Vec<&pb::ThrusterCommand> = commands.iter().collect();
+    ordered.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
+    let mut largest_change_n = 0.0_f64;
+    for command in ordered {
+        let t_s = time_s(command);
+        let place = rig
+            .thrusters
+            .thrusters
+            .iter()
+            .position(|t| t.name == command.thruster);
+        let mut value = command.thrust_n;
+        if let (Some(i), true) = (place, command.pulse_us > 0.0) {
+            value = rig.thrusters.thrusters[i].curve.thrust_n(command.pulse_us);
+            largest_change_n = largest_change_n.max((value - command.thrust_n).abs());
+        }
+        if !value.is_finite() {
+            return Err(LoadError::CommandNotFinite {
+                log: log.to_owned(),
+                thruster: command.thruster.clone(),
+                t_s,
+                value,
+            });
+        }
+        match (
+            place,
+            Dof::ALL.iter().find(|d| d.name() == command.thruster),
+        ) {
+            (Some(i), _) => thrust_n[i] = value,
+            (None, Some(dof)) => direct[dof.index()] = value,
+            (None, None) => {
+                let known: Vec<&str> = rig
+                    .thrusters
+                    .thrusters
+                    .iter()
+                    .map(|t| t.name.as_str())
+                    .collect();
+                return Err(LoadError::UnknownThruster {
+                    log: log.to_owned(),
+                    thruster: command.thruster.clone(),
+                    commands: commands
+                        .iter()
+                        .filter(|c| c.thruster == command.thruster)
+                        .count(),
+                    known: known.join(", "),
+                });
+            }
+        }
+        let made = allocation.wrench(&thrust_n)?.to_array();
+        let wrench = std::array::from_fn(|i| made[i] + direct[i]);
+        match out.last_mut() {
+            // One set: the eight commands of one stamp.
+            Some(last) if last.t_s == t_s => last.wrench = wrench,
+            Some(last) if last.wrench == wrench => {}
+            _ => out.push(Command { t_s, wrench }),
+        }
+    }
+    if largest_change_n > 0.01 {
+        notes.push(format!(
+            "the rig's thrust curve differs from the one this log was recorded with by up to {largest_change_n:.2} N; the rig's was used"
+        ));
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(ns: u64, x_m: f64) -> pb::VehicleMotion {
+        pb::VehicleMotion {
+            timestamp: Some(timestamp(ns)),
+            x_m: Some(x_m),
+            ..Default::default()
+        }
+    }
+
+    fn command(ns: u64, thruster: &str, thrust_n: f64, pulse_us: f64) -> pb::ThrusterCommand {
+        pb::ThrusterCommand {
+            timestamp: Some(timestamp(ns)),
+            thruster: thruster.into(),
+            thrust_n,
+            pulse_us,
+            ..Default::default()
+        }
+    }
+
+    const T0: u64 = 1_760_000_000_000_000_000;
+
+    #[test]
+    fn components_and_thrusters_make_one_wrench_and_time_starts_at_the_first_stamp() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let commands = [
+            command(T0 + 500_000_000, "surge", 4.0, 0.0),
+            command(T0 + 500_000_000, "yaw", 0.5, 0.0),
+            command(T0 + 900_000_000, "surge", 4.0, 0.0),
+            command(T0 + 1_500_000_000, "v_fore_stbd", 2.0, 0.0),
+        ];
+        let run = load_messages(
+            "a",
+            &commands,
+            &[motion(T0, 0.0), motion(T0 + 40_000_000, 1.0)],
+            &rig,
+        )
+        .unwrap();
+        assert_eq!(
+            run.commands.len(),
+            2,
+            "a repeated command is no edge: {:?}",
+            run.commands
+        );
+        assert_eq!(
+            run.commands[0],
+            Command {
+                t_s: 0.5,
+                wrench: [4.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+            }
+        );
+        assert!(
+            (run.commands[1].wrench[2] - 2.0).abs() < 1e-12 && run.commands[1].wrench[4] != 0.0
+        );
+        assert_eq!(run.wrench_at(0.4), [0.0; 6]);
+        assert!((run.samples[1].t_s - 0.04).abs() < 1e-12 && run.samples[1].values[1].is_nan());
+    }
+
+    #[test]
+    fn a_pulse_goes_through_the_rigs_curve() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let run = load_messages(
+            "a",
+            &[command(T0, "v_fore_stbd", 99.0, 1700.0)],
+            &[motion(T0, 0.0)],
+            &rig,
+        )
+        .unwrap();
+        assert!(
+            (run.commands[0].wrench[2] - 18.02).abs() < 1e-9,
+            "{:?}",
+            run.commands
+        );
+        assert!(run.notes[0].contains("differs"), "{:?}", run.notes);
+    }
+
+    #[test]
+    fn odd_stamps_and_values_are_named_and_a_stranger_is_refused() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let samples = [
+            motion(T0 + 80, 1.0),
+            motion(T0, 0.0),
+            motion(T0, 0.5),
+            motion(T0 + 90, f64::NAN),
+        ];
+        let run = load_messages("a", &[], &samples, &rig).unwrap();
+        assert_eq!(
+            run.samples.iter().map(|s| s.values[0]).collect::<Vec<_>>(),
+            [0.0, 1.0]
+        );
+        assert_eq!(run.notes.len(), 3, "{:?}", run.notes);
+        let words = load_messages("a", &[command(T0, "bow", 1.0, 0.0)], &samples, &rig)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            words.contains("'bow'") && words.contains("h_fore_stbd"),
+            "{words}"
+        );
+        assert!(
+            load_messages("a", &[command(T0, "surge", f64::NAN, 0.0)], &samples, &rig).is_err()
+        );
+    }
+}

@@ -1,0 +1,49 @@
+//! Methods of search behind one trait.
+
+use super::forward::ForwardError;
+use super::problem::{Objective, Problem};
+
+/// Where a search ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// All parameters of the problem.
+    pub parameters: Vec<f64>,
+    /// The objective there.
+    pub objective: f64,
+    /// Evaluations of the objective over all runs; one with sensitivities counts as one.
+    pub evaluations: usize,
+    /// Whether the method's own criterion of convergence was met.
+    pub converged: bool,
+    /// Starting points, restarts or repetitions tried.
+    pub tries: usize,
+}
+
+/// Why a search has no solution.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MethodError {
+    /// No starting point gives a finite motion.
+    #[error(
+        "no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units"
+    )]
+    NoStart(ForwardError),
+    /// Nothing to search.
+    #[error("no free parameter")]
+    NothingFree,
+}
+
+/// A search. The same problem, objective and seed give the same answer.
+pub trait Method: Sync {
+    /// Name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Minimises.
+    ///
+    /// # Errors
+    /// [`MethodError`].
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError>;
+}

@@ -1,0 +1,166 @@
+//! What an identification says; serialised as `identify --json`.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+use super::noise::Noise;
+use super::problem::Objective;
+use super::statistics::Whiteness;
+use super::uncertainty::Profile;
+
+/// One coefficient.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Estimate {
+    /// As the paper writes it.
+    pub symbol: String,
+    /// SI unit.
+    pub unit: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard deviation; `None` = the runs say nothing about it.
+    pub sd: Option<f64>,
+    /// 95 % interval: by profile likelihood where there is one, else value -+ t sd.
+    pub low: Option<f64>,
+    /// Its upper end.
+    pub high: Option<f64>,
+    /// Profile likelihood, where the direction is weak.
+    pub profile: Option<Profile>,
+    /// What the rig file says.
+    pub rig: f64,
+    /// Determined by these runs (sd below half its size).
+    pub excited: bool,
+    /// Ended on the search range.
+    pub at_bound: bool,
+}
+
+/// Noise of one slot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SlotNoise {
+    /// Level and colour.
+    #[serde(flatten)]
+    pub noise: Noise,
+    /// Share of samples left out.
+    pub outliers: f64,
+    /// `measured at rest`, `log covariance` or `residuals`.
+    pub source: String,
+}
+
+/// Whiteness of one run's residuals in one slot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Residuals {
+    /// Run.
+    pub run: String,
+    /// Channel or combination of channels.
+    pub slot: String,
+    /// rms of measured - fitted, in the slot's unit.
+    pub rms: f64,
+    /// Residuals as they are.
+    pub plain: Option<Whiteness>,
+    /// After the noise's colour was taken out.
+    pub filtered: Option<Whiteness>,
+}
+
+/// A run predicted by the others.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CrossValidation {
+    /// Run left out.
+    pub run: String,
+    /// rms per channel when it is left out of the fit (only its start is fitted).
+    pub left_out: BTreeMap<String, f64>,
+    /// rms per channel when it takes part.
+    pub fitted: BTreeMap<String, f64>,
+}
+
+/// What this data cannot show.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BlindSpot {
+    /// Effect id or parameter name.
+    pub what: String,
+    /// Why.
+    pub why: String,
+    /// What would break it.
+    pub experiment: String,
+}
+
+/// One run of the fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// Name.
+    pub name: String,
+    /// Samples.
+    pub samples: usize,
+    /// Last stamp \[s\].
+    pub length_s: f64,
+    /// rms of measured - fitted per channel, SI.
+    pub rms: BTreeMap<String, f64>,
+    /// What was odd.
+    pub notes: Vec<String>,
+    /// Start values found, with sd.
+    pub start: BTreeMap<String, (f64, Option<f64>)>,
+}
+
+/// Series for plots; not in the JSON.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Trace {
+    /// Run.
+    pub run: String,
+    /// Channel.
+    pub channel: String,
+    /// Stamps \[s\].
+    pub times_s: Vec<f64>,
+    /// Measured.
+    pub measured: Vec<f64>,
+    /// Fitted.
+    pub fitted: Vec<f64>,
+}
+
+/// Everything a fit found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Identification {
+    /// Equations: `surge` .. `yaw` (one DOF), `eq1` or `decoupled`.
+    pub model: String,
+    /// `lm`, `cmaes`, `ga`.
+    pub method: String,
+    /// What was minimised first; intervals always come from the least squares.
+    pub objective: Objective,
+    /// Its value.
+    pub objective_value: f64,
+    /// Evaluations.
+    pub evaluations: usize,
+    /// Whether the method converged.
+    pub converged: bool,
+    /// Coefficients by key.
+    pub parameters: BTreeMap<String, Estimate>,
+    /// Order of rows and columns below.
+    pub order: Vec<String>,
+    /// Covariance of the coefficients; `null` rows = not determined.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// Correlations.
+    pub correlation: Vec<Vec<f64>>,
+    /// Noise by slot.
+    pub noise: BTreeMap<String, SlotNoise>,
+    /// Residual variance over the noise used (1 = the noise explains the residuals).
+    pub variance_ratio: f64,
+    /// Whiteness by run and slot.
+    pub residuals: Vec<Residuals>,
+    /// Residuals that the noise does not explain: what was found, in words; empty = none.
+    pub misfit: Vec<String>,
+    /// Leave-one-run-out.
+    pub cross_validation: Vec<CrossValidation>,
+    /// What this data cannot show.
+    pub blind_spots: Vec<BlindSpot>,
+    /// Runs.
+    pub runs: Vec<RunSummary>,
+    /// Remarks.
+    pub notes: Vec<String>,
+    /// For plots.
+    #[serde(skip)]
+    pub traces: Vec<Trace>,
+}
+
+impl Identification {
+    /// Value of a coefficient by key.
+    pub fn value(&self, key: &str) -> Option<f64> {
+        self.parameters.get(key).map(|p| p.value)
+    }
+}

@@ -1,0 +1,159 @@
+//! The eighteen coefficients of Table 1: names, units, ranges.
+
+use hydroline_rigs::{Dof, Vehicle};
+
+/// Which of the three coefficients of a DOF.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Term {
+    /// Added mass, X_udot.
+    Added,
+    /// Linear damping, X_u.
+    Linear,
+    /// Quadratic damping, X_u|u|.
+    Quadratic,
+}
+
+impl Term {
+    /// All three.
+    pub const ALL: [Term; 3] = [Term::Added, Term::Linear, Term::Quadratic];
+}
+
+/// One of the eighteen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Coefficient {
+    /// Degree of freedom.
+    pub dof: Dof,
+    /// Which term.
+    pub term: Term,
+}
+
+const KEYS: [[&str; 3]; 6] = [
+    ["x_udot", "x_u", "x_uu"],
+    ["y_vdot", "y_v", "y_vv"],
+    ["z_wdot", "z_w", "z_ww"],
+    ["k_pdot", "k_p", "k_pp"],
+    ["m_qdot", "m_q", "m_qq"],
+    ["n_rdot", "n_r", "n_rr"],
+];
+
+const SYMBOLS: [[&str; 3]; 6] = [
+    ["X_u̇", "X_u", "X_u|u|"],
+    ["Y_v̇", "Y_v", "Y_v|v|"],
+    ["Z_ẇ", "Z_w", "Z_w|w|"],
+    ["K_ṗ", "K_p", "K_p|p|"],
+    ["M_q̇", "M_q", "M_q|q|"],
+    ["N_ṙ", "N_r", "N_r|r|"],
+];
+
+impl Coefficient {
+    /// The three of one DOF (Table 1).
+    pub fn of(dof: Dof) -> [Coefficient; 3] {
+        Term::ALL.map(|term| Coefficient { dof, term })
+    }
+
+    /// Name in files, e.g. `x_udot`.
+    pub fn key(self) -> &'static str {
+        KEYS[self.dof.index()][self.term as usize]
+    }
+
+    /// As the paper writes it.
+    pub fn symbol(self) -> &'static str {
+        SYMBOLS[self.dof.index()][self.term as usize]
+    }
+
+    /// SI unit.
+    pub fn unit(self) -> &'static str {
+        match (self.dof.index() < 3, self.term) {
+            (true, Term::Added) => "kg",
+            (true, Term::Linear) => "kg/s",
+            (true, Term::Quadratic) => "kg/m",
+            (false, Term::Linear) => "kg m2/s",
+            (false, _) => "kg m2",
+        }
+    }
+
+    /// The one with this key.
+    pub fn find(key: &str) -> Option<Coefficient> {
+        Dof::ALL
+            .into_iter()
+            .flat_map(Coefficient::of)
+            .find(|c| c.key() == key)
+    }
+
+    /// The rig's value.
+    pub fn of_vehicle(self, vehicle: &Vehicle) -> f64 {
+        let c = vehicle.coefficients[self.dof.index()];
+        match self.term {
+            Term::Added => c.added,
+            Term::Linear => c.linear,
+            Term::Quadratic => c.quadratic,
+        }
+    }
+
+    /// Puts a value into a vehicle.
+    pub fn put(self, vehicle: &mut Vehicle, value: f64) {
+        let c = &mut vehicle.coefficients[self.dof.index()];
+        match self.term {
+            Term::Added => c.added = value,
+            Term::Linear => c.linear = value,
+            Term::Quadratic => c.quadratic = value,
+        }
+    }
+}
+
+/// A free number of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Free {
+    /// Name in results.
+    pub name: String,
+    /// Where the search starts.
+    pub start: f64,
+    /// Smallest value allowed.
+    pub low: f64,
+    /// Largest value allowed.
+    pub high: f64,
+}
+
+/// Search range about what the rig says: damping -10 to +1, added mass -5 to 0 times its size.
+///
+/// Damping may turn out positive: no hull has it, but a fit that is stopped at 0 hides that its
+/// model lacks something. A rig without the number gets a range from mass or inertia.
+pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
+    let rigid = if coefficient.dof.index() < 3 {
+        vehicle.mass_kg
+    } else {
+        vehicle.inertia_kgm2[coefficient.dof.index() - 3]
+    };
+    let start = coefficient.of_vehicle(vehicle);
+    let size = if start == 0.0 { rigid } else { start.abs() };
+    let (low, high) = match coefficient.term {
+        Term::Added => (-5.0 * size.max(rigid), 0.0),
+        Term::Linear | Term::Quadratic => (-10.0 * size, size),
+    };
+    Free {
+        name: coefficient.key().to_owned(),
+        start,
+        low,
+        high,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroline_rigs::Rig;
+
+    #[test]
+    fn all_eighteen_have_their_own_key_and_place() {
+        let mut vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let all: Vec<Coefficient> = Dof::ALL.into_iter().flat_map(Coefficient::of).collect();
+        assert_eq!(all.len(), 18);
+        for (i, c) in all.iter().enumerate() {
+            assert_eq!(Coefficient::find(c.key()), Some(*c));
+            c.put(&mut vehicle, -(i as f64));
+        }
+        for (i, c) in all.iter().enumerate() {
+            assert_eq!(c.of_vehicle(&vehicle), -(i as f64));
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Small statistics: medians, whiteness, quantiles.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+
+/// sd of a normal distribution per median absolute deviation.
+pub const MAD_TO_SD: f64 = 1.482_602_218_505_602;
+
+/// Median (upper of the two middle values for an even count); sorts; `None` when empty.
+pub fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Robust standard deviation about 0: 1.4826 median |v|.
+pub fn robust_sd(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = values
+        .iter()
+        .map(|v| v.abs())
+        .filter(|v| v.is_finite())
+        .collect();
+    median(&mut sizes).unwrap_or(0.0) * MAD_TO_SD
+}
+
+/// White noise of a smooth signal from third differences, whose variance is 20 sd^2
+/// (1 + 9 + 9 + 1); what is smoother than a few samples drops out.
+pub fn difference_sd(values: &[f64]) -> f64 {
+    let third: Vec<f64> = values
+        .windows(4)
+        .map(|w| w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0])
+        .collect();
+    robust_sd(&third) / 20f64.sqrt()
+}
+
+/// Result of a test of whiteness.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Whiteness {
+    /// Ljung-Box statistic.
+    pub statistic: f64,
+    /// Lags summed = degrees of freedom.
+    pub lags: usize,
+    /// Probability of a larger statistic from white noise.
+    pub p_value: f64,
+    /// Correlation of neighbours.
+    pub lag1: f64,
+    /// Samples.
+    pub count: usize,
+}
+
+/// Ljung-Box test of a series (Biometrika 65, 1978): Q = n (n+2) sum r_k^2 / (n-k), chi-square with `lags`.
+///
+/// NaN counts as missing: a pair with a missing member does not enter.
+pub fn ljung_box(series: &[f64], lags: usize) -> Option<Whiteness> {
+    let count = series.iter().filter(|v| v.is_finite()).count();
+    if count < 3 * lags.max(1) {
+        return None;
+    }
+    let n = count as f64;
+    let mean = series.iter().filter(|v| v.is_finite()).sum::<f64>() / n;
+    let centred: Vec<f64> = series
+        .iter()
+        .map(|v| if v.is_finite() { v - mean } else { 0.0 })
+        .collect();
+    let energy: f64 = centred.iter().map(|v| v * v).sum();
+    if energy <= 0.0 {
+        return None;
+    }
+    let correlation = |k: usize| {
+        centred
+            .iter()
+            .zip(&centred[k..])
+            .map(|(a, b)| a * b)
+            .sum::<f64>()
+            / energy
+    };
+    let statistic = n
+        * (n + 2.0)
+        * (1..=lags)
+            .map(|k| correlation(k).powi(2) / (n - k as f64))
+            .sum::<f64>();
+    Some(Whiteness {
+        statistic,
+        lags,
+        p_value: chi2_above(statistic, lags as f64),
+        lag1: correlation(1),
+        count,
+    })
+}
+
+/// Probability that a chi-square variable exceeds `x`.
+pub fn chi2_above(x: f64, freedom: f64) -> f64 {
+    ChiSquared::new(freedom).map_or(f64::NAN, |d| d.sf(x.max(0.0)))
+}
+
+/// Two-sided 95 % quantile of Student's t.
+pub fn t95(freedom: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, freedom.max(1.0)).map_or(1.96, |d| d.inverse_cdf(0.975))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{SeedableRng, rngs::StdRng};
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn white(seed: u64, n: usize) -> Vec<f64> {
+        let mut rng = StdRng::seed_from_u64(seed);
+        (0..n).map(|_| StandardNormal.sample(&mut rng)).collect()
+    }
+
+    #[test]
+    fn difference_sd_sees_noise_through_motion() {
+        let series: Vec<f64> = white(1, 2000)
+            .iter()
+            .enumerate()
+            .map(|(i, e)| 0.1 * e + (i as f64 * 0.01).sin() * 5.0)
+            .collect();
+        let sd = difference_sd(&series);
+        assert!((sd - 0.1).abs() < 0.006, "{sd}");
+    }
+
+    #[test]
+    fn ljung_box_keeps_its_level_and_finds_colour() {
+        let rejected = (0..400)
+            .filter(|s| ljung_box(&white(*s, 300), 20).unwrap().p_value < 0.05)
+            .count();
+        assert!((8..=35).contains(&rejected), "{rejected} of 400 at 5 %");
+        let mut coloured = white(7, 600);
+        for i in 1..coloured.len() {
+            coloured[i] += 0.5 * coloured[i - 1];
+        }
+        assert!(ljung_box(&coloured, 20).unwrap().p_value < 1e-9);
+        assert!(ljung_box(&[1.0; 10], 20).is_none());
+    }
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        assert!((t95(10.0) - 2.22814).abs() < 1e-5);
+        assert!((chi2_above(7.81473, 3.0) - 0.05).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,160 @@
+//! Covariance, correlations, profile likelihood.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+
+use super::forward::ForwardError;
+use super::lm::least_squares;
+use super::problem::Problem;
+use super::statistics::t95;
+
+/// A direction whose information is below this share of the largest (after scaling every parameter
+/// to unit information) is rounding: the parameters in it are not determined at all.
+const RANK: f64 = 1e-11;
+
+/// Inverse of J^T J; a parameter that takes part in a direction without information has an infinite variance.
+pub fn covariance(hessian: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = hessian.nrows();
+    let scale: Vec<f64> = (0..n).map(|i| hessian[(i, i)].max(0.0).sqrt()).collect();
+    let unit = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
+    let scaled = DMatrix::from_fn(n, n, |i, j| hessian[(i, j)] * unit(i) * unit(j));
+    let eigen = SymmetricEigen::new(scaled);
+    let largest = eigen.eigenvalues.max().max(f64::MIN_POSITIVE);
+    let mut inverse = DMatrix::<f64>::zeros(n, n);
+    let mut lost = vec![false; n];
+    for (k, value) in eigen.eigenvalues.iter().enumerate() {
+        let direction = eigen.eigenvectors.column(k);
+        if *value > RANK * largest {
+            inverse.ger(1.0 / value, &direction, &direction, 1.0);
+        } else {
+            for i in 0..n {
+                lost[i] |= direction[i].abs() > 1e-3;
+            }
+        }
+    }
+    DMatrix::from_fn(n, n, |i, j| {
+        if lost[i] || lost[j] || scale[i] == 0.0 || scale[j] == 0.0 {
+            if i == j { f64::INFINITY } else { 0.0 }
+        } else {
+            inverse[(i, j)] * unit(i) * unit(j)
+        }
+    })
+}
+
+/// Correlations of a covariance; 0 where a variance is infinite.
+pub fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
+        let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+        if i == j {
+            1.0
+        } else if size.is_finite() && size > 0.0 {
+            (covariance[(i, j)] / size).clamp(-1.0, 1.0)
+        } else {
+            0.0
+        }
+    })
+}
+
+/// 95 % interval by profile likelihood: all other parameters refitted at each trial value.
+///
+/// `variance` scales the cost (residual variance per degree of freedom). An end that reaches the
+/// search range is that end of the range, and said to be open.
+///
+/// # Errors
+/// [`ForwardError`] when the motion diverges along the way.
+pub fn profile(
+    problem: &Problem<'_>,
+    at: &[f64],
+    index: usize,
+    sd: f64,
+    variance: f64,
+    freedom: f64,
+) -> Result<Profile, ForwardError> {
+    let cost = problem.normal(at)?.cost;
+    let wanted = t95(freedom);
+    let free = &problem.free()[index];
+    let mut held = vec![false; at.len()];
+    held[index] = true;
+    let end = |sign: f64| -> Result<(f64, bool), ForwardError> {
+        let limit = if sign > 0.0 { free.high } else { free.low };
+        let room = (limit - at[index]).abs();
+        let mut warm = at.to_vec();
+        let mut distance = |d: f64| -> Result<f64, ForwardError> {
+            warm[index] = at[index] + sign * d;
+            let found = least_squares(problem, warm.clone(), &held)?;
+            warm = found.parameters;
+            Ok((2.0 * (found.objective - cost).max(0.0) / variance).sqrt())
+        };
+        let (mut inner, mut inner_z) = (0.0, 0.0);
+        let mut trial = (wanted * sd).min(room);
+        for _ in 0..12 {
+            let z = distance(trial)?;
+            if (z - wanted).abs() < 0.01 * wanted {
+                return Ok((at[index] + sign * trial, false));
+            }
+            if z < wanted {
+                if trial >= room {
+                    return Ok((limit, true));
+                }
+                (inner, inner_z) = (trial, z);
+                let ratio = if z > 0.0 {
+                    (wanted / z).clamp(1.05, 3.0)
+                } else {
+                    3.0
+                };
+                trial = (trial * ratio).min(room);
+            } else {
+                // z grows nearly linearly between the last point inside and this one.
+                trial =
+                    inner + (trial - inner) * ((wanted - inner_z) / (z - inner_z)).clamp(0.1, 0.95);
+            }
+        }
+        Ok((at[index] + sign * trial, false))
+    };
+    let (low, low_open) = end(-1.0)?;
+    let (high, high_open) = end(1.0)?;
+    Ok(Profile {
+        low,
+        high,
+        low_open,
+        high_open,
+    })
+}
+
+/// Ends of a profile interval.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Profile {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// The lower end is the search range, not the data.
+    pub low_open: bool,
+    /// The upper end is the search range, not the data.
+    pub high_open: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_without_information_is_infinite_and_the_rest_is_not() {
+        // Parameters 0 and 1 only as a sum; 2 alone; 3 not at all.
+        let j = DMatrix::from_row_slice(
+            3,
+            4,
+            &[1.0, 1.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0],
+        );
+        let c = covariance(&(j.transpose() * &j));
+        assert!(c[(0, 0)].is_infinite() && c[(1, 1)].is_infinite() && c[(3, 3)].is_infinite());
+        assert!((c[(2, 2)] - 1.0 / 16.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_regular_covariance_is_the_inverse() {
+        let h = DMatrix::from_row_slice(2, 2, &[4e8, 1e3, 1e3, 9e-2]);
+        let c = covariance(&h);
+        assert!((h * &c - DMatrix::identity(2, 2)).norm() < 1e-6);
+        assert!((correlation(&c)[(0, 1)] + 1e3 / (4e8f64 * 9e-2).sqrt()).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,290 @@
+use super::*;
+
+fn map(extra: &str) -> Map {
+    let text = format!(
+        "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n[motion.psi_rad]\ncolumn = \"psi\"\nunit = \"rad\"\n{extra}"
+    );
+    Map::from_toml(&text, "map.toml").unwrap()
+}
+
+/// t, x, psi, r: a slow swing; `edit` may spoil a row.
+fn table(rows: usize, edit: impl Fn(usize, &mut Vec<String>)) -> String {
+    let mut out = "t,x,psi,r,q\n".to_owned();
+    for k in 0..rows {
+        let t = k as f64 * 0.04;
+        let mut cells: Vec<String> = [
+            t,
+            0.05 * t,
+            0.3 * (0.9 * t).sin(),
+            0.27 * (0.9 * t).cos(),
+            0.1 * (2.3 * t).sin(),
+        ]
+        .iter()
+        .map(|v| format!("{v:.6}"))
+        .collect();
+        edit(k, &mut cells);
+        out += &(cells.join(",") + "\n");
+    }
+    out
+}
+
+fn kinds(imported: &Imported, least: Severity) -> Vec<&'static str> {
+    imported
+        .findings
+        .iter()
+        .filter(|f| f.severity >= least)
+        .map(|f| f.kind)
+        .collect()
+}
+
+const WITH_R: &str = "[motion.r_radps]\ncolumn = \"r\"\nunit = \"rad/s\"\n";
+
+#[test]
+fn a_sound_table_has_no_warning() {
+    let read = read(&table(300, |_, _| {}), &map(WITH_R));
+    assert_eq!(
+        kinds(&read, Severity::Warning),
+        Vec::<&str>::new(),
+        "{:?}",
+        read.findings
+    );
+    assert_eq!(read.times_s.len(), 300);
+    assert!(
+        read.findings
+            .iter()
+            .any(|f| f.kind == "kinematics" && f.message.contains("d(psi_rad)/dt"))
+    );
+}
+
+#[test]
+fn each_fault_has_its_finding_and_nothing_is_mended() {
+    type Edit = fn(usize, &mut Vec<String>);
+    let cases: [(&str, Edit); 8] = [
+        ("nan", |k, c| {
+            if k == 7 {
+                c[1] = "NaN".into()
+            }
+        }),
+        ("empty_cells", |k, c| {
+            if k == 7 {
+                c[1] = String::new()
+            }
+        }),
+        ("not_a_number", |k, c| {
+            if k == 7 {
+                c[2] = "lost".into()
+            }
+        }),
+        ("truncated_rows", |k, c| {
+            if k == 299 {
+                c.truncate(2)
+            }
+        }),
+        ("too_many_cells", |_, c| {
+            *c = c
+                .iter()
+                .flat_map(|v| v.split('.').map(str::to_owned).collect::<Vec<_>>())
+                .collect()
+        }),
+        ("repeated_stamps", |k, c| {
+            if k == 9 {
+                c[0] = format!("{:.6}", 8.0 * 0.04)
+            }
+        }),
+        ("time_backwards", |k, c| {
+            if k == 9 {
+                c[0] = "0.1".into()
+            }
+        }),
+        ("time_zone_jump", |k, c| {
+            if k >= 150 {
+                c[0] = format!("{:.6}", k as f64 * 0.04 + 3600.0)
+            }
+        }),
+    ];
+    for (kind, edit) in cases {
+        let read = read(&table(300, edit), &map(""));
+        assert!(
+            kinds(&read, Severity::Fault).contains(&kind),
+            "{kind}: {:?}",
+            read.findings
+        );
+    }
+    let read = read(
+        &table(300, |k, c| {
+            if k == 7 {
+                c[1] = "NaN".into()
+            }
+        }),
+        &map(""),
+    );
+    assert!(
+        read.motion[0][7].is_nan() && read.motion[0][6].is_finite(),
+        "the cell stays lost"
+    );
+    assert_eq!(
+        read.findings.iter().find(|f| f.kind == "nan").unwrap().line,
+        Some(9)
+    );
+}
+
+#[test]
+fn gaps_are_counted() {
+    let text: String = table(300, |_, _| {})
+        .lines()
+        .enumerate()
+        .filter(|(i, _)| !(100..105).contains(i))
+        .map(|(_, l)| format!("{l}\n"))
+        .collect();
+    let read = read(&text, &map(""));
+    let gap = read.findings.iter().find(|f| f.kind == "gaps").unwrap();
+    assert!(gap.message.contains("1 gap(s), about 5 row(s)"), "{gap:?}");
+}
+
+#[test]
+fn decimal_commas_are_named() {
+    let semicolons = table(100, |_, _| {}).replace(',', ";").replace('.', ",");
+    let separator = |decimal: &str| {
+        Map::from_toml(&format!("[file]\nseparator = \";\"\ndecimal = \"{decimal}\"\n[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n"), "m").unwrap()
+    };
+    assert!(
+        kinds(&read(&semicolons, &separator(".")), Severity::Fault).contains(&"decimal_separator")
+    );
+    let good = read(&semicolons, &separator(","));
+    assert!(!good.has_faults(), "{:?}", good.findings);
+    assert!((good.motion[0][99] - 0.198).abs() < 1e-9);
+    // The wrong separator altogether: the column is not found, with the header shown.
+    assert!(kinds(&read(&semicolons, &map("")), Severity::Fault).contains(&"column_missing"));
+}
+
+#[test]
+fn units_signs_and_swapped_columns_show_in_the_kinematics() {
+    let degrees = |_: usize, c: &mut Vec<String>| {
+        c[2] = format!("{:.6}", c[2].parse::<f64>().unwrap().to_degrees())
+    };
+    assert!(kinds(&read(&table(300, degrees), &map(WITH_R)), Severity::Fault).contains(&"units"));
+    assert!(
+        kinds(
+            &read(
+                &table(300, |_, _| {}),
+                &map(&WITH_R.replace("unit =", "sign = -1\nunit ="))
+            ),
+            Severity::Fault
+        )
+        .contains(&"sign")
+    );
+    let swapped = "[motion.theta_rad]\ncolumn = \"x\"\nunit = \"rad\"\n[motion.q_radps]\ncolumn = \"r\"\nunit = \"rad/s\"\n";
+    let found = read(
+        &table(300, |k, c| {
+            c[1] = format!("{:.6}", 0.04 * (2.3 * 0.04 * k as f64).cos())
+        }),
+        &map(swapped),
+    );
+    assert!(
+        kinds(&found, Severity::Fault).contains(&"swapped_columns"),
+        "{:?}",
+        found.findings
+    );
+    let millimetres =
+        |_: usize, c: &mut Vec<String>| c[1] = format!("{:.3}", c[1].parse::<f64>().unwrap() * 1e3);
+    assert!(kinds(&read(&table(300, millimetres), &map("")), Severity::Fault).contains(&"units"));
+    let roll_in_degrees = "[motion.phi_rad]\ncolumn = \"q\"\nunit = \"rad\"\n";
+    let deg = read(
+        &table(300, |_, c| {
+            c[4] = format!("{:.4}", 57.3 * c[4].parse::<f64>().unwrap())
+        }),
+        &map(roll_in_degrees),
+    );
+    assert!(
+        kinds(&deg, Severity::Fault).contains(&"units"),
+        "{:?}",
+        deg.findings
+    );
+}
+
+#[test]
+fn mixed_time_zones_are_named_even_when_the_clock_face_goes_on() {
+    let text: String = "t,x\n".to_owned()
+        + &(0..60)
+            .map(|k| {
+                format!(
+                    "2026-03-01T12:00:{k:02}{},{}\n",
+                    if k < 30 { "+01:00" } else { "Z" },
+                    k as f64 * 0.1
+                )
+            })
+            .collect::<String>();
+    let map = Map::from_toml(
+        "[time]\ncolumn = \"t\"\nunit = \"iso8601\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+        "m",
+    )
+    .unwrap();
+    let found = read(&text, &map);
+    let kinds = kinds(&found, Severity::Fault);
+    assert!(
+        kinds.contains(&"mixed_time_zones") && kinds.contains(&"time_zone_jump"),
+        "{:?}",
+        found.findings
+    );
+}
+
+#[test]
+fn dead_and_stuck_channels_and_drift_are_seen() {
+    let dead = read(&table(300, |_, c| c[1] = "0.5".into()), &map(""));
+    assert!(kinds(&dead, Severity::Warning).contains(&"dead_channel"));
+    let stuck = read(
+        &table(300, |k, c| {
+            if (100..160).contains(&k) {
+                c[2] = "0.123".into()
+            }
+        }),
+        &map(""),
+    );
+    assert!(
+        kinds(&stuck, Severity::Warning).contains(&"stuck_channel"),
+        "{:?}",
+        stuck.findings
+    );
+    let text = "[time]\ncolumn = \"t\"\nunit = \"s\"\ncompare_column = \"q\"\ncompare_unit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n";
+    let drifting = read(
+        &table(300, |k, c| {
+            c[4] = format!("{:.6}", 5.0 + k as f64 * 0.04 * 1.0005)
+        }),
+        &Map::from_toml(text, "m").unwrap(),
+    );
+    let drift = drifting
+        .findings
+        .iter()
+        .find(|f| f.kind == "clock_drift")
+        .unwrap();
+    assert!(
+        drift.severity == Severity::Warning && drift.message.contains("500 ppm"),
+        "{drift:?}"
+    );
+}
+
+#[test]
+fn a_map_that_is_wrong_says_where() {
+    for (text, word) in [
+        (
+            "[time]\ncolumn = \"t\"\nunit = \"s\"\n",
+            "at least one channel",
+        ),
+        (
+            "[time]\ncolumn = \"t\"\nunit = \"h\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+            "time.unit",
+        ),
+        (
+            "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x]\ncolumn = \"x\"\nunit = \"m\"\n",
+            "channels are x_m",
+        ),
+        (
+            "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"deg\"\n",
+            "one of m cm mm",
+        ),
+        ("[time]\ncolunm = \"t\"\n", "colunm"),
+    ] {
+        let error = Map::from_toml(text, "m.toml").unwrap_err().to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}
