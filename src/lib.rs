@@ -11,6 +11,7 @@ pub mod diagnostics;
 pub mod event;
 pub mod frame;
 pub mod log;
+pub mod pose;
 pub mod record;
 pub mod replay;
 pub mod setpoint;
