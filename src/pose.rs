@@ -16,6 +16,7 @@ pub mod joint;
 mod normal;
 pub mod outline;
 mod photometric;
+pub mod run;
 pub mod segments;
 pub mod sheet;
 

@@ -2,6 +2,7 @@
 
 use super::{CliError, Outcome, inputs, progress};
 use crate::log::LogReader;
+use crate::pose::run::PoseRun;
 use crate::replay::{Options, Report, replay};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_rigs::Rig;
@@ -88,6 +89,7 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<Options, CliErr
     let mut options = Options { keep_images: args.keep_images, ..Options::default() };
     options.extractor.whole_pixel = args.whole_pixel;
     options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
+    options.poses = rig.zip(options.map.clone()).map(|(rig, map)| PoseRun::new(rig, map));
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
     Ok(options)
 }
@@ -97,6 +99,12 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     println!("  {} frames, {} with a stripe, {} points, {} commands", report.frames, report.with_stripe, report.points, report.commands);
     for (reason, n) in &report.without_stripe {
         println!("  {n} frames without: {reason}");
+    }
+    if report.poses > 0 || !report.without_pose.is_empty() {
+        println!("  {} poses in /vehicle/motion", report.poses);
+    }
+    for (reason, n) in &report.without_pose {
+        println!("  {n} frames without a pose: {reason}");
     }
     if report.live > 0 {
         println!("  {} of {} frames extracted live came out bit for bit the same", report.live_identical, report.live);

@@ -305,15 +305,25 @@ impl PoseFitter {
             return starts.pop();
         }
         let weighting = Weighting { noise_sd: profile.noise_sd.max(1.0), cut: 8.0, redescending: true, saturation: self.saturation };
-        // The first comparison is free of θ: it is settled later, and cannot tell flanks apart.
+        // θ is settled later, and cannot tell flanks apart.
         let mut held = *free;
         held[4] = false;
-        let mut tried: Vec<(f64, State)> = starts
+        let judged = |start: State| {
+            let plan = self.model.plan(&start).thinned(8);
+            let sums = self.model.compare(&plan, &image.pixels, &start, &weighting, false);
+            (sums.cost / sums.pixels.max(1) as f64, start, plan)
+        };
+        let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
+        first.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
+        // guesses: those that do not fall far behind are settled a little before they are compared.
+        let limit = first.first().map_or(0.0, |f| 3.0 * f.0);
+        let huber = Weighting { cut: 4.0, redescending: false, ..weighting };
+        let mut tried: Vec<(f64, State)> = first
             .into_iter()
-            .filter_map(|start| {
-                let plan = self.model.plan(&start);
-                let huber = Weighting { cut: 4.0, redescending: false, ..weighting };
-                let (state, _) = self.settle(&self.model, &plan, image, start, &held, &huber, 3)?;
+            .filter(|f| f.0 <= limit)
+            .filter_map(|(_, start, plan)| {
+                let (state, _) = self.settle(&self.model, &plan, image, start, &held, &huber, 2)?;
                 let sums = self.model.compare(&plan, &image.pixels, &state, &weighting, false);
                 Some((sums.cost / sums.pixels.max(1) as f64, state))
             })
@@ -340,7 +350,7 @@ impl PoseFitter {
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
         let mut weighting = Weighting { noise_sd: profile.noise_sd.max(0.3), cut: 4.0, redescending: false, saturation: self.saturation };
-        let plan = model.plan(&start);
+        let plan = model.plan(&start).thinned(4);
         let (state, sums) = self.settle(model, &plan, image, start, &free, &weighting, 4).ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);

@@ -27,11 +27,12 @@ pub(super) const BACKGROUND: usize = 8;
 
 /// Reach of the light, standard deviations.
 const REACH: f64 = 4.3;
-/// Farther from every edge than this a hit is wholly in or out \[m\].
-const EDGE_REACH_M: f64 = 0.009;
 /// Room for the pose to move after the pixels were chosen \[m\], \[px\].
-const MOVE_M: f64 = 0.004;
+const MOVE_M: f64 = 0.003;
 const MOVE_PX: f64 = 2.0;
+/// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out.
+const EDGE_SPREADS: f64 = 5.0;
+const EDGE_SHIFT_M: f64 = 0.0015;
 /// Points this near the ends of the fan are not used, as a tangent.
 const FAN_MARGIN: f64 = 0.012;
 
@@ -66,24 +67,63 @@ impl State {
     }
 }
 
-/// Pixels of one column that are compared.
+/// Edges of one outline that pass near a strip.
+#[derive(Debug, Clone, Copy, Default)]
+struct Near {
+    /// In [`Plan::edges`].
+    from: u32,
+    to: u32,
+    /// Whether the strip lies inside, where no edge is near.
+    inside: bool,
+}
+
+/// Pixels of one column about one level.
 #[derive(Debug, Clone, Copy)]
 struct Strip {
     column: usize,
     first_row: usize,
     end_row: usize,
-    /// Bit k = top k, bit 31 = floor.
-    levels: u32,
-    /// An edge passes: visibility is computed per pixel.
-    edges: bool,
+    /// Index of the top; the number of tops = floor.
+    level: usize,
+    /// What cuts the level here, in [`Plan::cuts`]; empty = nothing.
+    cuts: (u32, u32),
+    /// The next strip covers the same pixels: their light adds up.
+    shares: bool,
 }
 
-const FLOOR_BIT: u32 = 31;
+/// One thing that cuts a strip's light.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    /// Index of the top whose outline it is.
+    top: usize,
+    /// Own outline, or one above.
+    own: bool,
+    /// At the level's own height.
+    foot: Near,
+    /// At the height of `top`, for one above.
+    head: Near,
+}
 
 /// Which pixels a frame is judged by.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Plan {
     strips: Vec<Strip>,
+    cuts: Vec<Cut>,
+    edges: Vec<u16>,
+    /// Distance from an edge beyond which a hit is wholly in or out \[m\].
+    edge_reach_m: f64,
+}
+
+impl Plan {
+    /// The same with every `keep`-th of the columns that no edge crosses.
+    pub fn thinned(&self, keep: usize) -> Plan {
+        let strips = self.strips.iter().filter(|s| s.cuts.0 != s.cuts.1 || s.shares || s.column % keep == 0);
+        Plan { strips: strips.copied().collect(), ..self.clone() }
+    }
+
+    fn near(&self, near: &Near) -> &[u16] {
+        &self.edges[near.from as usize..near.to as usize]
+    }
 }
 
 /// Sums over the pixels.
@@ -221,17 +261,12 @@ impl Photometric {
         Photometric { surfaces: Surfaces::new(None), ..self.clone() }
     }
 
-    fn height(&self, bit: u32) -> f64 {
-        self.surfaces.tops.get(bit as usize).map_or(0.0, |t| t.height_m)
+    fn height(&self, level: usize) -> f64 {
+        self.surfaces.tops.get(level).map_or(0.0, |t| t.height_m)
     }
 
-    fn albedo(&self, bit: u32) -> f64 {
-        self.surfaces.tops.get(bit as usize).map_or(1.0, |t| t.albedo)
-    }
-
-    /// Bits of all levels.
-    fn all_levels(&self) -> impl Iterator<Item = u32> {
-        (0..self.surfaces.tops.len().min(FLOOR_BIT as usize) as u32).chain([FLOOR_BIT])
+    fn albedo(&self, level: usize) -> f64 {
+        self.surfaces.tops.get(level).map_or(1.0, |t| t.albedo)
     }
 
     fn hit(&self, turned: &Turned, sight: &[Vector3<f64>; 3], height_m: f64) -> Option<Hit> {
@@ -256,73 +291,114 @@ impl Photometric {
     /// The pixels a state calls for: along each level where it could be lit.
     pub fn plan(&self, state: &State) -> Plan {
         let turned = Turned::new(&state.pose);
-        let mut strips = Vec::with_capacity(self.table.width_px);
+        let mut plan = Plan { edge_reach_m: self.edge_reach_m(&turned), ..Plan::default() };
         for column in 1..self.table.width_px.saturating_sub(1) {
-            self.plan_column(&turned, state, column, &mut strips);
+            self.plan_column(&turned, state, column, &mut plan);
         }
-        Plan { strips }
+        plan
     }
 
-    fn plan_column(&self, turned: &Turned, state: &State, column: usize, strips: &mut Vec<Strip>) {
-        let lever = self.table.l_laser_m - self.table.eye_m.x;
-        let first = strips.len();
-        for bit in self.all_levels() {
-            let height = self.height(bit);
-            // Row at which s = 0, by Newton from the middle of the image.
-            let mut row = self.table.height_px as f64 * 0.5;
-            let mut hit = None;
-            for _ in 0..8 {
-                let at = row.round().clamp(1.0, self.table.height_px as f64 - 2.0) as usize;
-                let sight = self.table.sight_with_slopes(column, at);
-                hit = self.hit(turned, &sight, height).map(|h| (h, at, sight));
-                let Some((h, at, _)) = &hit else { break };
-                let next = *at as f64 - (h.t - 1.0) / h.t_slope[1];
-                let done = (next - row).abs() < 0.3;
-                row = next;
-                if done || !row.is_finite() {
-                    break;
-                }
+    /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
+    fn edge_reach_m(&self, turned: &Turned) -> f64 {
+        let middle = self.table.width_px / 2;
+        let metres_per_px = self.row_of_level(turned, middle, 0.0).map_or(0.0015, |(hit, _, sight)| {
+            let across = hit.t * sight[1].norm();
+            across.max(((self.table.l_laser_m - self.table.eye_m.x) * hit.t_slope[1]).abs())
+        });
+        EDGE_SPREADS * self.spread_px2.sqrt() * metres_per_px.clamp(1e-5, 0.01) + EDGE_SHIFT_M
+    }
+
+    /// Row at which a column sees the middle of the sheet on a level, with the hit at the nearest pixel.
+    fn row_of_level(&self, turned: &Turned, column: usize, height_m: f64) -> Option<(Hit, f64, [Vector3<f64>; 3])> {
+        let last = self.table.height_px as f64 - 2.0;
+        let mut row = 0.5 * last;
+        let mut found = None;
+        for _ in 0..8 {
+            let at = row.round().clamp(1.0, last);
+            let sight = self.table.sight_with_slopes(column, at as usize);
+            let hit = self.hit(turned, &sight, height_m)?;
+            let next = at - (hit.t - 1.0) / hit.t_slope[1];
+            if !next.is_finite() {
+                return None;
             }
-            let Some((h, _, sight)) = hit.filter(|_| row.is_finite()) else { continue };
-            let body = self.table.eye_m + h.t * sight[0];
+            let done = (next - row).abs() < 0.3;
+            row = next;
+            found = Some((hit, row, sight));
+            if done {
+                break;
+            }
+        }
+        found
+    }
+
+    fn plan_column(&self, turned: &Turned, state: &State, column: usize, plan: &mut Plan) {
+        let lever = self.table.l_laser_m - self.table.eye_m.x;
+        let first = plan.strips.len();
+        for level in 0..=self.surfaces.tops.len() {
+            let Some((hit, row, sight)) = self.row_of_level(turned, column, self.height(level)) else { continue };
+            let body = self.table.eye_m + hit.t * sight[0];
             // NaN (no map there) is outside too.
             if !(body.y.abs() <= (self.tan_half_fan - FAN_MARGIN) * body.z) {
                 continue;
             }
-            let metres_per_row = (lever * h.t_slope[1]).abs();
-            let total = state.thickness_m.hypot(metres_per_row * self.spread_px2.sqrt());
-            let reach_m = REACH * total;
+            let metres_per_row = (lever * hit.t_slope[1]).abs();
+            let reach_m = REACH * state.thickness_m.hypot(metres_per_row * self.spread_px2.sqrt());
             let half = reach_m / metres_per_row + MOVE_PX;
             let (low, high) = ((row - half).ceil().max(1.0), (row + half).floor().min(self.table.height_px as f64 - 2.0));
             if low > high {
                 continue;
             }
-            let near_m = EDGE_REACH_M + MOVE_M + reach_m;
-            let Some(edges) = self.may_be_lit(turned, &sight, bit, h.p, near_m) else { continue };
-            strips.push(Strip { column, first_row: low as usize, end_row: high as usize + 1, levels: 1 << bit, edges });
+            let Some(cuts) = self.cuts(turned, &sight, level, hit.p, reach_m, plan) else { continue };
+            plan.strips.push(Strip { column, first_row: low as usize, end_row: high as usize + 1, level, cuts, shares: false });
         }
-        merge(strips, first);
+        join(&mut plan.strips, first);
     }
 
-    /// Whether level `bit` can be lit about `p` (`None`: surely not) and whether an edge is near.
-    fn may_be_lit(&self, turned: &Turned, sight: &[Vector3<f64>; 3], bit: u32, p: [f64; 2], near_m: f64) -> Option<bool> {
-        let near = |outline: &Outline, p: [f64; 2]| outline.nearest(p).is_some_and(|(_, d)| d < near_m);
-        let mut edges = false;
-        if let Some(top) = self.surfaces.tops.get(bit as usize) {
-            edges = near(&top.outline, p);
-            if !edges && !top.outline.contains(p) {
-                return None;
+    /// What may cut the light of a level about `p`; `None`: it is surely dark there.
+    fn cuts(&self, turned: &Turned, sight: &[Vector3<f64>; 3], level: usize, p: [f64; 2], reach_m: f64, plan: &mut Plan) -> Option<(u32, u32)> {
+        let start = (plan.cuts.len(), plan.edges.len());
+        let forward = [turned.r[(0, 0)], turned.r[(1, 0)]];
+        let room_m = plan.edge_reach_m + MOVE_M;
+        let look = |outline: &Outline, p: [f64; 2], edges: &mut Vec<u16>| {
+            let from = edges.len() as u32;
+            for (k, e) in outline.edges.iter().enumerate() {
+                // Across the stripe's thickness the hit moves along the path; along the edge the
+                // whole of that counts, for a corner may come near.
+                let shift = reach_m * (e.inward[0] * forward[0] + e.inward[1] * forward[1]).abs();
+                let along = e.along_m(p);
+                let beside = e.inside_m(p).abs() < room_m + shift;
+                if beside && along > -room_m - reach_m && along < e.length_m + room_m + reach_m {
+                    edges.push(k as u16);
+                }
+            }
+            Near { from, to: edges.len() as u32, inside: outline.contains(p) }
+        };
+        let mut dark = false;
+        if let Some(top) = self.surfaces.tops.get(level) {
+            let foot = look(&top.outline, p, &mut plan.edges);
+            if foot.from != foot.to {
+                plan.cuts.push(Cut { top: level, own: true, foot, head: Near::default() });
+            } else {
+                dark = !foot.inside;
             }
         }
-        for higher in self.surfaces.tops.iter().take(bit as usize).filter(|t| t.height_m > self.height(bit)) {
-            let above = self.hit(turned, sight, higher.height_m)?.p;
-            let touched = near(&higher.outline, p) || near(&higher.outline, above);
-            if !touched && (higher.outline.contains(p) || higher.outline.contains(above)) {
-                return None;
+        let higher = self.surfaces.tops.iter().enumerate().take(level).filter(|(_, t)| t.height_m > self.height(level));
+        for (k, top) in higher {
+            let above = self.hit(turned, sight, top.height_m)?.p;
+            let foot = look(&top.outline, p, &mut plan.edges);
+            let head = look(&top.outline, above, &mut plan.edges);
+            if foot.from == foot.to && head.from == head.to {
+                dark |= foot.inside || head.inside;
+            } else {
+                plan.cuts.push(Cut { top: k, own: false, foot, head });
             }
-            edges |= touched;
         }
-        Some(edges)
+        if dark {
+            plan.cuts.truncate(start.0);
+            plan.edges.truncate(start.1);
+            return None;
+        }
+        Some((start.0 as u32, plan.cuts.len() as u32))
     }
 
     /// Compares a frame with a state.
@@ -341,18 +417,27 @@ impl Photometric {
         let turned = Turned::new(&state.pose);
         let width = self.table.width_px;
         let bright = 0.15 * state.brightness;
-        for strip in &plan.strips {
+        let noise = weighting.noise_sd;
+        let mut from = 0;
+        while from < plan.strips.len() {
+            let mut to = from + 1;
+            while to < plan.strips.len() && plan.strips[to - 1].shares {
+                to += 1;
+            }
+            let strips = &plan.strips[from..to];
+            from = to;
+            let cut = strips.iter().any(|s| s.cuts.0 != s.cuts.1);
+            let Some(strip) = strips.first() else { continue };
             for row in strip.first_row..strip.end_row {
                 let Some(&grey) = pixels.get(row * width + strip.column) else { continue };
                 if grey >= weighting.saturation {
                     continue;
                 }
                 let mut j = Column::zeros();
-                let Some(light) = self.light(&turned, state, strip, row, &mut j) else { continue };
+                let Some(light) = self.light(&turned, state, plan, strips, row, &mut j) else { continue };
                 // A sensor gives no negative level: E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ).
                 let level = light + state.background;
                 j[BACKGROUND] = 1.0;
-                let noise = weighting.noise_sd;
                 let mut expected = level;
                 if level < 4.0 * noise {
                     let x = level / noise;
@@ -361,11 +446,10 @@ impl Photometric {
                     j *= share;
                 }
                 let residual = f64::from(grey) - expected;
-                let scaled = residual / noise;
-                let (cost, weight) = weigh(scaled, weighting);
+                let (cost, weight) = weigh(residual / noise, weighting);
                 sums.cost += cost;
                 sums.pixels += 1;
-                if strip.edges {
+                if cut {
                     sums.edge_cost += cost;
                     sums.edge_count += 1;
                     sums.rejected += usize::from(weight < 0.5);
@@ -376,16 +460,8 @@ impl Photometric {
                 }
                 if derivatives {
                     let w = weight / (noise * noise);
-                    for a in 0..PARAMETERS {
-                        if j[a] == 0.0 {
-                            continue;
-                        }
-                        let wj = w * j[a];
-                        sums.gradient[a] += wj * residual;
-                        for b in a..PARAMETERS {
-                            sums.information[(b, a)] += wj * j[b];
-                        }
-                    }
+                    // x, y and ψ move edges only.
+                    if cut { add::<PARAMETERS>(&mut sums, &ALL, &j, w, residual) } else { add::<6>(&mut sums, &BULK, &j, w, residual) }
                 }
             }
         }
@@ -398,65 +474,68 @@ impl Photometric {
     }
 
     /// Laser light of one pixel, and its derivatives added to `j`.
-    fn light(&self, turned: &Turned, state: &State, strip: &Strip, row: usize, j: &mut Column) -> Option<f64> {
-        let sight = self.table.sight_with_slopes(strip.column, row);
+    fn light(&self, turned: &Turned, state: &State, plan: &Plan, strips: &[Strip], row: usize, j: &mut Column) -> Option<f64> {
+        let column = strips.first()?.column;
+        let sight = self.table.sight_with_slopes(column, row);
         let lever = self.table.l_laser_m - self.table.eye_m.x;
         let sigma = state.thickness_m;
         let mut sum = 0.0;
-        let mut bits = strip.levels;
-        while bits != 0 {
-            let bit = bits.trailing_zeros();
-            bits &= bits - 1;
-            let hit = self.hit(turned, &sight, self.height(bit))?;
+        for strip in strips {
+            let hit = self.hit(turned, &sight, self.height(strip.level))?;
             let s = lever * (hit.t - 1.0);
             let s_slope = [lever * hit.t_slope[0], lever * hit.t_slope[1]];
             let total2 = sigma * sigma + self.spread_px2 * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]);
             let exponent = 0.5 * s * s / total2;
-            if !(exponent < 14.0) {
-                if exponent.is_nan() {
-                    return None;
+            if exponent.is_nan() {
+                return None;
+            }
+            if exponent > 14.0 {
+                continue;
+            }
+            let bare = self.albedo(strip.level) * sigma / total2.sqrt() * (-exponent).exp();
+            let ds = hit.dt.map(|d| lever * d);
+            let mut share = 1.0;
+            if strip.cuts.0 != strip.cuts.1 {
+                let stripe = Stripe { s, s_slope, ds, total2, sigma, spread: self.spread_px2 };
+                let passing = self.passing(turned, &sight, plan, strip, &hit, &stripe);
+                share = passing.share;
+                if share == 0.0 {
+                    continue;
                 }
-                continue;
-            }
-            let bare = self.albedo(bit) * sigma / total2.sqrt() * (-exponent).exp();
-            let stripe = Stripe { s, s_slope, ds: hit.dt.map(|d| lever * d), total2, sigma, spread: self.spread_px2 };
-            let passing = if strip.edges { self.passing(turned, &sight, bit, &hit, &stripe) } else { Passing::ALL };
-            if passing.share == 0.0 {
-                continue;
-            }
-            let light = state.brightness * bare * passing.share;
-            sum += light;
-            for (k, ds) in stripe.ds.iter().enumerate() {
-                j[2 + k] -= light * s / total2 * ds;
-            }
-            if strip.edges {
                 for (k, d) in passing.by_pose.iter().enumerate() {
                     j[k] += state.brightness * bare * d;
                 }
+                j[THICKNESS] += state.brightness * bare * passing.by_thickness;
             }
-            j[BRIGHTNESS] += bare * passing.share;
-            j[THICKNESS] += light * (1.0 / sigma - sigma / total2 + s * s * sigma / (total2 * total2))
-                + state.brightness * bare * passing.by_thickness;
+            let light = state.brightness * bare * share;
+            sum += light;
+            for (k, ds) in ds.iter().enumerate() {
+                j[2 + k] -= light * s / total2 * ds;
+            }
+            j[BRIGHTNESS] += bare * share;
+            j[THICKNESS] += light * (1.0 / sigma - sigma / total2 + s * s * sigma / (total2 * total2));
         }
         Some(sum)
     }
 
-    /// What passes of the light of level `bit`: on its top, and in front of nothing higher.
-    fn passing(&self, turned: &Turned, sight: &[Vector3<f64>; 3], bit: u32, hit: &Hit, stripe: &Stripe) -> Passing {
+    /// What passes of a strip's light: on its own top, and in front of nothing higher.
+    fn passing(&self, turned: &Turned, sight: &[Vector3<f64>; 3], plan: &Plan, strip: &Strip, hit: &Hit, stripe: &Stripe) -> Passing {
         let mut passing = Passing::ALL;
-        if let Some(top) = self.surfaces.tops.get(bit as usize) {
-            passing = self.inside(turned, sight, &top.outline, hit, stripe);
-        }
-        for higher in self.surfaces.tops.iter().take(bit as usize).filter(|t| t.height_m > self.height(bit)) {
+        for cut in &plan.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize] {
             if passing.share == 0.0 {
                 break;
             }
+            let top = &self.surfaces.tops[cut.top];
+            let foot = self.inside(turned, sight, plan, &cut.foot, &top.outline, hit, stripe);
+            if cut.own {
+                passing = passing.and(foot);
+                continue;
+            }
             // The slab hides what lies under its top and, seen from the side, behind it: in the
             // image the union of its foot and its top, of which the one that reaches farther decides.
-            let foot = self.inside(turned, sight, &higher.outline, hit, stripe);
-            let hidden = match self.hit(turned, sight, higher.height_m) {
+            let hidden = match self.hit(turned, sight, top.height_m) {
                 Some(above) if foot.share < 1.0 => {
-                    let head = self.inside(turned, sight, &higher.outline, &above, stripe);
+                    let head = self.inside(turned, sight, plan, &cut.head, &top.outline, &above, stripe);
                     if head.share > foot.share { head } else { foot }
                 }
                 _ => foot,
@@ -467,18 +546,22 @@ impl Photometric {
     }
 
     /// Share of the light that falls inside an outline.
-    fn inside(&self, turned: &Turned, sight: &[Vector3<f64>; 3], outline: &Outline, hit: &Hit, stripe: &Stripe) -> Passing {
-        let Some((nearest, distance)) = outline.nearest(hit.p) else { return Passing::NONE };
-        if distance > EDGE_REACH_M {
-            return if outline.contains(hit.p) { Passing::ALL } else { Passing::NONE };
+    #[allow(clippy::too_many_arguments)]
+    fn inside(&self, turned: &Turned, sight: &[Vector3<f64>; 3], plan: &Plan, near: &Near, outline: &Outline, hit: &Hit, stripe: &Stripe) -> Passing {
+        let wholly = |inside: bool| if inside { Passing::ALL } else { Passing::NONE };
+        let candidates = plan.near(near).iter().map(|k| (usize::from(*k), outline.edges[usize::from(*k)].distance_m(hit.p)));
+        let Some((nearest, distance)) = candidates.min_by(|a, b| a.1.total_cmp(&b.1)) else { return wholly(near.inside) };
+        let reach_m = plan.edge_reach_m;
+        if distance > reach_m {
+            return wholly(outline.contains(hit.p));
         }
         let n = outline.edges.len();
         let edge = &outline.edges[nearest];
         let along = edge.along_m(hit.p);
         let first = self.standard(turned, sight, edge, hit, stripe);
-        let neighbour = if along < EDGE_REACH_M && along < 0.5 * edge.length_m {
+        let neighbour = if along < reach_m && along < 0.5 * edge.length_m {
             Some(((nearest + n - 1) % n, edge.convex_at_start))
-        } else if edge.length_m - along < EDGE_REACH_M {
+        } else if edge.length_m - along < reach_m {
             let next = (nearest + 1) % n;
             Some((next, outline.edges[next].convex_at_start))
         } else {
@@ -561,21 +644,34 @@ fn weigh(scaled: f64, weighting: &Weighting) -> (f64, f64) {
     }
 }
 
-/// Joins overlapping strips of one column from `first` on: each pixel is compared once.
-fn merge(strips: &mut Vec<Strip>, first: usize) {
-    strips[first..].sort_by_key(|s| s.first_row);
-    let mut kept = first;
-    for i in first..strips.len() {
-        let next = strips[i];
-        if kept > first && next.first_row <= strips[kept - 1].end_row {
-            let last = &mut strips[kept - 1];
-            last.end_row = last.end_row.max(next.end_row);
-            last.levels |= next.levels;
-            last.edges |= next.edges;
-        } else {
-            strips[kept] = next;
-            kept += 1;
+const ALL: [usize; PARAMETERS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND];
+
+/// Adds one pixel to the lower triangle of the normal equations, for the parameters in `which`.
+fn add<const N: usize>(sums: &mut Sums, which: &[usize; N], j: &Column, weight: f64, residual: f64) {
+    for (n, &a) in which.iter().enumerate() {
+        let wj = weight * j[a];
+        sums.gradient[a] += wj * residual;
+        for &b in &which[n..] {
+            sums.information[(b, a)] += wj * j[b];
         }
     }
-    strips.truncate(kept);
+}
+
+/// Gives overlapping strips of one column, from `first` on, the same rows: their light adds up there.
+fn join(strips: &mut [Strip], first: usize) {
+    let Some(column) = strips.get_mut(first..) else { return };
+    column.sort_by_key(|s| s.first_row);
+    let mut group = 0;
+    for i in 1..=column.len() {
+        let end = column[group..i].iter().map(|s| s.end_row).max().unwrap_or(0);
+        if i < column.len() && column[i].first_row < end {
+            continue;
+        }
+        let from = column[group].first_row;
+        for (k, s) in column[group..i].iter_mut().enumerate() {
+            (s.first_row, s.end_row, s.shares) = (from, end, group + k + 1 < i);
+        }
+        group = i;
+    }
 }

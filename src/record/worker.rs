@@ -6,6 +6,7 @@ use crate::analysis::Analyst;
 use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
 use crate::log::messages::{self, pb::StripeProfile};
+use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::shutdown::StopReason;
 use crate::thruster::NeutralHandle;
 use crate::thruster::safety::NeutralReason;
@@ -99,6 +100,7 @@ pub(super) fn analysis(
     map: Option<Arc<dyn PlaneMap>>,
     neutral: Option<NeutralHandle>,
 ) -> Result<JoinHandle<Option<()>>, RecordError> {
+    let mut poses = map.clone().map(|map| PoseRun::new(&job.rig, map));
     let mut analyst = Analyst::new(job.extractor.clone(), map);
     let mut monitor = LimitMonitor::new(job.rig.limits);
     let h_centre_m = job.rig.mounts.h_centre_m;
@@ -106,13 +108,23 @@ pub(super) fn analysis(
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
-                    let profile = analyst.analyse(&frame);
+                    let (profile, pixels) = analyst.analyse_whole(&frame);
                     shared.recorder.profile(&profile);
                     shared.recorder.annotations(&messages::stripe_annotations(&profile));
                     shared.progress(|p| {
                         p.analysed += 1;
                         p.points = profile.row_px.len();
                     });
+                    if let (Some(poses), Some((image, full))) = (&mut poses, &pixels) {
+                        let stamp_ns = frame.meta.mid_exposure_ns;
+                        if let RunPose::Good(fit) = poses.pose(stamp_ns, image, full) {
+                            let motion = motion_message(stamp_ns, &fit);
+                            shared.recorder.motion(&motion);
+                            if let Some(pose) = messages::pose_message(&motion) {
+                                shared.recorder.pose(&pose);
+                            }
+                        }
+                    }
                     let mut estimate = shared.tracker.estimate(frame.meta.mid_exposure_ns);
                     if let Some(floor) = floor::floor(&plane_points(&profile), h_centre_m) {
                         estimate.z_m = Some(-floor.height_m);
