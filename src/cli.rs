@@ -14,6 +14,7 @@ mod outcome;
 mod progress;
 mod record;
 mod replay;
+mod reproduce;
 mod rig;
 mod rigging;
 mod signals;
@@ -56,6 +57,8 @@ enum Command {
     Record(Box<record::Args>),
     /// Re-extracts stripes from a log's images, offline and deterministic
     Replay(replay::Args),
+    /// The paper's tables, computed and printed beside its numbers
+    Reproduce(reproduce::Args),
     /// Renders a plan without hardware or waiting: same rig and seed, same bytes
     Simulate(simulate::Args),
     /// Stripe points of single images
@@ -93,6 +96,7 @@ impl Cli {
             Command::Aim(args) => aim::run(&args),
             Command::Record(args) => record::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Reproduce(args) => reproduce::run(&args),
             Command::Simulate(args) => simulate::run(&args),
             Command::Extract(args) => extract::run(&args),
             Command::Rig(command) => rig::run(&command),

@@ -14,6 +14,7 @@ pub mod log;
 pub mod pose;
 pub mod record;
 pub mod replay;
+pub mod reproduce;
 pub mod setpoint;
 pub mod shutdown;
 pub mod simulate;

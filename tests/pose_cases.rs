@@ -11,10 +11,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 fn shared() -> Option<PathBuf> {
-    let dir = std::env::var_os("HYDROLINE_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let dir = std::env::var_os("HYDROLINE_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    );
     let images = dir.join("cases/images");
     if !images.is_dir() {
-        println!("skipped: {} is not there; set HYDROLINE_SHARED", images.display());
+        println!(
+            "skipped: {} is not there; set HYDROLINE_SHARED",
+            images.display()
+        );
         return None;
     }
     Some(images)
@@ -25,10 +31,16 @@ pub fn frames(path: &Path) -> Vec<(GreyImage, Pose)> {
     let (mut images, mut truths) = (Vec::new(), Vec::new());
     for message in LogReader::open(path).unwrap() {
         match message.unwrap().record {
-            Record::Frame(frame) => images.push((frame.meta.mid_exposure_ns, frame.to_grey().unwrap())),
+            Record::Frame(frame) => {
+                images.push((frame.meta.mid_exposure_ns, frame.to_grey().unwrap()))
+            }
             Record::Truth(t) => {
-                let stamp = t.timestamp.as_ref().map_or(0, hydroline::log::messages::unix_ns);
-                let pose = [t.x_m, t.y_m, t.z_m, t.phi_rad, t.theta_rad, t.psi_rad].map(Option::unwrap_or_default);
+                let stamp = t
+                    .timestamp
+                    .as_ref()
+                    .map_or(0, hydroline::log::messages::unix_ns);
+                let pose = [t.x_m, t.y_m, t.z_m, t.phi_rad, t.theta_rad, t.psi_rad]
+                    .map(Option::unwrap_or_default);
                 truths.push((stamp, Pose::from_array(pose)));
             }
             _ => {}
@@ -36,7 +48,16 @@ pub fn frames(path: &Path) -> Vec<(GreyImage, Pose)> {
     }
     images
         .into_iter()
-        .map(|(stamp, image)| (image, truths.iter().min_by_key(|(t, _)| t.abs_diff(stamp)).unwrap().1))
+        .map(|(stamp, image)| {
+            (
+                image,
+                truths
+                    .iter()
+                    .min_by_key(|(t, _)| t.abs_diff(stamp))
+                    .unwrap()
+                    .1,
+            )
+        })
         .collect()
 }
 
@@ -52,7 +73,14 @@ struct Score {
     failed: usize,
 }
 
-const UNIT: [f64; 6] = [1e3, 1e3, 1e3, 180.0 / std::f64::consts::PI, 180.0 / std::f64::consts::PI, 180.0 / std::f64::consts::PI];
+const UNIT: [f64; 6] = [
+    1e3,
+    1e3,
+    1e3,
+    180.0 / std::f64::consts::PI,
+    180.0 / std::f64::consts::PI,
+    180.0 / std::f64::consts::PI,
+];
 
 fn score(name: &str, rig: &Rig) -> Option<Score> {
     let path = shared()?.join(format!("{name}.mcap"));
@@ -62,14 +90,28 @@ fn score(name: &str, rig: &Rig) -> Option<Score> {
     let mut spent = std::time::Duration::ZERO;
     let all = frames(&path);
     // Where the run starts is known from the rig of the case; after that the hint is our own pose.
-    let mut x_m = all.first().map(|(_, truth)| (truth.x_m * 20.0).round() / 20.0);
+    let mut x_m = all
+        .first()
+        .map(|(_, truth)| (truth.x_m * 20.0).round() / 20.0);
     for (k, (image, truth)) in all.into_iter().enumerate() {
         let profile = extractor.extract(&image);
         let from = std::time::Instant::now();
-        let fit = fitter.fit(&image, &profile, &Hint { x_m, ..Hint::default() });
+        let fit = fitter.fit(
+            &image,
+            &profile,
+            &Hint {
+                x_m,
+                ..Hint::default()
+            },
+        );
         spent += from.elapsed();
         score.frames += 1;
-        let JointPose { pose, covariance, measured, .. } = match fit {
+        let JointPose {
+            pose,
+            covariance,
+            measured,
+            ..
+        } = match fit {
             Ok(fit) => fit,
             Err(error) => {
                 println!("{name} frame {k}: {error}");
@@ -80,7 +122,12 @@ fn score(name: &str, rig: &Rig) -> Option<Score> {
         if measured[0] {
             x_m = Some(pose.x_m);
         }
-        let errors: Vec<f64> = pose.to_array().iter().zip(truth.to_array()).map(|(a, b)| a - b).collect();
+        let errors: Vec<f64> = pose
+            .to_array()
+            .iter()
+            .zip(truth.to_array())
+            .map(|(a, b)| a - b)
+            .collect();
         let mut line = String::new();
         for i in (0..6).filter(|i| measured[*i]) {
             let sd = covariance[(i, i)].sqrt();
@@ -126,7 +173,9 @@ fn target_rig() -> Rig {
 #[test]
 fn joint_pose_on_independent_frames() {
     for name in ["surge-4n", "surge-4n-disturbed", "yaw"] {
-        let Some(_score) = score(name, &target_rig()) else { return };
+        let Some(_score) = score(name, &target_rig()) else {
+            return;
+        };
     }
 }
 
@@ -135,6 +184,8 @@ fn bare_floor_on_independent_frames() {
     let mut rig = target_rig();
     rig.target = None;
     for name in ["heave", "roll", "pitch"] {
-        let Some(_score) = score(name, &rig) else { return };
+        let Some(_score) = score(name, &rig) else {
+            return;
+        };
     }
 }

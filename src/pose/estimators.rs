@@ -32,7 +32,9 @@ pub enum EstimatorFault {
         point: char,
     },
     /// The stripe is turned although roll is taken as still.
-    #[error("the stripe is turned by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)")]
+    #[error(
+        "the stripe is turned by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)"
+    )]
     Rolled {
         /// Which estimator.
         what: &'static str,
@@ -42,7 +44,9 @@ pub enum EstimatorFault {
         allowed_deg: f64,
     },
     /// Widths that no place on the chain has.
-    #[error("half widths {l_mm:.1} mm and {r_mm:.1} mm fit no place of the hexagons near {near_m:.3} m")]
+    #[error(
+        "half widths {l_mm:.1} mm and {r_mm:.1} mm fit no place of the hexagons near {near_m:.3} m"
+    )]
     NoPlace {
         /// To port \[mm\].
         l_mm: f64,
@@ -52,7 +56,9 @@ pub enum EstimatorFault {
         near_m: f64,
     },
     /// η at which Eq. 5 has no solution.
-    #[error("the floor line at η = {eta_m:.4} m is nearer than any pitch can bring it (distance from the floor {height_m:.3} m)")]
+    #[error(
+        "the floor line at η = {eta_m:.4} m is nearer than any pitch can bring it (distance from the floor {height_m:.3} m)"
+    )]
     NoPitch {
         /// η \[m\].
         eta_m: f64,
@@ -82,18 +88,28 @@ pub fn upright(levels: &Levels, what: &'static str) -> Result<(), EstimatorFault
     if roll_rad.abs() <= ROLL_ALLOWED_RAD {
         return Ok(());
     }
-    Err(EstimatorFault::Rolled { what, roll_deg: roll_rad.to_degrees(), allowed_deg: ROLL_ALLOWED_RAD.to_degrees() })
+    Err(EstimatorFault::Rolled {
+        what,
+        roll_deg: roll_rad.to_degrees(),
+        allowed_deg: ROLL_ALLOWED_RAD.to_degrees(),
+    })
 }
 
 /// Heave, Eq. 3: z − z₁ = η − η₁ (down positive: the line rises in the sheet as the vehicle sinks).
 /// `first` = the floor line of the first frame. Assumes θ = 0 and roll as at the start.
 pub fn heave_m(levels: &Levels, first: &Levels) -> Estimate {
-    Estimate { value: levels.eta0_m - first.eta0_m, sd: levels.eta0_sd_m.hypot(first.eta0_sd_m) }
+    Estimate {
+        value: levels.eta0_m - first.eta0_m,
+        sd: levels.eta0_sd_m.hypot(first.eta0_sd_m),
+    }
 }
 
 /// Roll, Eq. 4: tan φ = (η_B − η_A) / (ξ_A − ξ_B), by the slope of the whole floor line. Assumes θ = 0.
 pub fn roll_rad(levels: &Levels) -> Estimate {
-    Estimate { value: (-levels.slope).atan(), sd: levels.slope_sd / (1.0 + levels.slope * levels.slope) }
+    Estimate {
+        value: (-levels.slope).atan(),
+        sd: levels.slope_sd / (1.0 + levels.slope * levels.slope),
+    }
 }
 
 /// Pitch, Eq. 5: (h_centre − η) cos θ = l_laser sin θ + H, H = h_centre − η_level.
@@ -102,19 +118,29 @@ pub fn roll_rad(levels: &Levels) -> Estimate {
 ///
 /// # Errors
 /// [`EstimatorFault::NoPitch`] for a line that no pitch gives.
-pub fn pitch_rad(levels: &Levels, eta_level_m: f64, mounts: &Mounts) -> Result<Estimate, EstimatorFault> {
+pub fn pitch_rad(
+    levels: &Levels,
+    eta_level_m: f64,
+    mounts: &Mounts,
+) -> Result<Estimate, EstimatorFault> {
     let below_m = mounts.h_centre_m - levels.eta0_m;
     let height_m = mounts.h_centre_m - eta_level_m;
     let r = below_m.hypot(mounts.l_laser_m);
     let cos = height_m / r;
     if !(cos > 0.0 && cos <= 1.0) {
-        return Err(EstimatorFault::NoPitch { eta_m: levels.eta0_m, height_m });
+        return Err(EstimatorFault::NoPitch {
+            eta_m: levels.eta0_m,
+            height_m,
+        });
     }
     let theta = cos.acos() - mounts.l_laser_m.atan2(below_m);
     // Differentiating Eq. 5: cos θ dη = −((h_centre − η) sin θ + l_laser cos θ) dθ. Nose down, the
     // bracket goes to zero: there heave and pitch cannot be told apart (paper, Figs 12 and 13).
     let gain = below_m * theta.sin() + mounts.l_laser_m * theta.cos();
-    Ok(Estimate { value: theta, sd: levels.eta0_sd_m * theta.cos() / gain.abs().max(1e-9) })
+    Ok(Estimate {
+        value: theta,
+        sd: levels.eta0_sd_m * theta.cos() / gain.abs().max(1e-9),
+    })
 }
 
 /// Sway, Eq. 2: y − y₁ = ξ − ξ₁ of the same edge, A (port) or B (starboard); of both where both are there.
@@ -124,15 +150,27 @@ pub fn pitch_rad(levels: &Levels, eta_level_m: f64, mounts: &Mounts) -> Result<E
 /// [`EstimatorFault::NoEdge`] when no edge is in both frames.
 pub fn sway_m(crossing: &Crossing, first: &Crossing) -> Result<Estimate, EstimatorFault> {
     let pairs = [(crossing.a, first.a), (crossing.d, first.d)];
-    let both: Vec<(f64, f64)> =
-        pairs.iter().filter_map(|(now, then)| now.zip(*then)).map(|(now, then)| (now.xi_m - then.xi_m, now.sd_m.hypot(then.sd_m))).collect();
+    let both: Vec<(f64, f64)> = pairs
+        .iter()
+        .filter_map(|(now, then)| now.zip(*then))
+        .map(|(now, then)| (now.xi_m - then.xi_m, now.sd_m.hypot(then.sd_m)))
+        .collect();
     match both.as_slice() {
-        [] => Err(EstimatorFault::NoEdge { what: "sway", point: 'A' }),
-        [(value, sd)] => Ok(Estimate { value: *value, sd: *sd }),
+        [] => Err(EstimatorFault::NoEdge {
+            what: "sway",
+            point: 'A',
+        }),
+        [(value, sd)] => Ok(Estimate {
+            value: *value,
+            sd: *sd,
+        }),
         many => {
             let n = many.len() as f64;
             let value = many.iter().map(|m| m.0).sum::<f64>() / n;
-            Ok(Estimate { value, sd: many.iter().map(|m| m.1 * m.1).sum::<f64>().sqrt() / n })
+            Ok(Estimate {
+                value,
+                sd: many.iter().map(|m| m.1 * m.1).sum::<f64>().sqrt() / n,
+            })
         }
     }
 }
@@ -144,7 +182,11 @@ pub fn yaw_rad(fix: &ChainFix, first: &ChainFix) -> f64 {
 
 /// Surge along the path: x_i = (X_S,i − X_S,1) cos ψ_S, with ψ_S = the mean of the run's ψ_S,i; X_S,i
 /// anew from l_i and r_i at that mean yaw, as the paper does. `None` where a frame has no place.
-pub fn surge_positions(chain: &Chain, crossings: &[Option<Crossing>], fixes: &[Option<ChainFix>]) -> (f64, Vec<Option<f64>>) {
+pub fn surge_positions(
+    chain: &Chain,
+    crossings: &[Option<Crossing>],
+    fixes: &[Option<ChainFix>],
+) -> (f64, Vec<Option<f64>>) {
     let psis: Vec<f64> = fixes.iter().flatten().map(|f| f.psi_s_rad).collect();
     let psi_s_rad = psis.iter().sum::<f64>() / (psis.len().max(1)) as f64;
     let places: Vec<Option<f64>> = crossings
@@ -153,7 +195,13 @@ pub fn surge_positions(chain: &Chain, crossings: &[Option<Crossing>], fixes: &[O
         .map(|(crossing, fix)| chain.place_at_yaw(&(*crossing)?, psi_s_rad, (*fix)?.x_s_m))
         .collect();
     let first = places.iter().flatten().next().copied().unwrap_or(0.0);
-    (psi_s_rad, places.into_iter().map(|p| p.map(|x| (x - first) * psi_s_rad.cos())).collect())
+    (
+        psi_s_rad,
+        places
+            .into_iter()
+            .map(|p| p.map(|x| (x - first) * psi_s_rad.cos()))
+            .collect(),
+    )
 }
 
 #[cfg(test)]

@@ -33,7 +33,12 @@ pub struct Guess {
 pub fn level_pose(levels: &Levels, mounts: &Mounts, theta_rad: f64) -> Pose {
     let phi_rad = -levels.slope.atan();
     let clearance_m = (mounts.h_centre_m - levels.eta0_m) * theta_rad.cos() * phi_rad.cos();
-    Pose { z_m: mounts.l_laser_m * theta_rad.sin() - clearance_m, phi_rad, theta_rad, ..Pose::default() }
+    Pose {
+        z_m: mounts.l_laser_m * theta_rad.sin() - clearance_m,
+        phi_rad,
+        theta_rad,
+        ..Pose::default()
+    }
 }
 
 /// All places where the steps fit, best first; empty without steps or where fewer than three are seen.
@@ -41,7 +46,13 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     let steps: Vec<(&Step, &Top)> = levels
         .steps
         .iter()
-        .filter_map(|s| surfaces.tops.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6).map(|t| (s, t)))
+        .filter_map(|s| {
+            surfaces
+                .tops
+                .iter()
+                .find(|t| (t.height_m - s.upper_m).abs() < 1e-6)
+                .map(|t| (s, t))
+        })
         .collect();
     if steps.len() < 3 {
         return Vec::new();
@@ -62,12 +73,15 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 psi_rad,
                 ..start
             };
-            let Some(guess) = settle(pose, &steps, mounts) else { continue };
+            let Some(guess) = settle(pose, &steps, mounts) else {
+                continue;
+            };
             if guess.rms_m > MATCH_RMS_M || !agrees(&guess.pose, levels, surfaces, mounts) {
                 continue;
             }
             let same = |g: &&mut Guess| {
-                (g.pose.x_m - guess.pose.x_m).abs() < SAME_M && (g.pose.psi_rad - guess.pose.psi_rad).abs() < SAME_RAD
+                (g.pose.x_m - guess.pose.x_m).abs() < SAME_M
+                    && (g.pose.psi_rad - guess.pose.psi_rad).abs() < SAME_RAD
             };
             match found.iter_mut().find(same) {
                 Some(old) if old.rms_m > guess.rms_m => *old = guess,
@@ -90,12 +104,17 @@ fn settle(mut pose: Pose, steps: &[(&Step, &Top)], mounts: &Mounts) -> Option<Gu
         let mut b = Vector3::zeros();
         let mut square = 0.0;
         for (step, top) in steps {
-            let arm = rotation * hydroline_calib::frames::plane_to_body(mounts, step.xi_m, step.eta_m);
+            let arm =
+                rotation * hydroline_calib::frames::plane_to_body(mounts, step.xi_m, step.eta_m);
             let p = [pose.x_m + arm.x, pose.y_m + arm.y];
             // To starboard of this step the top ends: the inward normal looks to port, −Y turned by ψ.
             let port = [pose.psi_rad.sin(), -pose.psi_rad.cos()];
             let sign = if step.to_starboard { 1.0 } else { -1.0 };
-            let facing = top.outline.edges.iter().filter(|e| sign * (e.inward[0] * port[0] + e.inward[1] * port[1]) > 0.1);
+            let facing = top
+                .outline
+                .edges
+                .iter()
+                .filter(|e| sign * (e.inward[0] * port[0] + e.inward[1] * port[1]) > 0.1);
             let edge = facing.min_by(|a, b| a.distance_m(p).total_cmp(&b.distance_m(p)))?;
             let d = edge.inside_m(p);
             let [nx, ny] = edge.inward;
@@ -106,7 +125,9 @@ fn settle(mut pose: Pose, steps: &[(&Step, &Top)], mounts: &Mounts) -> Option<Gu
         }
         rms_m = (square / steps.len() as f64).sqrt();
         let move_by = a.lu().solve(&b)?;
-        let size = (move_by.x.hypot(move_by.y) / 0.03).max(move_by.z.abs() / 0.15).max(1.0);
+        let size = (move_by.x.hypot(move_by.y) / 0.03)
+            .max(move_by.z.abs() / 0.15)
+            .max(1.0);
         pose.x_m += move_by.x / size;
         pose.y_m += move_by.y / size;
         pose.psi_rad += move_by.z / size;

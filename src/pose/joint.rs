@@ -7,7 +7,10 @@
 
 use super::initial::{self, Guess};
 use super::outline::Surfaces;
-use super::photometric::{self, BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Photometric, Plan, Square, State, Sums, THICKNESS, Weighting};
+use super::photometric::{
+    self, BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Photometric, Plan, Square, State, Sums,
+    THICKNESS, Weighting,
+};
 use super::segments::{self, Caveat, Levels, SegmentError};
 use super::sheet::SheetTable;
 use crate::frame::GreyImage;
@@ -26,6 +29,9 @@ const ROUND: f64 = 1e-4;
 const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
+/// Light of a pixel that an edge cuts in half is doubted by this share, standard deviation: edges
+/// are neither machined nor imaged to a hundredth of a pixel.
+const EDGE_DOUBT: f64 = 0.015;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
@@ -55,7 +61,9 @@ pub enum PoseCaveat {
     #[error(transparent)]
     Stripe(#[from] Caveat),
     /// No target in sight: x, y, ψ are not measured, θ is taken as zero (or as held) and z hangs on it.
-    #[error("a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed")]
+    #[error(
+        "a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed"
+    )]
     BareFloor,
     /// θ taken as known.
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
@@ -67,7 +75,9 @@ pub enum PoseCaveat {
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
     /// Many pixels were set aside.
-    #[error("many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's")]
+    #[error(
+        "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
+    )]
     Misfit,
 }
 
@@ -106,7 +116,9 @@ pub enum PoseFault {
     #[error(transparent)]
     Segments(#[from] SegmentError),
     /// The image is not the map's.
-    #[error("image is {got_px:?}, the calibration holds for {wanted_px:?}: use the camera's own calibration")]
+    #[error(
+        "image is {got_px:?}, the calibration holds for {wanted_px:?}: use the camera's own calibration"
+    )]
     Size {
         /// Width, height there \[px\].
         got_px: (usize, usize),
@@ -114,13 +126,17 @@ pub enum PoseFault {
         wanted_px: (usize, usize),
     },
     /// Steps were seen, but not so that they lie on the target.
-    #[error("{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?")]
+    #[error(
+        "{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?"
+    )]
     Nowhere {
         /// Steps.
         steps: usize,
     },
     /// None near the hint.
-    #[error("the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)")]
+    #[error(
+        "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"
+    )]
     FarFromHint {
         /// Nearest place, distance from the hint \[m\].
         away_m: f64,
@@ -128,7 +144,9 @@ pub enum PoseFault {
         hint_m: f64,
     },
     /// The fit does not explain the frame.
-    #[error("the best pose leaves {chi:.1} times the noise in the pixels: glare, haze, or another target than the rig's")]
+    #[error(
+        "the best pose leaves {chi:.1} times the noise in the pixels: glare, haze, or another target than the rig's"
+    )]
     Unexplained {
         /// Residual over noise, rms.
         chi: f64,
@@ -198,14 +216,24 @@ impl PoseFitter {
             return Err(PoseFault::NoStripe(fault.to_string()));
         }
         let points = segments::plane_points(profile, self.map.as_ref());
-        Ok(segments::sort(&points, &self.heights_m, Some(image), self.map.as_ref())?)
+        Ok(segments::sort(
+            &points,
+            &self.heights_m,
+            Some(image),
+            self.map.as_ref(),
+        )?)
     }
 
     /// The pose of a frame.
     ///
     /// # Errors
     /// [`PoseFault`] says why there is none.
-    pub fn fit(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Result<JointPose, PoseFault> {
+    pub fn fit(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
         let levels = self.levels(image, profile)?;
         self.fit_levels(image, profile, &levels, hint)
     }
@@ -214,24 +242,53 @@ impl PoseFitter {
     ///
     /// # Errors
     /// [`PoseFault`] says why there is none.
-    pub fn fit_levels(&self, image: &GreyImage, profile: &Profile, levels: &Levels, hint: &Hint) -> Result<JointPose, PoseFault> {
+    pub fn fit_levels(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        levels: &Levels,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
         let light = self.first_light(image, profile);
-        let mut caveats: Vec<PoseCaveat> = levels.caveats.iter().filter(|c| **c != Caveat::OneLevel).map(|c| PoseCaveat::from(*c)).collect();
+        let mut caveats: Vec<PoseCaveat> = levels
+            .caveats
+            .iter()
+            .filter(|c| **c != Caveat::OneLevel)
+            .map(|c| PoseCaveat::from(*c))
+            .collect();
         let theta_rad = hint.held.theta_rad.unwrap_or(0.0);
         if levels.steps.is_empty() {
             caveats.retain(|c| *c != PoseCaveat::Stripe(Caveat::EdgeMissing));
             caveats.push(PoseCaveat::BareFloor);
-            let state = State { pose: initial::level_pose(levels, &self.mounts, theta_rad), ..light };
+            let state = State {
+                pose: initial::level_pose(levels, &self.mounts, theta_rad),
+                ..light
+            };
             let free = self.free([false, false, true, true, false, false], hint);
             // On a bare floor the target's edges are not there to be compared.
             return self.finish(&self.bare, image, profile, state, free, caveats);
         }
         let guesses = self.near_hint(levels, hint, &mut caveats)?;
-        let free = self.free([true, true, true, true, hint.held.theta_rad.is_none(), true], hint);
-        let started = |g: &Guess| State { pose: rounded(&g.pose, theta_rad, levels, &self.mounts), ..light };
-        let state = self.choose(image, profile, guesses.iter().map(started), &free, &mut caveats).ok_or(PoseFault::Unsettled)?;
+        let free = self.free(
+            [true, true, true, true, hint.held.theta_rad.is_none(), true],
+            hint,
+        );
+        let started = |g: &Guess| State {
+            pose: rounded(&g.pose, theta_rad, levels, &self.mounts),
+            ..light
+        };
+        let state = self
+            .choose(
+                image,
+                profile,
+                guesses.iter().map(started),
+                &free,
+                &mut caveats,
+            )
+            .ok_or(PoseFault::Unsettled)?;
         let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
-        let shown = hint.held.theta_rad.is_some() || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD;
+        let shown =
+            hint.held.theta_rad.is_some() || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD;
         if shown {
             return Ok(fitted);
         }
@@ -251,7 +308,11 @@ impl PoseFitter {
     fn first_light(&self, image: &GreyImage, profile: &Profile) -> State {
         let mut peaks: Vec<f64> = profile.points.iter().map(|p| p.peak).collect();
         let middle = peaks.len() / 2;
-        let peak = if peaks.is_empty() { 100.0 } else { *peaks.select_nth_unstable_by(middle, f64::total_cmp).1 };
+        let peak = if peaks.is_empty() {
+            100.0
+        } else {
+            *peaks.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
         State {
             pose: Pose::default(),
             // The point spread lowers the line by about a tenth.
@@ -262,14 +323,26 @@ impl PoseFitter {
     }
 
     /// Guesses among which the frame may decide: near the hint, or the first repetition.
-    fn near_hint(&self, levels: &Levels, hint: &Hint, caveats: &mut Vec<PoseCaveat>) -> Result<Vec<Guess>, PoseFault> {
+    fn near_hint(
+        &self,
+        levels: &Levels,
+        hint: &Hint,
+        caveats: &mut Vec<PoseCaveat>,
+    ) -> Result<Vec<Guess>, PoseFault> {
         let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
-        let Some(best) = all.first() else { return Err(PoseFault::Nowhere { steps: levels.steps.len() }) };
-        let Some(period_m) = self.model.surfaces.period_m else { return Ok(all.into_iter().take(4).collect()) };
+        let Some(best) = all.first() else {
+            return Err(PoseFault::Nowhere {
+                steps: levels.steps.len(),
+            });
+        };
+        let Some(period_m) = self.model.surfaces.period_m else {
+            return Ok(all.into_iter().take(4).collect());
+        };
         let centre_m = match hint.x_m {
             Some(x_m) => x_m,
             None => {
-                let repeats = |g: &Guess| ((g.pose.x_m - best.pose.x_m).abs() - period_m).abs() < 0.01;
+                let repeats =
+                    |g: &Guess| ((g.pose.x_m - best.pose.x_m).abs() - period_m).abs() < 0.01;
                 if all.iter().any(repeats) {
                     caveats.push(PoseCaveat::WhichHexagon);
                 }
@@ -277,10 +350,17 @@ impl PoseFitter {
             }
         };
         let away = |g: &Guess| (g.pose.x_m - centre_m).abs();
-        let mut near: Vec<Guess> = all.iter().copied().filter(|g| away(g) <= 0.5 * period_m).collect();
+        let mut near: Vec<Guess> = all
+            .iter()
+            .copied()
+            .filter(|g| away(g) <= 0.5 * period_m)
+            .collect();
         if near.is_empty() {
             let away_m = all.iter().map(away).fold(f64::INFINITY, f64::min);
-            return Err(PoseFault::FarFromHint { away_m, hint_m: centre_m });
+            return Err(PoseFault::FarFromHint {
+                away_m,
+                hint_m: centre_m,
+            });
         }
         near.truncate(4);
         // Where the hint lies half way between two repetitions it decides nothing.
@@ -304,13 +384,20 @@ impl PoseFitter {
         if starts.len() == 1 {
             return starts.pop();
         }
-        let weighting = Weighting { noise_sd: profile.noise_sd.max(1.0), cut: 8.0, redescending: true, saturation: self.saturation };
+        let weighting = Weighting {
+            noise_sd: profile.noise_sd.max(1.0),
+            cut: 8.0,
+            redescending: true,
+            saturation: self.saturation,
+        };
         // θ is settled later, and cannot tell flanks apart.
         let mut held = *free;
         held[4] = false;
         let judged = |start: State| {
             let plan = self.model.plan(&start).thinned(8);
-            let sums = self.model.compare(&plan, &image.pixels, &start, &weighting, false);
+            let sums = self
+                .model
+                .compare(&plan, &image.pixels, &start, &weighting, false);
             (sums.cost / sums.pixels.max(1) as f64, start, plan)
         };
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
@@ -318,20 +405,35 @@ impl PoseFitter {
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
         // guesses: those that do not fall far behind are settled a little before they are compared.
         let limit = first.first().map_or(0.0, |f| 3.0 * f.0);
-        let huber = Weighting { cut: 4.0, redescending: false, ..weighting };
+        let huber = Weighting {
+            cut: 4.0,
+            redescending: false,
+            ..weighting
+        };
         let mut tried: Vec<(f64, State)> = first
             .into_iter()
             .filter(|f| f.0 <= limit)
             .filter_map(|(_, start, plan)| {
                 let (state, _) = self.settle(&self.model, &plan, image, start, &held, &huber, 2)?;
-                let sums = self.model.compare(&plan, &image.pixels, &state, &weighting, false);
+                let sums = self
+                    .model
+                    .compare(&plan, &image.pixels, &state, &weighting, false);
                 Some((sums.cost / sums.pixels.max(1) as f64, state))
             })
             .collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let [best, next, ..] = tried.as_slice() {
             let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            let pixels = self.model.compare(&self.model.plan(&best.1), &image.pixels, &best.1, &weighting, false).pixels;
+            let pixels = self
+                .model
+                .compare(
+                    &self.model.plan(&best.1),
+                    &image.pixels,
+                    &best.1,
+                    &weighting,
+                    false,
+                )
+                .pixels;
             if other && (next.0 - best.0) * (pixels as f64) < CLEAR_COST {
                 caveats.push(PoseCaveat::Ambiguous);
             }
@@ -349,15 +451,25 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
-        let mut weighting = Weighting { noise_sd: profile.noise_sd.max(0.3), cut: 4.0, redescending: false, saturation: self.saturation };
+        let mut weighting = Weighting {
+            noise_sd: profile.noise_sd.max(0.3),
+            cut: 4.0,
+            redescending: false,
+            saturation: self.saturation,
+        };
         let plan = model.plan(&start).thinned(4);
-        let (state, sums) = self.settle(model, &plan, image, start, &free, &weighting, 4).ok_or(PoseFault::Unsettled)?;
+        let (state, sums) = self
+            .settle(model, &plan, image, start, &free, &weighting, 4)
+            .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
         weighting.cut = CUT;
         weighting.redescending = true;
-        let plan = model.plan(&state);
-        let (state, sums) = self.settle(model, &plan, image, state, &free, &weighting, ITERATIONS).ok_or(PoseFault::Unsettled)?;
+        let mut plan = model.plan(&state);
+        model.doubt_edges(&mut plan, &state, EDGE_DOUBT);
+        let (state, sums) = self
+            .settle(model, &plan, image, state, &free, &weighting, ITERATIONS)
+            .ok_or(PoseFault::Unsettled)?;
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
         let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);
@@ -446,7 +558,8 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
     let round = |v: f64| (v / ROUND).round() * ROUND;
     let level = initial::level_pose(levels, mounts, theta_rad);
     // With θ ≠ 0 the sheet meets the floor l cos θ + H tan θ … ahead: keep that point.
-    let ahead_m = mounts.l_laser_m * (1.0 - theta_rad.cos()) - (mounts.h_centre_m - levels.eta0_m) * theta_rad.sin();
+    let ahead_m = mounts.l_laser_m * (1.0 - theta_rad.cos())
+        - (mounts.h_centre_m - levels.eta0_m) * theta_rad.sin();
     Pose {
         x_m: round(guess.x_m + ahead_m * guess.psi_rad.cos()),
         y_m: round(guess.y_m + ahead_m * guess.psi_rad.sin()),
@@ -457,7 +570,8 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
 
 /// Noise of the lit pixels away from edges \[grey levels\].
 fn lit_noise(sums: &Sums) -> Option<f64> {
-    (sums.bright_count > 100).then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
+    (sums.bright_count > 100)
+        .then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
 }
 
 /// Scales of the parameters, for a well-conditioned solve.
@@ -490,7 +604,14 @@ fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Option<Column>
 /// Covariance of the pose with the light marginalised; zero where held.
 fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix6<f64>> {
     let inverse = scaled(sums, free).cholesky()?.inverse();
-    Some(Matrix6::from_fn(|i, j| if free[i] && free[j] { inverse[(i, j)] * SCALES[i] * SCALES[j] } else { 0.0 }))
+    Some(Matrix6::from_fn(|i, j| {
+        if free[i] && free[j] {
+            inverse[(i, j)] * SCALES[i] * SCALES[j]
+        } else {
+            0.0
+        }
+    }))
 }
 
-const _: () = assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::PARAMETERS == 9);
+const _: () =
+    assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::PARAMETERS == 9);

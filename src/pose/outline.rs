@@ -50,7 +50,9 @@ impl Outline {
     pub fn new(mut corners_m: Vec<[f64; 2]>) -> Self {
         let n = corners_m.len();
         let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-        let area: f64 = (0..n).map(|i| cross(corners_m[i], corners_m[(i + 1) % n])).sum();
+        let area: f64 = (0..n)
+            .map(|i| cross(corners_m[i], corners_m[(i + 1) % n]))
+            .sum();
         if n < 3 || area == 0.0 {
             return Outline { edges: Vec::new() };
         }
@@ -123,7 +125,11 @@ impl Surfaces {
     /// The target of a rig on its floor; `None` = bare floor.
     pub fn new(target: Option<&Target>) -> Self {
         let Some(target) = target else {
-            return Surfaces { tops: Vec::new(), period_m: None, span_m: [0.0; 2] };
+            return Surfaces {
+                tops: Vec::new(),
+                period_m: None,
+                span_m: [0.0; 2],
+            };
         };
         let [ox, oy, heading] = target.origin;
         let (sin, cos) = heading.sin_cos();
@@ -134,23 +140,40 @@ impl Surfaces {
                 height_m: slab.top_m,
                 albedo: slab.albedo,
                 outline: Outline::new(
-                    corners(slab).into_iter().map(|[x, y]| [ox + cos * x - sin * y, oy + sin * x + cos * y]).collect(),
+                    corners(slab)
+                        .into_iter()
+                        .map(|[x, y]| [ox + cos * x - sin * y, oy + sin * x + cos * y])
+                        .collect(),
                 ),
             })
             .collect();
         tops.sort_by(|a, b| b.height_m.total_cmp(&a.height_m));
-        let xs = || tops.iter().flat_map(|t| t.outline.edges.iter().map(|e| e.from_m[0]));
-        let span_m = [xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max)];
+        let xs = || {
+            tops.iter()
+                .flat_map(|t| t.outline.edges.iter().map(|e| e.from_m[0]))
+        };
+        let span_m = [
+            xs().fold(f64::INFINITY, f64::min),
+            xs().fold(f64::NEG_INFINITY, f64::max),
+        ];
         let period_m = target.slabs.iter().find_map(|s| match s.outline {
-            SlabOutline::HexagonChain { side_m, count, .. } if count > 1 => Some(3f64.sqrt() * side_m * heading.cos().abs()),
+            SlabOutline::HexagonChain { side_m, count, .. } if count > 1 => {
+                Some(3f64.sqrt() * side_m * heading.cos().abs())
+            }
             _ => None,
         });
-        Surfaces { tops, period_m, span_m }
+        Surfaces {
+            tops,
+            period_m,
+            span_m,
+        }
     }
 
     /// The heights that occur, floor first \[m\].
     pub fn heights_m(&self) -> Vec<f64> {
-        let mut heights: Vec<f64> = std::iter::once(0.0).chain(self.tops.iter().map(|t| t.height_m)).collect();
+        let mut heights: Vec<f64> = std::iter::once(0.0)
+            .chain(self.tops.iter().map(|t| t.height_m))
+            .collect();
         heights.sort_by(f64::total_cmp);
         heights.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
         heights
@@ -158,22 +181,38 @@ impl Surfaces {
 
     /// Height of the surface at a place \[m\].
     pub fn height_at_m(&self, p: [f64; 2]) -> f64 {
-        self.tops.iter().find(|t| t.outline.contains(p)).map_or(0.0, |t| t.height_m)
+        self.tops
+            .iter()
+            .find(|t| t.outline.contains(p))
+            .map_or(0.0, |t| t.height_m)
     }
 }
 
 /// Corners of a slab's outline in the target frame \[m\].
 fn corners(slab: &Slab) -> Vec<[f64; 2]> {
     match &slab.outline {
-        SlabOutline::Rectangle { x0_m, x1_m, width_m } => {
+        SlabOutline::Rectangle {
+            x0_m,
+            x1_m,
+            width_m,
+        } => {
             let half = 0.5 * width_m;
             vec![[*x0_m, -half], [*x1_m, -half], [*x1_m, half], [*x0_m, half]]
         }
-        SlabOutline::HexagonChain { x0_m, side_m, count } => {
+        SlabOutline::HexagonChain {
+            x0_m,
+            side_m,
+            count,
+        } => {
             let pitch = 3f64.sqrt() * side_m;
             // Half widths: half a side at the joints, a whole side half way between them.
             let starboard: Vec<[f64; 2]> = (0..=2 * count)
-                .map(|k| [x0_m + 0.5 * pitch * f64::from(k), side_m * if k % 2 == 0 { 0.5 } else { 1.0 }])
+                .map(|k| {
+                    [
+                        x0_m + 0.5 * pitch * f64::from(k),
+                        side_m * if k % 2 == 0 { 0.5 } else { 1.0 },
+                    ]
+                })
                 .collect();
             let port = starboard.iter().rev().map(|[x, y]| [*x, -y]);
             starboard.iter().copied().chain(port).collect()
@@ -201,7 +240,10 @@ mod tests {
         let concave = hexagons.edges.iter().filter(|e| !e.convex_at_start).count();
         assert_eq!(concave, 10, "five joints, two sides");
         for e in &hexagons.edges {
-            let middle = [0.5 * (e.from_m[0] + e.to_m[0]) + 1e-4 * e.inward[0], 0.5 * (e.from_m[1] + e.to_m[1]) + 1e-4 * e.inward[1]];
+            let middle = [
+                0.5 * (e.from_m[0] + e.to_m[0]) + 1e-4 * e.inward[0],
+                0.5 * (e.from_m[1] + e.to_m[1]) + 1e-4 * e.inward[1],
+            ];
             assert!(hexagons.contains(middle));
         }
     }

@@ -26,10 +26,10 @@ pub(super) const THICKNESS: usize = 7;
 pub(super) const BACKGROUND: usize = 8;
 
 /// Reach of the light, standard deviations.
-const REACH: f64 = 4.3;
+const REACH: f64 = 4.0;
 /// Room for the pose to move after the pixels were chosen \[m\], \[px\].
 const MOVE_M: f64 = 0.003;
-const MOVE_PX: f64 = 2.0;
+const MOVE_PX: f64 = 1.0;
 /// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out.
 const EDGE_SPREADS: f64 = 5.0;
 const EDGE_SHIFT_M: f64 = 0.0015;
@@ -112,13 +112,22 @@ pub(super) struct Plan {
     edges: Vec<u16>,
     /// Distance from an edge beyond which a hit is wholly in or out \[m\].
     edge_reach_m: f64,
+    /// Standard deviation of each pixel, in the order of [`Photometric::compare`], beyond its noise
+    /// \[grey levels\]; empty = none. Held fixed, or the fit would flee into doubtful pixels.
+    doubts: Vec<f32>,
 }
 
 impl Plan {
     /// The same with every `keep`-th of the columns that no edge crosses.
     pub fn thinned(&self, keep: usize) -> Plan {
-        let strips = self.strips.iter().filter(|s| s.cuts.0 != s.cuts.1 || s.shares || s.column % keep == 0);
-        Plan { strips: strips.copied().collect(), ..self.clone() }
+        let strips = self
+            .strips
+            .iter()
+            .filter(|s| s.cuts.0 != s.cuts.1 || s.shares || s.column % keep == 0);
+        Plan {
+            strips: strips.copied().collect(),
+            ..self.clone()
+        }
     }
 
     fn near(&self, near: &Near) -> &[u16] {
@@ -187,7 +196,11 @@ impl Turned {
         let dz = Matrix3::new(-sp, -cp, 0.0, cp, -sp, 0.0, 0.0, 0.0, 0.0);
         let dy = Matrix3::new(-st, 0.0, ct, 0.0, 0.0, 0.0, -ct, 0.0, -st);
         let dx = Matrix3::new(0.0, 0.0, 0.0, 0.0, -sf, -cf, 0.0, cf, -sf);
-        Turned { r: rz * ry * rx, by: [rz * ry * dx, rz * dy * rx, dz * ry * rx], position: pose.position_m() }
+        Turned {
+            r: rz * ry * rx,
+            by: [rz * ry * dx, rz * dy * rx, dz * ry * rx],
+            position: pose.position_m(),
+        }
     }
 }
 
@@ -213,17 +226,30 @@ struct Passing {
 }
 
 impl Passing {
-    const ALL: Passing = Passing { share: 1.0, by_pose: [0.0; 6], by_thickness: 0.0 };
-    const NONE: Passing = Passing { share: 0.0, ..Passing::ALL };
+    const ALL: Passing = Passing {
+        share: 1.0,
+        by_pose: [0.0; 6],
+        by_thickness: 0.0,
+    };
+    const NONE: Passing = Passing {
+        share: 0.0,
+        ..Passing::ALL
+    };
 
     fn blocked(self) -> Passing {
-        Passing { share: 1.0 - self.share, by_pose: self.by_pose.map(|d| -d), by_thickness: -self.by_thickness }
+        Passing {
+            share: 1.0 - self.share,
+            by_pose: self.by_pose.map(|d| -d),
+            by_thickness: -self.by_thickness,
+        }
     }
 
     fn and(self, other: Passing) -> Passing {
         Passing {
             share: self.share * other.share,
-            by_pose: std::array::from_fn(|i| self.by_pose[i] * other.share + self.share * other.by_pose[i]),
+            by_pose: std::array::from_fn(|i| {
+                self.by_pose[i] * other.share + self.share * other.by_pose[i]
+            }),
             by_thickness: self.by_thickness * other.share + self.share * other.by_thickness,
         }
     }
@@ -253,12 +279,20 @@ impl Photometric {
     pub fn new(surfaces: Surfaces, table: Arc<SheetTable>, blur_px: f64, fan_rad: f64) -> Self {
         // The pixel's box has variance 1/12 px² per axis.
         let spread_px2 = blur_px * blur_px + 1.0 / 12.0;
-        Photometric { surfaces, table, spread_px2, tan_half_fan: (0.5 * fan_rad).tan() }
+        Photometric {
+            surfaces,
+            table,
+            spread_px2,
+            tan_half_fan: (0.5 * fan_rad).tan(),
+        }
     }
 
     /// The same camera and light over a bare floor.
     pub fn bare(&self) -> Self {
-        Photometric { surfaces: Surfaces::new(None), ..self.clone() }
+        Photometric {
+            surfaces: Surfaces::new(None),
+            ..self.clone()
+        }
     }
 
     fn height(&self, level: usize) -> f64 {
@@ -283,7 +317,11 @@ impl Photometric {
         Some(Hit {
             t,
             t_slope: [-t * (r3 * du)[0] / down, -t * (r3 * dv)[0] / down],
-            dt: [-1.0 / down, -(turned.by[0].row(2) * x)[0] / down, -(turned.by[1].row(2) * x)[0] / down],
+            dt: [
+                -1.0 / down,
+                -(turned.by[0].row(2) * x)[0] / down,
+                -(turned.by[1].row(2) * x)[0] / down,
+            ],
             p: [turned.position.x + q.x, turned.position.y + q.y],
         })
     }
@@ -291,25 +329,64 @@ impl Photometric {
     /// The pixels a state calls for: along each level where it could be lit.
     pub fn plan(&self, state: &State) -> Plan {
         let turned = Turned::new(&state.pose);
-        let mut plan = Plan { edge_reach_m: self.edge_reach_m(&turned), ..Plan::default() };
+        let mut plan = Plan {
+            edge_reach_m: self.edge_reach_m(&turned),
+            ..Plan::default()
+        };
         for column in 1..self.table.width_px.saturating_sub(1) {
             self.plan_column(&turned, state, column, &mut plan);
         }
         plan
     }
 
+    /// Gives pixels that an edge cuts a standard deviation of their own: `share` of the light of
+    /// one cut in half. No edge is cut, nor any image formed, to a hundredth of a pixel.
+    pub fn doubt_edges(&self, plan: &mut Plan, state: &State, share: f64) {
+        let turned = Turned::new(&state.pose);
+        let mut doubts = Vec::with_capacity(16384);
+        for strips in groups(&plan.strips) {
+            let cut = strips.iter().any(|s| s.cuts.0 != s.cuts.1);
+            let Some(strip) = strips.first() else {
+                continue;
+            };
+            for row in strip.first_row..strip.end_row {
+                let mut torn = 0.0;
+                if cut {
+                    self.light(
+                        &turned,
+                        state,
+                        plan,
+                        strips,
+                        row,
+                        &mut Column::zeros(),
+                        &mut torn,
+                    );
+                }
+                doubts.push((share * torn) as f32);
+            }
+        }
+        plan.doubts = doubts;
+    }
+
     /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
     fn edge_reach_m(&self, turned: &Turned) -> f64 {
         let middle = self.table.width_px / 2;
-        let metres_per_px = self.row_of_level(turned, middle, 0.0).map_or(0.0015, |(hit, _, sight)| {
-            let across = hit.t * sight[1].norm();
-            across.max(((self.table.l_laser_m - self.table.eye_m.x) * hit.t_slope[1]).abs())
-        });
+        let metres_per_px =
+            self.row_of_level(turned, middle, 0.0)
+                .map_or(0.0015, |(hit, _, sight)| {
+                    let across = hit.t * sight[1].norm();
+                    across.max(((self.table.l_laser_m - self.table.eye_m.x) * hit.t_slope[1]).abs())
+                });
         EDGE_SPREADS * self.spread_px2.sqrt() * metres_per_px.clamp(1e-5, 0.01) + EDGE_SHIFT_M
     }
 
     /// Row at which a column sees the middle of the sheet on a level, with the hit at the nearest pixel.
-    fn row_of_level(&self, turned: &Turned, column: usize, height_m: f64) -> Option<(Hit, f64, [Vector3<f64>; 3])> {
+    fn row_of_level(
+        &self,
+        turned: &Turned,
+        column: usize,
+        height_m: f64,
+    ) -> Option<(Hit, f64, [Vector3<f64>; 3])> {
         let last = self.table.height_px as f64 - 2.0;
         let mut row = 0.5 * last;
         let mut found = None;
@@ -335,27 +412,53 @@ impl Photometric {
         let lever = self.table.l_laser_m - self.table.eye_m.x;
         let first = plan.strips.len();
         for level in 0..=self.surfaces.tops.len() {
-            let Some((hit, row, sight)) = self.row_of_level(turned, column, self.height(level)) else { continue };
+            let Some((hit, row, sight)) = self.row_of_level(turned, column, self.height(level))
+            else {
+                continue;
+            };
             let body = self.table.eye_m + hit.t * sight[0];
             // NaN (no map there) is outside too.
             if !(body.y.abs() <= (self.tan_half_fan - FAN_MARGIN) * body.z) {
                 continue;
             }
             let metres_per_row = (lever * hit.t_slope[1]).abs();
-            let reach_m = REACH * state.thickness_m.hypot(metres_per_row * self.spread_px2.sqrt());
+            let reach_m = REACH
+                * state
+                    .thickness_m
+                    .hypot(metres_per_row * self.spread_px2.sqrt());
             let half = reach_m / metres_per_row + MOVE_PX;
-            let (low, high) = ((row - half).ceil().max(1.0), (row + half).floor().min(self.table.height_px as f64 - 2.0));
+            let (low, high) = (
+                (row - half).ceil().max(1.0),
+                (row + half).floor().min(self.table.height_px as f64 - 2.0),
+            );
             if low > high {
                 continue;
             }
-            let Some(cuts) = self.cuts(turned, &sight, level, hit.p, reach_m, plan) else { continue };
-            plan.strips.push(Strip { column, first_row: low as usize, end_row: high as usize + 1, level, cuts, shares: false });
+            let Some(cuts) = self.cuts(turned, &sight, level, hit.p, reach_m, plan) else {
+                continue;
+            };
+            plan.strips.push(Strip {
+                column,
+                first_row: low as usize,
+                end_row: high as usize + 1,
+                level,
+                cuts,
+                shares: false,
+            });
         }
         join(&mut plan.strips, first);
     }
 
     /// What may cut the light of a level about `p`; `None`: it is surely dark there.
-    fn cuts(&self, turned: &Turned, sight: &[Vector3<f64>; 3], level: usize, p: [f64; 2], reach_m: f64, plan: &mut Plan) -> Option<(u32, u32)> {
+    fn cuts(
+        &self,
+        turned: &Turned,
+        sight: &[Vector3<f64>; 3],
+        level: usize,
+        p: [f64; 2],
+        reach_m: f64,
+        plan: &mut Plan,
+    ) -> Option<(u32, u32)> {
         let start = (plan.cuts.len(), plan.edges.len());
         let forward = [turned.r[(0, 0)], turned.r[(1, 0)]];
         let room_m = plan.edge_reach_m + MOVE_M;
@@ -371,18 +474,33 @@ impl Photometric {
                     edges.push(k as u16);
                 }
             }
-            Near { from, to: edges.len() as u32, inside: outline.contains(p) }
+            Near {
+                from,
+                to: edges.len() as u32,
+                inside: outline.contains(p),
+            }
         };
         let mut dark = false;
         if let Some(top) = self.surfaces.tops.get(level) {
             let foot = look(&top.outline, p, &mut plan.edges);
             if foot.from != foot.to {
-                plan.cuts.push(Cut { top: level, own: true, foot, head: Near::default() });
+                plan.cuts.push(Cut {
+                    top: level,
+                    own: true,
+                    foot,
+                    head: Near::default(),
+                });
             } else {
                 dark = !foot.inside;
             }
         }
-        let higher = self.surfaces.tops.iter().enumerate().take(level).filter(|(_, t)| t.height_m > self.height(level));
+        let higher = self
+            .surfaces
+            .tops
+            .iter()
+            .enumerate()
+            .take(level)
+            .filter(|(_, t)| t.height_m > self.height(level));
         for (k, top) in higher {
             let above = self.hit(turned, sight, top.height_m)?.p;
             let foot = look(&top.outline, p, &mut plan.edges);
@@ -390,7 +508,12 @@ impl Photometric {
             if foot.from == foot.to && head.from == head.to {
                 dark |= foot.inside || head.inside;
             } else {
-                plan.cuts.push(Cut { top: k, own: false, foot, head });
+                plan.cuts.push(Cut {
+                    top: k,
+                    own: false,
+                    foot,
+                    head,
+                });
             }
         }
         if dark {
@@ -402,7 +525,14 @@ impl Photometric {
     }
 
     /// Compares a frame with a state.
-    pub fn compare(&self, plan: &Plan, pixels: &[u8], state: &State, weighting: &Weighting, derivatives: bool) -> Sums {
+    pub fn compare(
+        &self,
+        plan: &Plan,
+        pixels: &[u8],
+        state: &State,
+        weighting: &Weighting,
+        derivatives: bool,
+    ) -> Sums {
         let mut sums = Sums {
             information: Square::zeros(),
             gradient: Column::zeros(),
@@ -418,23 +548,26 @@ impl Photometric {
         let width = self.table.width_px;
         let bright = 0.15 * state.brightness;
         let noise = weighting.noise_sd;
-        let mut from = 0;
-        while from < plan.strips.len() {
-            let mut to = from + 1;
-            while to < plan.strips.len() && plan.strips[to - 1].shares {
-                to += 1;
-            }
-            let strips = &plan.strips[from..to];
-            from = to;
+        let mut index = 0;
+        for strips in groups(&plan.strips) {
             let cut = strips.iter().any(|s| s.cuts.0 != s.cuts.1);
-            let Some(strip) = strips.first() else { continue };
+            let Some(strip) = strips.first() else {
+                continue;
+            };
             for row in strip.first_row..strip.end_row {
-                let Some(&grey) = pixels.get(row * width + strip.column) else { continue };
+                let doubt = plan.doubts.get(index).map_or(0.0, |d| f64::from(*d));
+                index += 1;
+                let Some(&grey) = pixels.get(row * width + strip.column) else {
+                    continue;
+                };
                 if grey >= weighting.saturation {
                     continue;
                 }
                 let mut j = Column::zeros();
-                let Some(light) = self.light(&turned, state, plan, strips, row, &mut j) else { continue };
+                let Some(light) = self.light(&turned, state, plan, strips, row, &mut j, &mut 0.0)
+                else {
+                    continue;
+                };
                 // A sensor gives no negative level: E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ).
                 let level = light + state.background;
                 j[BACKGROUND] = 1.0;
@@ -446,6 +579,7 @@ impl Photometric {
                     j *= share;
                 }
                 let residual = f64::from(grey) - expected;
+                let noise = noise.hypot(doubt);
                 let (cost, weight) = weigh(residual / noise, weighting);
                 sums.cost += cost;
                 sums.pixels += 1;
@@ -461,7 +595,11 @@ impl Photometric {
                 if derivatives {
                     let w = weight / (noise * noise);
                     // x, y and ψ move edges only.
-                    if cut { add::<PARAMETERS>(&mut sums, &ALL, &j, w, residual) } else { add::<6>(&mut sums, &BULK, &j, w, residual) }
+                    if cut {
+                        add::<PARAMETERS>(&mut sums, &ALL, &j, w, residual)
+                    } else {
+                        add::<6>(&mut sums, &BULK, &j, w, residual)
+                    }
                 }
             }
         }
@@ -473,8 +611,18 @@ impl Photometric {
         sums
     }
 
-    /// Laser light of one pixel, and its derivatives added to `j`.
-    fn light(&self, turned: &Turned, state: &State, plan: &Plan, strips: &[Strip], row: usize, j: &mut Column) -> Option<f64> {
+    /// Laser light of one pixel, its derivatives added to `j`, and to `torn` how much of it hangs on an edge.
+    #[allow(clippy::too_many_arguments)]
+    fn light(
+        &self,
+        turned: &Turned,
+        state: &State,
+        plan: &Plan,
+        strips: &[Strip],
+        row: usize,
+        j: &mut Column,
+        torn: &mut f64,
+    ) -> Option<f64> {
         let column = strips.first()?.column;
         let sight = self.table.sight_with_slopes(column, row);
         let lever = self.table.l_laser_m - self.table.eye_m.x;
@@ -484,7 +632,8 @@ impl Photometric {
             let hit = self.hit(turned, &sight, self.height(strip.level))?;
             let s = lever * (hit.t - 1.0);
             let s_slope = [lever * hit.t_slope[0], lever * hit.t_slope[1]];
-            let total2 = sigma * sigma + self.spread_px2 * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]);
+            let total2 = sigma * sigma
+                + self.spread_px2 * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]);
             let exponent = 0.5 * s * s / total2;
             if exponent.is_nan() {
                 return None;
@@ -496,12 +645,20 @@ impl Photometric {
             let ds = hit.dt.map(|d| lever * d);
             let mut share = 1.0;
             if strip.cuts.0 != strip.cuts.1 {
-                let stripe = Stripe { s, s_slope, ds, total2, sigma, spread: self.spread_px2 };
+                let stripe = Stripe {
+                    s,
+                    s_slope,
+                    ds,
+                    total2,
+                    sigma,
+                    spread: self.spread_px2,
+                };
                 let passing = self.passing(turned, &sight, plan, strip, &hit, &stripe);
                 share = passing.share;
                 if share == 0.0 {
                     continue;
                 }
+                *torn += state.brightness * bare * 4.0 * share * (1.0 - share);
                 for (k, d) in passing.by_pose.iter().enumerate() {
                     j[k] += state.brightness * bare * d;
                 }
@@ -513,13 +670,22 @@ impl Photometric {
                 j[2 + k] -= light * s / total2 * ds;
             }
             j[BRIGHTNESS] += bare * share;
-            j[THICKNESS] += light * (1.0 / sigma - sigma / total2 + s * s * sigma / (total2 * total2));
+            j[THICKNESS] +=
+                light * (1.0 / sigma - sigma / total2 + s * s * sigma / (total2 * total2));
         }
         Some(sum)
     }
 
     /// What passes of a strip's light: on its own top, and in front of nothing higher.
-    fn passing(&self, turned: &Turned, sight: &[Vector3<f64>; 3], plan: &Plan, strip: &Strip, hit: &Hit, stripe: &Stripe) -> Passing {
+    fn passing(
+        &self,
+        turned: &Turned,
+        sight: &[Vector3<f64>; 3],
+        plan: &Plan,
+        strip: &Strip,
+        hit: &Hit,
+        stripe: &Stripe,
+    ) -> Passing {
         let mut passing = Passing::ALL;
         for cut in &plan.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize] {
             if passing.share == 0.0 {
@@ -535,7 +701,8 @@ impl Photometric {
             // image the union of its foot and its top, of which the one that reaches farther decides.
             let hidden = match self.hit(turned, sight, top.height_m) {
                 Some(above) if foot.share < 1.0 => {
-                    let head = self.inside(turned, sight, plan, &cut.head, &top.outline, &above, stripe);
+                    let head =
+                        self.inside(turned, sight, plan, &cut.head, &top.outline, &above, stripe);
                     if head.share > foot.share { head } else { foot }
                 }
                 _ => foot,
@@ -547,10 +714,26 @@ impl Photometric {
 
     /// Share of the light that falls inside an outline.
     #[allow(clippy::too_many_arguments)]
-    fn inside(&self, turned: &Turned, sight: &[Vector3<f64>; 3], plan: &Plan, near: &Near, outline: &Outline, hit: &Hit, stripe: &Stripe) -> Passing {
+    fn inside(
+        &self,
+        turned: &Turned,
+        sight: &[Vector3<f64>; 3],
+        plan: &Plan,
+        near: &Near,
+        outline: &Outline,
+        hit: &Hit,
+        stripe: &Stripe,
+    ) -> Passing {
         let wholly = |inside: bool| if inside { Passing::ALL } else { Passing::NONE };
-        let candidates = plan.near(near).iter().map(|k| (usize::from(*k), outline.edges[usize::from(*k)].distance_m(hit.p)));
-        let Some((nearest, distance)) = candidates.min_by(|a, b| a.1.total_cmp(&b.1)) else { return wholly(near.inside) };
+        let candidates = plan.near(near).iter().map(|k| {
+            (
+                usize::from(*k),
+                outline.edges[usize::from(*k)].distance_m(hit.p),
+            )
+        });
+        let Some((nearest, distance)) = candidates.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return wholly(near.inside);
+        };
         let reach_m = plan.edge_reach_m;
         if distance > reach_m {
             return wholly(outline.contains(hit.p));
@@ -579,17 +762,34 @@ impl Photometric {
         corner(&first, &second, convex, stripe)
     }
 
-    fn standard(&self, turned: &Turned, sight: &[Vector3<f64>; 3], edge: &Edge, hit: &Hit, stripe: &Stripe) -> Standard {
+    fn standard(
+        &self,
+        turned: &Turned,
+        sight: &[Vector3<f64>; 3],
+        edge: &Edge,
+        hit: &Hit,
+        stripe: &Stripe,
+    ) -> Standard {
         let [d, du, dv] = sight;
         let [nx, ny] = edge.inward;
         let n = Vector3::new(nx, ny, 0.0);
         // n·R as a row: what a body direction adds to the distance.
         let row = n.transpose() * turned.r;
         let toward = (row * d)[0];
-        let slope = [hit.t * (row * du)[0] + toward * hit.t_slope[0], hit.t * (row * dv)[0] + toward * hit.t_slope[1]];
+        let slope = [
+            hit.t * (row * du)[0] + toward * hit.t_slope[0],
+            hit.t * (row * dv)[0] + toward * hit.t_slope[1],
+        ];
         let x = self.table.eye_m + hit.t * d;
         let turn = |k: usize| (n.transpose() * turned.by[k] * x)[0];
-        let de = [nx, ny, toward * hit.dt[0], turn(0) + toward * hit.dt[1], turn(1) + toward * hit.dt[2], turn(2)];
+        let de = [
+            nx,
+            ny,
+            toward * hit.dt[0],
+            turn(0) + toward * hit.dt[1],
+            turn(1) + toward * hit.dt[2],
+            turn(2),
+        ];
         let mixed = stripe.spread * (slope[0] * stripe.s_slope[0] + slope[1] * stripe.s_slope[1]);
         let of_s = mixed / stripe.total2;
         let variance = stripe.spread * (slope[0] * slope[0] + slope[1] * slope[1]) - mixed * of_s;
@@ -611,8 +811,10 @@ impl Photometric {
 
 /// Two edges at a corner: inside both (convex) or either (concave).
 fn corner(first: &Standard, second: &Standard, convex: bool, stripe: &Stripe) -> Passing {
-    let across = stripe.spread * (first.slope[0] * second.slope[0] + first.slope[1] * second.slope[1]);
-    let rho = ((across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd)).clamp(-0.97, 0.97);
+    let across =
+        stripe.spread * (first.slope[0] * second.slope[0] + first.slope[1] * second.slope[1]);
+    let rho = ((across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd))
+        .clamp(-0.97, 0.97);
     let (h, k) = (first.x, second.x);
     let both = cumulative2(h, k, rho);
     let across_sd = (1.0 - rho * rho).sqrt();
@@ -637,10 +839,18 @@ fn weigh(scaled: f64, weighting: &Weighting) -> (f64, f64) {
     if weighting.redescending {
         // Tukey's biweight, scaled so that ρ = r²/2 near zero.
         let u = (scaled / c).powi(2);
-        if u >= 1.0 { (c * c / 6.0, 0.0) } else { (c * c / 6.0 * (1.0 - (1.0 - u).powi(3)), (1.0 - u).powi(2)) }
+        if u >= 1.0 {
+            (c * c / 6.0, 0.0)
+        } else {
+            (c * c / 6.0 * (1.0 - (1.0 - u).powi(3)), (1.0 - u).powi(2))
+        }
     } else {
         let a = scaled.abs();
-        if a <= c { (0.5 * a * a, 1.0) } else { (c * a - 0.5 * c * c, c / a) }
+        if a <= c {
+            (0.5 * a * a, 1.0)
+        } else {
+            (c * a - 0.5 * c * c, c / a)
+        }
     }
 }
 
@@ -648,7 +858,13 @@ const ALL: [usize; PARAMETERS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND];
 
 /// Adds one pixel to the lower triangle of the normal equations, for the parameters in `which`.
-fn add<const N: usize>(sums: &mut Sums, which: &[usize; N], j: &Column, weight: f64, residual: f64) {
+fn add<const N: usize>(
+    sums: &mut Sums,
+    which: &[usize; N],
+    j: &Column,
+    weight: f64,
+    residual: f64,
+) {
     for (n, &a) in which.iter().enumerate() {
         let wj = weight * j[a];
         sums.gradient[a] += wj * residual;
@@ -658,13 +874,24 @@ fn add<const N: usize>(sums: &mut Sums, which: &[usize; N], j: &Column, weight: 
     }
 }
 
+/// Strips that share their pixels, together.
+fn groups(strips: &[Strip]) -> impl Iterator<Item = &[Strip]> {
+    strips.chunk_by(|a, _| a.shares)
+}
+
 /// Gives overlapping strips of one column, from `first` on, the same rows: their light adds up there.
 fn join(strips: &mut [Strip], first: usize) {
-    let Some(column) = strips.get_mut(first..) else { return };
+    let Some(column) = strips.get_mut(first..) else {
+        return;
+    };
     column.sort_by_key(|s| s.first_row);
     let mut group = 0;
     for i in 1..=column.len() {
-        let end = column[group..i].iter().map(|s| s.end_row).max().unwrap_or(0);
+        let end = column[group..i]
+            .iter()
+            .map(|s| s.end_row)
+            .max()
+            .unwrap_or(0);
         if i < column.len() && column[i].first_row < end {
             continue;
         }

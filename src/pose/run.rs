@@ -44,7 +44,11 @@ pub enum RunPose {
 impl PoseRun {
     /// Starts where the rig says the vehicle starts.
     pub fn new(rig: &Rig, map: Arc<dyn PlaneMap>) -> Self {
-        PoseRun { fitter: PoseFitter::new(rig, map), start_x_m: rig.tank.start_pose[0], last: None }
+        PoseRun {
+            fitter: PoseFitter::new(rig, map),
+            start_x_m: rig.tank.start_pose[0],
+            last: None,
+        }
     }
 
     /// The fitter.
@@ -55,16 +59,31 @@ impl PoseRun {
     /// The pose of the frame that was true at `stamp_ns` (UNIX).
     pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
         let (hint_m, open_m) = self.expected(stamp_ns);
-        let fit = match self.fitter.fit(image, profile, &Hint { x_m: Some(hint_m), ..Hint::default() }) {
+        let fit = match self.fitter.fit(
+            image,
+            profile,
+            &Hint {
+                x_m: Some(hint_m),
+                ..Hint::default()
+            },
+        ) {
             Ok(fit) => fit,
             Err(fault) => return RunPose::None(fault),
         };
         let mut fit = Box::new(fit);
         let period_m = self.fitter.surfaces().period_m;
-        if fit.measured[0] && period_m.is_some_and(|p| open_m + (fit.pose.x_m - hint_m).abs() > 0.5 * p) {
+        if fit.measured[0]
+            && period_m.is_some_and(|p| open_m + (fit.pose.x_m - hint_m).abs() > 0.5 * p)
+        {
             fit.caveats.push(PoseCaveat::WhichHexagon);
         }
-        let doubtful = [PoseCaveat::WhichHexagon, PoseCaveat::Ambiguous, PoseCaveat::Misfit].iter().any(|c| fit.caveats.contains(c));
+        let doubtful = [
+            PoseCaveat::WhichHexagon,
+            PoseCaveat::Ambiguous,
+            PoseCaveat::Misfit,
+        ]
+        .iter()
+        .any(|c| fit.caveats.contains(c));
         if doubtful {
             return RunPose::Doubtful(fit);
         }
@@ -76,7 +95,9 @@ impl PoseRun {
 
     /// Where the vehicle is expected, and how far it may be from there \[m\].
     fn expected(&self, stamp_ns: u64) -> (f64, f64) {
-        let Some(last) = self.last else { return (self.start_x_m, 0.0) };
+        let Some(last) = self.last else {
+            return (self.start_x_m, 0.0);
+        };
         let s = (stamp_ns as f64 - last.stamp_ns as f64) * 1e-9;
         (last.x_m + last.u_mps * s, 0.5 * ACCELERATION_MPS2 * s * s)
     }
@@ -84,11 +105,17 @@ impl PoseRun {
     fn remember(&mut self, stamp_ns: u64, x_m: f64) {
         let u_mps = match self.last {
             // Over less than 20 ms the noise of two poses is all there is.
-            Some(last) if stamp_ns > last.stamp_ns + 20_000_000 => (x_m - last.x_m) / ((stamp_ns - last.stamp_ns) as f64 * 1e-9),
+            Some(last) if stamp_ns > last.stamp_ns + 20_000_000 => {
+                (x_m - last.x_m) / ((stamp_ns - last.stamp_ns) as f64 * 1e-9)
+            }
             Some(last) => last.u_mps,
             None => 0.0,
         };
-        self.last = Some(Last { stamp_ns, x_m, u_mps });
+        self.last = Some(Last {
+            stamp_ns,
+            x_m,
+            u_mps,
+        });
     }
 }
 

@@ -74,7 +74,9 @@ pub struct Step {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Caveat {
     /// Parts of the stripe on no known height.
-    #[error("part of the stripe lies on none of the target's heights: particles, or another target than the rig's")]
+    #[error(
+        "part of the stripe lies on none of the target's heights: particles, or another target than the rig's"
+    )]
     Stray,
     /// Fewer steps than a whole crossing of the target has.
     #[error("an edge of the target is outside the light or the image")]
@@ -114,7 +116,9 @@ pub struct Levels {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SegmentError {
     /// Too little stripe.
-    #[error("{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?")]
+    #[error(
+        "{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?"
+    )]
     TooFew {
         /// Points there.
         points: usize,
@@ -133,7 +137,9 @@ pub fn plane_points(profile: &Profile, map: &dyn PlaneMap) -> Vec<PlanePoint> {
             row_px: p.row_px,
             xi_m: at.xi_m,
             eta_m: at.eta_m,
-            sd_m: (slope[(1, 1)] * p.sd_px).hypot(at.covariance_m2[(1, 1)].sqrt()).max(1e-6),
+            sd_m: (slope[(1, 1)] * p.sd_px)
+                .hypot(at.covariance_m2[(1, 1)].sqrt())
+                .max(1e-6),
             sigma_px: p.sigma_px,
             sound: p.quality & quality::NEAR_STEP == 0,
         })
@@ -157,23 +163,42 @@ struct Stretch {
 ///
 /// # Errors
 /// [`SegmentError`] for too little stripe.
-pub fn sort(points: &[PlanePoint], heights_m: &[f64], image: Option<&GreyImage>, map: &dyn PlaneMap) -> Result<Levels, SegmentError> {
+pub fn sort(
+    points: &[PlanePoint],
+    heights_m: &[f64],
+    image: Option<&GreyImage>,
+    map: &dyn PlaneMap,
+) -> Result<Levels, SegmentError> {
     const NEEDED: usize = 16;
-    let too_few = SegmentError::TooFew { points: points.len(), needed: NEEDED };
+    let too_few = SegmentError::TooFew {
+        points: points.len(),
+        needed: NEEDED,
+    };
     if points.len() < NEEDED {
         return Err(too_few);
     }
-    let least_gap = heights_m.windows(2).map(|w| w[1] - w[0]).fold(0.02, f64::min);
+    let least_gap = heights_m
+        .windows(2)
+        .map(|w| w[1] - w[0])
+        .fold(0.02, f64::min);
     let mut stretches = split(points, 0.3 * least_gap);
     let slope = common_slope(points, &stretches).ok_or(too_few)?;
     for s in &mut stretches {
-        let (sum, n) = points[s.from..s.to].iter().fold((0.0, 0.0), |(a, n), p| (a + p.eta_m - slope * p.xi_m, n + 1.0));
+        let (sum, n) = points[s.from..s.to].iter().fold((0.0, 0.0), |(a, n), p| {
+            (a + p.eta_m - slope * p.xi_m, n + 1.0)
+        });
         s.offset_m = sum / n;
     }
     let eta0_m = floor_offset(&stretches, heights_m, 0.25 * least_gap).ok_or(too_few)?;
     for s in &mut stretches {
-        let nearest = heights_m.iter().enumerate().map(|(k, h)| (k, (s.offset_m - eta0_m - h).abs())).min_by(|a, b| a.1.total_cmp(&b.1));
-        s.level = nearest.filter(|(_, d)| *d < 0.35 * least_gap).map(|(k, _)| k);
+        let nearest = heights_m
+            .iter()
+            .enumerate()
+            .map(|(k, h)| (k, (s.offset_m - eta0_m - h).abs()))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        s.level = nearest
+            .filter(|(_, d)| *d < 0.35 * least_gap)
+            .map(|(k, _)| k);
     }
     let mut levels = fit_lines(points, &stretches, heights_m, eta0_m, slope).ok_or(too_few)?;
     if stretches.iter().any(|s| s.level.is_none()) {
@@ -181,12 +206,19 @@ pub fn sort(points: &[PlanePoint], heights_m: &[f64], image: Option<&GreyImage>,
     }
     let runs = runs(&stretches);
     levels.segments = runs.iter().map(|r| segment(points, r, heights_m)).collect();
-    if heights_m.len() > 1 && levels.segments.iter().all(|s| s.height_m == levels.segments[0].height_m) {
+    if heights_m.len() > 1
+        && levels
+            .segments
+            .iter()
+            .all(|s| s.height_m == levels.segments[0].height_m)
+    {
         levels.caveats.push(Caveat::OneLevel);
     }
     let background = image.map(background_level);
     for pair in runs.windows(2) {
-        levels.steps.extend(step(points, pair, heights_m, image.zip(background), map));
+        levels
+            .steps
+            .extend(step(points, pair, heights_m, image.zip(background), map));
     }
     if heights_m.len() > 1 && levels.steps.len() < 2 * (heights_m.len() - 1) {
         levels.caveats.push(Caveat::EdgeMissing);
@@ -206,7 +238,12 @@ fn split(points: &[PlanePoint], jump_m: f64) -> Vec<Stretch> {
             b.column_px - a.column_px > GAP_COLUMNS || (b.eta_m - a.eta_m).abs() > jump_m
         };
         if broken {
-            stretches.push(Stretch { from, to: i, offset_m: 0.0, level: None });
+            stretches.push(Stretch {
+                from,
+                to: i,
+                offset_m: 0.0,
+                level: None,
+            });
             from = i;
         }
     }
@@ -223,7 +260,12 @@ fn common_slope(points: &[PlanePoint], stretches: &[Stretch]) -> Option<f64> {
             continue;
         }
         let (mx, me) = own().fold((0.0, 0.0), |(a, b), p| (a + p.xi_m / n, b + p.eta_m / n));
-        let (sxx, sxy) = own().fold((0.0, 0.0), |(a, b), p| (a + (p.xi_m - mx).powi(2), b + (p.xi_m - mx) * (p.eta_m - me)));
+        let (sxx, sxy) = own().fold((0.0, 0.0), |(a, b), p| {
+            (
+                a + (p.xi_m - mx).powi(2),
+                b + (p.xi_m - mx) * (p.eta_m - me),
+            )
+        });
         if sxx > 0.0 {
             slopes.push((sxy / sxx, sxx));
         }
@@ -248,8 +290,16 @@ fn floor_offset(stretches: &[Stretch], heights_m: &[f64], within_m: f64) -> Opti
     for s in stretches.iter().filter(|s| s.to - s.from >= LONG_STRETCH) {
         for h in heights_m {
             let floor = s.offset_m - h;
-            let on_some = |t: &&Stretch| heights_m.iter().any(|h| (t.offset_m - floor - h).abs() < within_m);
-            let score: usize = stretches.iter().filter(on_some).map(|t| t.to - t.from).sum();
+            let on_some = |t: &&Stretch| {
+                heights_m
+                    .iter()
+                    .any(|h| (t.offset_m - floor - h).abs() < within_m)
+            };
+            let score: usize = stretches
+                .iter()
+                .filter(on_some)
+                .map(|t| t.to - t.from)
+                .sum();
             let better = match best {
                 None => true,
                 Some((most, at)) => score > most || (score == most && floor > at),
@@ -263,7 +313,13 @@ fn floor_offset(stretches: &[Stretch], heights_m: &[f64], within_m: f64) -> Opti
 }
 
 /// Weighted least squares of η = η₀ + slope ξ + h over all sound points, twice, without outliers the second time.
-fn fit_lines(points: &[PlanePoint], stretches: &[Stretch], heights_m: &[f64], eta0_m: f64, slope: f64) -> Option<Levels> {
+fn fit_lines(
+    points: &[PlanePoint],
+    stretches: &[Stretch],
+    heights_m: &[f64],
+    eta0_m: f64,
+    slope: f64,
+) -> Option<Levels> {
     let (mut eta0_m, mut slope) = (eta0_m, slope);
     let mut rms_m = f64::INFINITY;
     let mut out = None;
@@ -310,8 +366,15 @@ fn fit_lines(points: &[PlanePoint], stretches: &[Stretch], heights_m: &[f64], et
     out
 }
 
-fn on_levels<'a>(points: &'a [PlanePoint], stretches: &'a [Stretch], heights_m: &'a [f64]) -> impl Iterator<Item = (&'a PlanePoint, f64)> {
-    stretches.iter().filter_map(|s| s.level.map(|k| (s, heights_m[k]))).flat_map(|(s, h)| points[s.from..s.to].iter().map(move |p| (p, h)))
+fn on_levels<'a>(
+    points: &'a [PlanePoint],
+    stretches: &'a [Stretch],
+    heights_m: &'a [f64],
+) -> impl Iterator<Item = (&'a PlanePoint, f64)> {
+    stretches
+        .iter()
+        .filter_map(|s| s.level.map(|k| (s, heights_m[k])))
+        .flat_map(|(s, h)| points[s.from..s.to].iter().map(move |p| (p, h)))
 }
 
 /// Consecutive stretches of one level, as (from, to, level): gaps left by particles are bridged.
@@ -337,7 +400,13 @@ fn segment(points: &[PlanePoint], run: &(usize, usize, usize), heights_m: &[f64]
 }
 
 /// The step between two runs, measured on the upper one.
-fn step(points: &[PlanePoint], pair: &[(usize, usize, usize)], heights_m: &[f64], image: Option<(&GreyImage, f64)>, map: &dyn PlaneMap) -> Option<Step> {
+fn step(
+    points: &[PlanePoint],
+    pair: &[(usize, usize, usize)],
+    heights_m: &[f64],
+    image: Option<(&GreyImage, f64)>,
+    map: &dyn PlaneMap,
+) -> Option<Step> {
     let [left, right] = pair else { return None };
     let gap = points[right.0].column_px - points[left.1 - 1].column_px;
     if gap > STEP_GAP_COLUMNS {
@@ -345,12 +414,22 @@ fn step(points: &[PlanePoint], pair: &[(usize, usize, usize)], heights_m: &[f64]
     }
     let to_starboard = left.2 > right.2;
     let upper = if to_starboard { left } else { right };
-    let end = if to_starboard { points[upper.1 - 1] } else { points[upper.0] };
+    let end = if to_starboard {
+        points[upper.1 - 1]
+    } else {
+        points[upper.0]
+    };
     let (column_px, row_px, sd_px) = match image {
-        Some((image, background)) => fading_end(&points[upper.0..upper.1], image, background, to_starboard)?,
+        Some((image, background)) => {
+            fading_end(&points[upper.0..upper.1], image, background, to_starboard)?
+        }
         None => {
             // Half way between the last column of one level and the first of the other.
-            let column = if gap <= 2.5 { 0.5 * (points[right.0].column_px + points[left.1 - 1].column_px) } else { end.column_px };
+            let column = if gap <= 2.5 {
+                0.5 * (points[right.0].column_px + points[left.1 - 1].column_px)
+            } else {
+                end.column_px
+            };
             (column, end.row_px, 12f64.sqrt().recip())
         }
     };
@@ -376,21 +455,51 @@ fn step(points: &[PlanePoint], pair: &[(usize, usize, usize)], heights_m: &[f64]
 /// weight; inside the top that sum is its plateau, outside zero, and whatever the fading between
 /// them looks like, if it is symmetric the area under it puts the edge where the sheet's middle
 /// meets it. So neither blur nor thickness nor a slanting edge shifts the point.
-fn fading_end(run: &[PlanePoint], image: &GreyImage, background: f64, to_starboard: bool) -> Option<(f64, f64, f64)> {
-    let near = |k: usize| if to_starboard { &run[run.len() - 1 - k] } else { &run[k] };
+fn fading_end(
+    run: &[PlanePoint],
+    image: &GreyImage,
+    background: f64,
+    to_starboard: bool,
+) -> Option<(f64, f64, f64)> {
+    let near = |k: usize| {
+        if to_starboard {
+            &run[run.len() - 1 - k]
+        } else {
+            &run[k]
+        }
+    };
     let end = near(0).column_px;
-    let sound: Vec<&PlanePoint> = (0..run.len()).map(near).filter(|p| p.sound).take(60).collect();
+    let sound: Vec<&PlanePoint> = (0..run.len())
+        .map(near)
+        .filter(|p| p.sound)
+        .take(60)
+        .collect();
     if sound.len() < 6 {
         return None;
     }
     let n = sound.len() as f64;
-    let (mc, mr) = sound.iter().fold((0.0, 0.0), |(c, r), p| (c + p.column_px / n, r + p.row_px / n));
-    let (scc, scr) = sound.iter().fold((0.0, 0.0), |(a, b), p| (a + (p.column_px - mc).powi(2), b + (p.column_px - mc) * (p.row_px - mr)));
-    let line = |column: f64| mr + if scc > 0.0 { scr / scc * (column - mc) } else { 0.0 };
+    let (mc, mr) = sound.iter().fold((0.0, 0.0), |(c, r), p| {
+        (c + p.column_px / n, r + p.row_px / n)
+    });
+    let (scc, scr) = sound.iter().fold((0.0, 0.0), |(a, b), p| {
+        (
+            a + (p.column_px - mc).powi(2),
+            b + (p.column_px - mc) * (p.row_px - mr),
+        )
+    });
+    let line = |column: f64| {
+        mr + if scc > 0.0 {
+            scr / scc * (column - mc)
+        } else {
+            0.0
+        }
+    };
     let sigma = sound.iter().map(|p| p.sigma_px).sum::<f64>() / n;
     let light = |column: i64| -> Option<f64> {
         let middle = line(column as f64);
-        let column = usize::try_from(column).ok().filter(|c| *c < image.width_px)?;
+        let column = usize::try_from(column)
+            .ok()
+            .filter(|c| *c < image.width_px)?;
         let half = (2.5 * sigma).ceil();
         let (mut sum, mut norm) = (0.0, 0.0);
         for row in (middle - half).ceil() as i64..=(middle + half).floor() as i64 {
@@ -403,9 +512,14 @@ fn fading_end(run: &[PlanePoint], image: &GreyImage, background: f64, to_starboa
     };
     let sign = if to_starboard { 1 } else { -1 };
     let end = end as i64;
-    let inside: Vec<f64> = (END_REACH..END_REACH + 16).filter_map(|k| light(end - sign * k)).collect();
+    let inside: Vec<f64> = (END_REACH..END_REACH + 16)
+        .filter_map(|k| light(end - sign * k))
+        .collect();
     // Short tops (a joint seen aslant) have less than that; then what there is.
-    let available = run.len().saturating_sub(END_REACH as usize + 2).min(inside.len());
+    let available = run
+        .len()
+        .saturating_sub(END_REACH as usize + 2)
+        .min(inside.len());
     if available < 4 {
         return None;
     }
@@ -424,8 +538,15 @@ fn fading_end(run: &[PlanePoint], image: &GreyImage, background: f64, to_starboa
         return None;
     }
     // Noise of 20 sums and of the plateau they are compared with.
-    let spread = inside[..available].iter().map(|v| (v / level - 1.0).powi(2)).sum::<f64>() / (available as f64 - 1.0);
-    let sd = (spread * (2.0 * END_REACH as f64 + (END_REACH * END_REACH) as f64 / available as f64)).sqrt().max(0.01);
+    let spread = inside[..available]
+        .iter()
+        .map(|v| (v / level - 1.0).powi(2))
+        .sum::<f64>()
+        / (available as f64 - 1.0);
+    let sd = (spread
+        * (2.0 * END_REACH as f64 + (END_REACH * END_REACH) as f64 / available as f64))
+        .sqrt()
+        .max(0.01);
     Some((column, line(column), sd))
 }
 
@@ -441,7 +562,8 @@ pub(super) fn background_level(image: &GreyImage) -> f64 {
     for (level, n) in counts.iter().enumerate() {
         if 2 * (below + n) >= total && *n > 0 {
             // Inside the median's own level, by the share on either side.
-            return level as f64 - 0.5 + (0.5 * f64::from(total) - f64::from(below)) / f64::from(*n);
+            return level as f64 - 0.5
+                + (0.5 * f64::from(total) - f64::from(below)) / f64::from(*n);
         }
         below += n;
     }

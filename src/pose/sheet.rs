@@ -46,7 +46,10 @@ impl SheetTable {
 
     /// (ξ, η) of a pixel \[m\]; NaN where there is none.
     pub fn point_m(&self, column: usize, row: usize) -> [f64; 2] {
-        self.points_m.get(row * self.width_px + column).copied().unwrap_or([f64::NAN; 2])
+        self.points_m
+            .get(row * self.width_px + column)
+            .copied()
+            .unwrap_or([f64::NAN; 2])
     }
 
     /// From the camera to the pixel's sheet point, body frame \[m\].
@@ -58,8 +61,13 @@ impl SheetTable {
     /// The sight of a pixel with its derivatives along columns and rows \[m/px\].
     pub fn sight_with_slopes(&self, column: usize, row: usize) -> [Vector3<f64>; 3] {
         let at = |c: usize, r: usize| self.point_m(c, r);
-        let slope = |a: [f64; 2], b: [f64; 2], px: f64| Vector3::new(0.0, -(b[0] - a[0]) / px, -(b[1] - a[1]) / px);
-        let (left, right) = (column.saturating_sub(1), (column + 1).min(self.width_px - 1));
+        let slope = |a: [f64; 2], b: [f64; 2], px: f64| {
+            Vector3::new(0.0, -(b[0] - a[0]) / px, -(b[1] - a[1]) / px)
+        };
+        let (left, right) = (
+            column.saturating_sub(1),
+            (column + 1).min(self.width_px - 1),
+        );
         let (up, down) = (row.saturating_sub(1), (row + 1).min(self.height_px - 1));
         [
             self.sight(column, row),

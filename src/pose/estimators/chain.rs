@@ -28,11 +28,26 @@ impl Crossing {
         let low = heights_m.get(1).copied().unwrap_or(0.0);
         let high = heights_m.last().copied().unwrap_or(0.0);
         let find = |height: f64, to_starboard: bool| {
-            let mut all = levels.steps.iter().filter(move |s| (s.upper_m - height).abs() < 1e-6 && s.to_starboard == to_starboard).copied();
+            let mut all = levels
+                .steps
+                .iter()
+                .filter(move |s| {
+                    (s.upper_m - height).abs() < 1e-6 && s.to_starboard == to_starboard
+                })
+                .copied();
             // Columns grow to starboard: the outermost of each side.
-            if to_starboard { all.next_back() } else { all.next() }
+            if to_starboard {
+                all.next_back()
+            } else {
+                all.next()
+            }
         };
-        Crossing { a: find(low, false), b: find(high, false), c: find(high, true), d: find(low, true) }
+        Crossing {
+            a: find(low, false),
+            b: find(high, false),
+            c: find(high, true),
+            d: find(low, true),
+        }
     }
 
     /// l and r: from the middle of A′D′ to B and to C \[m\].
@@ -40,7 +55,10 @@ impl Crossing {
     /// # Errors
     /// [`EstimatorFault::NoEdge`] naming the point that is missing.
     pub fn half_widths_m(&self, what: &'static str) -> Result<(f64, f64), EstimatorFault> {
-        let xi = |step: Option<Step>, point: char| step.map(|s| s.xi_m).ok_or(EstimatorFault::NoEdge { what, point });
+        let xi = |step: Option<Step>, point: char| {
+            step.map(|s| s.xi_m)
+                .ok_or(EstimatorFault::NoEdge { what, point })
+        };
         let centre = 0.5 * (xi(self.a, 'A')? + xi(self.d, 'D')?);
         Ok((xi(self.b, 'B')? - centre, centre - xi(self.c, 'C')?))
     }
@@ -77,15 +95,31 @@ impl Chain {
     /// The hexagons of a target; `None` where it has none.
     pub fn new(target: &Target) -> Option<Self> {
         target.slabs.iter().find_map(|slab| match slab.outline {
-            SlabOutline::HexagonChain { x0_m, side_m, count } => {
+            SlabOutline::HexagonChain {
+                x0_m,
+                side_m,
+                count,
+            } => {
                 let half = 0.5 * 3f64.sqrt() * side_m;
                 let s = 1.0 / 3f64.sqrt();
                 let flanks = (0..2 * count).map(|k| {
                     let from_m = x0_m + half * f64::from(k);
-                    let (slope, width) = if k % 2 == 0 { (s, 0.5 * side_m) } else { (-s, side_m) };
-                    Flank { a: width - slope * from_m, s: slope, from_m, to_m: from_m + half }
+                    let (slope, width) = if k % 2 == 0 {
+                        (s, 0.5 * side_m)
+                    } else {
+                        (-s, side_m)
+                    };
+                    Flank {
+                        a: width - slope * from_m,
+                        s: slope,
+                        from_m,
+                        to_m: from_m + half,
+                    }
                 });
-                Some(Chain { flanks: flanks.collect(), pitch_m: 2.0 * half })
+                Some(Chain {
+                    flanks: flanks.collect(),
+                    pitch_m: 2.0 * half,
+                })
             }
             _ => None,
         })
@@ -116,15 +150,28 @@ impl Chain {
                     if past > 0.003 || (x - x_near).abs() > HALF * self.pitch_m {
                         continue;
                     }
-                    let cost = ((x - x_near) / 0.02).powi(2) + ((psi - psi_near) / 0.05).powi(2) + (past / 0.0007).powi(2);
+                    let cost = ((x - x_near) / 0.02).powi(2)
+                        + ((psi - psi_near) / 0.05).powi(2)
+                        + (past / 0.0007).powi(2);
                     if best.is_none_or(|b| cost < b.0) {
                         let from_corner_m = corner(left, at_l).min(corner(right, at_r));
-                        best = Some((cost, ChainFix { psi_s_rad: psi, x_s_m: x, from_corner_m }));
+                        best = Some((
+                            cost,
+                            ChainFix {
+                                psi_s_rad: psi,
+                                x_s_m: x,
+                                from_corner_m,
+                            },
+                        ));
                     }
                 }
             }
         }
-        best.map(|b| b.1).ok_or(EstimatorFault::NoPlace { l_mm: l * 1e3, r_mm: r * 1e3, near_m: x_near })
+        best.map(|b| b.1).ok_or(EstimatorFault::NoPlace {
+            l_mm: l * 1e3,
+            r_mm: r * 1e3,
+            near_m: x_near,
+        })
     }
 
     /// X_S at a given yaw from l and r (their mean), nearest to `near_m`; each side on its own flank.
@@ -132,8 +179,14 @@ impl Chain {
         let (l, r) = crossing.half_widths_m("surge").ok()?;
         let (sin, cos) = psi_rad.sin_cos();
         let nearest = |half: f64, ahead: f64| {
-            let places = self.flanks.iter().map(|f| ((half * cos - f.a) / f.s, f)).filter(|(at, f)| past(f, *at) < 0.003);
-            places.map(|(at, _)| at - ahead).min_by(|a, b| (a - near_m).abs().total_cmp(&(b - near_m).abs()))
+            let places = self
+                .flanks
+                .iter()
+                .map(|f| ((half * cos - f.a) / f.s, f))
+                .filter(|(at, f)| past(f, *at) < 0.003);
+            places
+                .map(|(at, _)| at - ahead)
+                .min_by(|a, b| (a - near_m).abs().total_cmp(&(b - near_m).abs()))
         };
         let (from_l, from_r) = (nearest(l, l * sin)?, nearest(r, -r * sin)?);
         Some(0.5 * (from_l + from_r))
@@ -162,6 +215,9 @@ fn yaws(left: &Flank, right: &Flank, l: f64, r: f64) -> impl Iterator<Item = f64
     let size = p.hypot(q);
     let turn = q.atan2(p);
     let half = (c.abs() <= size).then(|| (c / size).acos());
-    let wrap = |v: f64| (v + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI) - std::f64::consts::PI;
-    half.into_iter().flat_map(move |h| [wrap(turn + h), wrap(turn - h)])
+    let wrap = |v: f64| {
+        (v + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI) - std::f64::consts::PI
+    };
+    half.into_iter()
+        .flat_map(move |h| [wrap(turn + h), wrap(turn - h)])
 }

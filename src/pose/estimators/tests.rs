@@ -27,7 +27,11 @@ fn crossing(pose: &Pose) -> Crossing {
     let mounts = lshpi_rig().mounts;
     let surfaces = Surfaces::new(Some(&hexagon_target()));
     let edge = |height: f64, sign: f64| {
-        let top = surfaces.tops.iter().find(|t| (t.height_m - height).abs() < 1e-9).unwrap();
+        let top = surfaces
+            .tops
+            .iter()
+            .find(|t| (t.height_m - height).abs() < 1e-9)
+            .unwrap();
         let inside = |xi: f64| {
             let p = pose.body_to_tank(&hydroline_calib::frames::plane_to_body(&mounts, xi, 0.0));
             top.outline.contains([p.x, p.y])
@@ -38,9 +42,22 @@ fn crossing(pose: &Pose) -> Crossing {
             let m = 0.5 * (a + b);
             if inside(m) { a = m } else { b = m }
         }
-        Some(Step { upper_m: height, lower_m: 0.0, to_starboard: sign < 0.0, column_px: 0.0, xi_m: a, eta_m: 0.0, sd_m: 1e-5 })
+        Some(Step {
+            upper_m: height,
+            lower_m: 0.0,
+            to_starboard: sign < 0.0,
+            column_px: 0.0,
+            xi_m: a,
+            eta_m: 0.0,
+            sd_m: 1e-5,
+        })
     };
-    Crossing { a: edge(0.02, 1.0), b: edge(0.04, 1.0), c: edge(0.04, -1.0), d: edge(0.02, -1.0) }
+    Crossing {
+        a: edge(0.02, 1.0),
+        b: edge(0.04, 1.0),
+        c: edge(0.04, -1.0),
+        d: edge(0.02, -1.0),
+    }
 }
 
 proptest! {
@@ -74,15 +91,32 @@ proptest! {
 
 #[test]
 fn a_missing_edge_is_named() {
-    let pose = Pose { x_m: 0.3, z_m: -0.83, ..Pose::default() };
+    let pose = Pose {
+        x_m: 0.3,
+        z_m: -0.83,
+        ..Pose::default()
+    };
     let mut seen = crossing(&pose);
     seen.d = None;
     let chain = Chain::new(&hexagon_target()).unwrap();
-    assert_eq!(chain.fix(&seen, (0.57, 0.0)).unwrap_err(), EstimatorFault::NoEdge { what: "the hexagon's flanks", point: 'D' });
+    assert_eq!(
+        chain.fix(&seen, (0.57, 0.0)).unwrap_err(),
+        EstimatorFault::NoEdge {
+            what: "the hexagon's flanks",
+            point: 'D'
+        }
+    );
 }
 
 #[test]
 fn a_rolled_stripe_is_flagged() {
-    let rolled = levels(&Pose { z_m: -0.83, phi_rad: 0.02, ..Pose::default() });
-    assert!(matches!(upright(&rolled, "sway"), Err(EstimatorFault::Rolled { .. })));
+    let rolled = levels(&Pose {
+        z_m: -0.83,
+        phi_rad: 0.02,
+        ..Pose::default()
+    });
+    assert!(matches!(
+        upright(&rolled, "sway"),
+        Err(EstimatorFault::Rolled { .. })
+    ));
 }
