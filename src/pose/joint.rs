@@ -18,7 +18,7 @@ use crate::stripe::Profile;
 use hydroline_calib::Pose;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Mounts, Rig};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use std::sync::Arc;
 
 /// Largest sd of θ with which a frame counts as having shown it \[rad\] (0.6°).
@@ -510,21 +510,24 @@ impl PoseFitter {
     ) -> Option<(State, Sums)> {
         let mut state = start;
         let mut sums = model.compare(plan, &image.pixels, &state, weighting, true);
-        let mut damping = 1e-6;
+        let mut damping = 1e-9;
         for _ in 0..iterations {
-            let step = solve(&sums, free, damping)?;
-            let next = state.moved(&step);
+            let valley = Valley::new(&state.pose, &self.mounts);
+            let turned = valley.turn(&sums);
+            let step = solve(&turned, free, damping)?;
+            let next = valley.moved(&state, &step);
             if !sane(&next) {
                 damping *= 100.0;
                 continue;
             }
             let tried = model.compare(plan, &image.pixels, &next, weighting, true);
-            let expected = step.dot(&sums.gradient);
+            // Twice the cost that a full step would still gain = the squared way to go, in sds.
+            let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
             if tried.cost <= sums.cost + 1e-9 * sums.cost.abs() {
                 state = next;
                 sums = tried;
-                damping = (damping * 0.1).max(1e-9);
-                // Half the squared length of the step in units of its sd: 1e-4 = a hundredth of an sd.
+                damping = (damping * 0.1).max(1e-12);
+                // 1e-4 = a hundredth of an sd.
                 if expected < 1e-4 {
                     break;
                 }
@@ -572,6 +575,74 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
 fn lit_noise(sums: &Sums) -> Option<f64> {
     (sums.bright_count > 100)
         .then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
+}
+
+/// Coordinates in which the weak direction is straight: where the sheet's middle meets the floor,
+/// X and Y, its range ρ below the CG, and the angles. Turning θ alone then leaves the line in the
+/// image and the target under it, where in x, z and θ it follows a curve that a step along its
+/// tangent leaves.
+struct Valley {
+    contact_m: [f64; 2],
+    range_m: f64,
+    lever_m: f64,
+    /// d pose / d coordinates.
+    slopes: Square,
+}
+
+impl Valley {
+    fn new(pose: &Pose, mounts: &Mounts) -> Self {
+        let lever_m = mounts.l_laser_m;
+        let r = pose.body_to_tank_rotation();
+        // Height 0: z + r31 l + r33 ρ = 0.
+        let range_m = -(pose.z_m + r[(2, 0)] * lever_m) / r[(2, 2)];
+        let arm = Self::arm(pose, lever_m, range_m);
+        let mut slopes = Square::identity();
+        let mut put = |column: usize, d: Vector3<f64>| {
+            for row in 0..3 {
+                slopes[(row, column)] = d[row];
+            }
+        };
+        put(2, -r.column(2).into_owned());
+        let h = 1e-6;
+        for k in 3..6 {
+            let turned = |by: f64| {
+                let mut p = pose.to_array();
+                p[k] += by;
+                Self::arm(&Pose::from_array(p), lever_m, range_m)
+            };
+            put(k, (turned(-h) - turned(h)) / (2.0 * h));
+        }
+        Valley {
+            contact_m: [pose.x_m + arm.x, pose.y_m + arm.y],
+            range_m,
+            lever_m,
+            slopes,
+        }
+    }
+
+    fn arm(pose: &Pose, lever_m: f64, range_m: f64) -> Vector3<f64> {
+        pose.body_to_tank_rotation() * Vector3::new(lever_m, 0.0, range_m)
+    }
+
+    /// Sums for these coordinates.
+    fn turn(&self, sums: &Sums) -> Sums {
+        Sums {
+            information: self.slopes.transpose() * sums.information * self.slopes,
+            gradient: self.slopes.transpose() * sums.gradient,
+            ..sums.clone()
+        }
+    }
+
+    /// The state a step on, exactly along the valley.
+    fn moved(&self, state: &State, step: &Column) -> State {
+        let mut next = state.moved(step);
+        let range_m = self.range_m + step[2];
+        let arm = Self::arm(&next.pose, self.lever_m, range_m);
+        next.pose.x_m = self.contact_m[0] + step[0] - arm.x;
+        next.pose.y_m = self.contact_m[1] + step[1] - arm.y;
+        next.pose.z_m = -arm.z;
+        next
+    }
 }
 
 /// Scales of the parameters, for a well-conditioned solve.

@@ -418,7 +418,8 @@ impl Photometric {
             };
             let body = self.table.eye_m + hit.t * sight[0];
             // NaN (no map there) is outside too.
-            if !(body.y.abs() <= (self.tan_half_fan - FAN_MARGIN) * body.z) {
+            let in_fan = body.y.abs() <= (self.tan_half_fan - FAN_MARGIN) * body.z;
+            if !in_fan {
                 continue;
             }
             let metres_per_row = (lever * hit.t_slope[1]).abs();
@@ -460,16 +461,12 @@ impl Photometric {
         plan: &mut Plan,
     ) -> Option<(u32, u32)> {
         let start = (plan.cuts.len(), plan.edges.len());
-        let forward = [turned.r[(0, 0)], turned.r[(1, 0)]];
         let room_m = plan.edge_reach_m + MOVE_M;
         let look = |outline: &Outline, p: [f64; 2], edges: &mut Vec<u16>| {
             let from = edges.len() as u32;
             for (k, e) in outline.edges.iter().enumerate() {
-                // Across the stripe's thickness the hit moves along the path; along the edge the
-                // whole of that counts, for a corner may come near.
-                let shift = reach_m * (e.inward[0] * forward[0] + e.inward[1] * forward[1]).abs();
                 let along = e.along_m(p);
-                let beside = e.inside_m(p).abs() < room_m + shift;
+                let beside = e.inside_m(p).abs() < room_m + reach_m;
                 if beside && along > -room_m - reach_m && along < e.length_m + room_m + reach_m {
                     edges.push(k as u16);
                 }

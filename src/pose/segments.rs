@@ -343,7 +343,7 @@ fn fit_lines(
             n += 1;
         }
         let det = w0 * w2 - w1 * w1;
-        if n < 5 || !(det > 0.0) {
+        if n < 5 || det.is_nan() || det <= 0.0 {
             break;
         }
         eta0_m += (w2 * e0 - w1 * e1) / det;
@@ -526,7 +526,7 @@ fn fading_end(
     let mut plateau: Vec<f64> = inside[..available].to_vec();
     plateau.sort_by(f64::total_cmp);
     let level = plateau[available / 2];
-    if !(level > 4.0) {
+    if level.is_nan() || level <= 4.0 {
         return None;
     }
     let mut area = 0.0;

@@ -97,8 +97,23 @@ impl Bench {
         };
         let profile = extractor.extract(&image);
         let points = segments::plane_points(&profile, self.fitter.map());
-        let light = (reading == Reading::SubPixel).then_some(&image);
-        let levels = segments::sort(&points, &self.heights_m, light, self.fitter.map()).ok();
+        let mut levels =
+            segments::sort(&points, &self.heights_m, Some(&image), self.fitter.map()).ok();
+        if reading == Reading::WholePixel {
+            // The paper's discontinuity points: the last whole column that is still lit by half.
+            for step in levels.iter_mut().flat_map(|l| &mut l.steps) {
+                step.column_px = step.column_px.round();
+                if let Some(row) = self
+                    .fitter
+                    .map()
+                    .to_image(step.xi_m, step.eta_m)
+                    .map(|(_, row)| row.round())
+                    && let Some(p) = self.fitter.map().to_plane(step.column_px, row)
+                {
+                    (step.xi_m, step.eta_m) = (p.xi_m, p.eta_m);
+                }
+            }
+        }
         let line = match reading {
             Reading::SubPixel => levels
                 .as_ref()

@@ -34,7 +34,9 @@ pub struct Row {
 }
 
 /// Motion, paper's errors, range, increment, floor→CG, ψ_S of the start.
-const ROWS: [(Motion, [f64; 2], f64, f64, f64, f64, f64); 6] = [
+type Conditions = (Motion, [f64; 2], f64, f64, f64, f64, f64);
+
+const ROWS: [Conditions; 6] = [
     (Motion::Surge, [-0.8, 0.7], 0.0, 200.0, 1.0, 0.83, 0.0),
     (Motion::Sway, [-0.2, 0.6], 0.0, 280.0, 1.0, 0.83, 0.0),
     (Motion::Heave, [-0.6, 0.7], 0.0, 420.0, 1.0, 0.93, 0.0),
