@@ -1,6 +1,8 @@
 //! Poses of `../shared/cases/images` (an independent renderer) against the truth in each log,
 //! which this test alone reads. Skips, with a message, where the cases are absent.
 
+#![allow(clippy::unwrap_used)]
+
 use hydroline::frame::GreyImage;
 use hydroline::log::{LogReader, Record};
 use hydroline::pose::joint::{Hint, JointPose, PoseFitter};

@@ -686,3 +686,6 @@ fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix6<f64>> {
 
 const _: () =
     assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::PARAMETERS == 9);
+
+#[cfg(test)]
+mod tests;

@@ -790,18 +790,22 @@ impl Photometric {
         let mixed = stripe.spread * (slope[0] * stripe.s_slope[0] + slope[1] * stripe.s_slope[1]);
         let of_s = mixed / stripe.total2;
         let variance = stripe.spread * (slope[0] * slope[0] + slope[1] * slope[1]) - mixed * of_s;
-        let sd = variance.max(1e-12).sqrt();
+        let variance = variance.max(1e-12);
+        let sd = variance.sqrt();
         let mut dx = de;
         for (k, ds) in stripe.ds.iter().enumerate() {
             dx[2 + k] -= of_s * ds;
         }
+        let x = (edge.inside_m(hit.p) - stripe.s * of_s) / sd;
         Standard {
-            x: (edge.inside_m(hit.p) - stripe.s * of_s) / sd,
+            x,
             sd,
             slope,
             mixed,
             dx: dx.map(|v| v / sd),
-            dx_thickness: 2.0 * stripe.s * of_s * stripe.sigma / stripe.total2 / sd,
+            // Of e' and of τ.
+            dx_thickness: 2.0 * stripe.s * of_s * stripe.sigma / stripe.total2 / sd
+                - x * of_s * of_s * stripe.sigma / variance,
         }
     }
 }
@@ -899,3 +903,6 @@ fn join(strips: &mut [Strip], first: usize) {
         group = i;
     }
 }
+
+#[cfg(test)]
+mod tests;

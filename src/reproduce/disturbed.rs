@@ -124,7 +124,14 @@ fn cell(&(motion, by, extra, condition, paper): &Cell) -> Result<Disturbed, Repr
                 .chain((0..=4).map(|k| low + (high - low) * f64::from(k) / 4.0))
                 .map(|d| {
                     let mut p = base;
-                    p[by.index()] += d / by.per_si();
+                    let by_m = d / by.per_si();
+                    if motion == Motion::Sway && by == Motion::Surge {
+                        // The vehicle surges along its own heading, aslant to the board.
+                        p[0] += by_m * p[5].cos();
+                        p[1] += by_m * p[5].sin();
+                    } else {
+                        p[by.index()] += by_m;
+                    }
                     Pose::from_array(p)
                 })
                 .collect();

@@ -76,11 +76,12 @@ proptest! {
     }
 
     #[test]
-    fn flanks_give_place_and_yaw(x in 0.1..0.7f64, y in -0.01..0.01f64, yaw in -0.3..0.3f64, off in -0.03..0.03f64) {
+    fn flanks_give_place_and_yaw(x in 0.1..0.7f64, y in -0.01..0.01f64, yaw in -0.3..0.3f64, off in -0.004..0.004f64) {
         let mounts = lshpi_rig().mounts;
         let pose = Pose { x_m: x, y_m: y - mounts.l_laser_m * yaw.sin(), z_m: -0.83, psi_rad: yaw, ..Pose::default() };
         let chain = Chain::new(&hexagon_target()).unwrap();
-        // The line crosses the centre line at Y = 0.
+        // The line crosses the centre line at Y = 0. Near a corner two places fit exactly; between
+        // frames 40 ms apart the vehicle moves 4 mm.
         let sheet = pose.body_to_tank(&nalgebra::Vector3::new(mounts.l_laser_m, 0.0, 0.0));
         let x_s = sheet.x + sheet.y * yaw.tan();
         let fix = chain.fix(&crossing(&pose), (x_s + off, yaw + off)).unwrap();
