@@ -698,15 +698,100 @@ impl Photometric {
             // image the union of its foot and its top, of which the one that reaches farther decides.
             let hidden = match self.hit(turned, sight, top.height_m) {
                 Some(above) if foot.share < 1.0 => {
-                    let head =
-                        self.inside(turned, sight, plan, &cut.head, &top.outline, &above, stripe);
-                    if head.share > foot.share { head } else { foot }
+                    let swept = self.swept(turned, sight, plan, cut, [hit, &above], stripe);
+                    swept.unwrap_or_else(|| {
+                        let head = self.inside(
+                            turned,
+                            sight,
+                            plan,
+                            &cut.head,
+                            &top.outline,
+                            &above,
+                            stripe,
+                        );
+                        if head.share > foot.share { head } else { foot }
+                    })
                 }
                 _ => foot,
             };
             passing = passing.and(hidden.blocked());
         }
         passing
+    }
+
+    /// What a slab hides about an upright edge of its silhouette: where a convex corner has one face
+    /// towards the camera and one away from it, the foot of the first, the top of the second and
+    /// the upright edge between them bound the dark. `None` where no such corner is near.
+    fn swept(
+        &self,
+        turned: &Turned,
+        sight: &[Vector3<f64>; 3],
+        plan: &Plan,
+        cut: &Cut,
+        [foot, head]: [&Hit; 2],
+        stripe: &Stripe,
+    ) -> Option<Passing> {
+        let outline = &self.surfaces.tops[cut.top].outline;
+        let n = outline.edges.len();
+        let away = [foot.p[0] - head.p[0], foot.p[1] - head.p[1]];
+        let length = away[0].hypot(away[1]);
+        if length < 1e-6 {
+            return None;
+        }
+        let away = away.map(|v| v / length);
+        let toward = |e: &Edge| e.inward[0] * away[0] + e.inward[1] * away[1];
+        let reach_m = 1.5 * plan.edge_reach_m;
+        let listed = plan
+            .near(&cut.foot)
+            .iter()
+            .chain(plan.near(&cut.head))
+            .map(|k| usize::from(*k));
+        let corners = listed.flat_map(|k| [k, (k + 1) % n]);
+        let mut best: Option<(f64, usize, Edge)> = None;
+        for k in corners {
+            let (before, after) = (&outline.edges[(k + n - 1) % n], &outline.edges[k]);
+            if !after.convex_at_start || toward(before) * toward(after) >= 0.0 {
+                continue;
+            }
+            let inner = [
+                before.inward[0] + after.inward[0],
+                before.inward[1] + after.inward[1],
+            ];
+            let mut inward = [-away[1], away[0]];
+            if inward[0] * inner[0] + inward[1] * inner[1] < 0.0 {
+                inward = inward.map(|v| -v);
+            }
+            let upright = Edge {
+                from_m: after.from_m,
+                to_m: after.from_m,
+                inward,
+                along: away,
+                length_m: length,
+                convex_at_start: true,
+            };
+            // Along the sight the corner must lie between top and foot.
+            let beside = upright.inside_m(foot.p).abs();
+            let behind = upright.along_m(foot.p);
+            let between = behind > -reach_m && behind < length + reach_m;
+            if between && beside < reach_m && best.as_ref().is_none_or(|b| beside < b.0) {
+                best = Some((beside, k, upright));
+            }
+        }
+        let (_, k, upright) = best?;
+        let (before, after) = (&outline.edges[(k + n - 1) % n], &outline.edges[k]);
+        let (facing, averted) = if toward(before) > 0.0 {
+            (before, after)
+        } else {
+            (after, before)
+        };
+        let mut sides = [
+            self.standard(turned, sight, facing, foot, stripe),
+            self.standard(turned, sight, averted, head, stripe),
+            self.standard(turned, sight, &upright, foot, stripe),
+        ];
+        sides.sort_by(|a, b| a.x.total_cmp(&b.x));
+        let [first, second, third] = &sides;
+        Some(corner(first, second, true, stripe).and(third.alone()))
     }
 
     /// Share of the light that falls inside an outline.
@@ -748,12 +833,7 @@ impl Photometric {
             None
         };
         let Some((other, convex)) = neighbour else {
-            let slope = density(first.x);
-            return Passing {
-                share: cumulative(first.x),
-                by_pose: first.dx.map(|d| slope * d),
-                by_thickness: slope * first.dx_thickness,
-            };
+            return first.alone();
         };
         let second = self.standard(turned, sight, &outline.edges[other], hit, stripe);
         corner(&first, &second, convex, stripe)
@@ -806,6 +886,18 @@ impl Photometric {
             // Of e' and of τ.
             dx_thickness: 2.0 * stripe.s * of_s * stripe.sigma / stripe.total2 / sd
                 - x * of_s * of_s * stripe.sigma / variance,
+        }
+    }
+}
+
+impl Standard {
+    /// Share inside this edge alone.
+    fn alone(&self) -> Passing {
+        let slope = density(self.x);
+        Passing {
+            share: cumulative(self.x),
+            by_pose: self.dx.map(|d| slope * d),
+            by_thickness: slope * self.dx_thickness,
         }
     }
 }

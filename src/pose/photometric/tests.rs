@@ -81,8 +81,8 @@ fn derivatives_are_those_of_the_light() {
 fn light_is_the_renderers() {
     let (model, rig) = (model(), lshpi_rig());
     let renderer = Renderer::new(&rig).unwrap();
-    // On a flank and at a joint.
-    for x_m in [0.13, 0.1457] {
+    // On a flank, at a joint, at a widest point and beside it.
+    for x_m in [0.13, 0.1457, 0.2496, 0.243, 0.256, 0.262] {
         let at = state(x_m);
         let picture = renderer.render_clean(&Pose6::from(at.pose.to_array()));
         let plan = model.plan(&at);
