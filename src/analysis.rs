@@ -1,7 +1,7 @@
 //! What one frame says: the same code live (`record`, `aim`) and offline (`replay`), so that
 //! the two agree bit for bit. A result depends on the frame and the calibration alone.
 
-use crate::frame::Frame;
+use crate::frame::{Frame, GreyImage};
 use crate::log::messages::{fault_name, pb::StripeProfile, timestamp};
 use crate::stripe::{Extractor, ExtractorConfig, Profile};
 use hydroline_calib::plane::PlaneMap;
@@ -25,6 +25,14 @@ impl Analyst {
 
     /// The stripe of a frame. A frame that is excluded or does not decode gives a profile whose `fault` says why.
     pub fn analyse(&mut self, frame: &Frame) -> StripeProfile {
+        self.analyse_whole(frame).0
+    }
+
+    /// The same, with what a pose is fitted to: the grey image and the profile in full precision.
+    pub fn analyse_whole(
+        &mut self,
+        frame: &Frame,
+    ) -> (StripeProfile, Option<(GreyImage, Profile)>) {
         let mut message = StripeProfile {
             timestamp: Some(timestamp(frame.meta.mid_exposure_ns)),
             sequence: frame.meta.sequence,
@@ -34,16 +42,19 @@ impl Analyst {
         };
         if let Some(fault) = frame.meta.fault {
             message.fault = format!("frame excluded: {}", fault_name(fault));
-            return message;
+            return (message, None);
         }
         match frame.to_grey() {
             Ok(image) => {
                 let profile = self.extractor.extract(&image);
                 self.fill(&mut message, &profile);
+                (message, Some((image, profile)))
             }
-            Err(error) => message.fault = error.to_string(),
+            Err(error) => {
+                message.fault = error.to_string();
+                (message, None)
+            }
         }
-        message
     }
 
     fn fill(&self, message: &mut StripeProfile, profile: &Profile) {

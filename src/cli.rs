@@ -13,11 +13,12 @@ mod import;
 mod inputs;
 mod log_tools;
 mod outcome;
-mod print;
 mod predict;
+mod print;
 mod progress;
 mod record;
 mod replay;
+mod reproduce;
 mod rig;
 mod rigging;
 mod sim_controller;
@@ -59,6 +60,8 @@ enum Command {
     Record(Box<record::Args>),
     /// Re-extracts stripes from a log's images, offline and deterministic
     Replay(replay::Args),
+    /// The paper's tables, computed and printed beside its numbers
+    Reproduce(reproduce::Args),
     /// Renders a plan without hardware or waiting: same rig and seed, same bytes
     Simulate(simulate::Args),
     /// Stripe points of single images
@@ -102,6 +105,7 @@ impl Cli {
             Command::Aim(args) => aim::run(&args),
             Command::Record(args) => record::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Reproduce(args) => reproduce::run(&args),
             Command::Simulate(args) => simulate::run(&args),
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args),

@@ -5,7 +5,7 @@
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
 use crate::analysis::Analyst;
-use crate::frame::Frame;
+use crate::frame::{Frame, GreyImage};
 use crate::log::messages::{
     self,
     pb::{FrameInfo, StripeProfile},
@@ -15,13 +15,14 @@ use crate::log::{
     Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
     SummaryInput, WriteSettings,
 };
-use crate::stripe::ExtractorConfig;
+use crate::pose::run::{PoseRun, RunPose, motion_message};
+use crate::stripe::{ExtractorConfig, Profile};
 use hydroline_calib::plane::PlaneMap;
 use prost::Message;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
+use std::collections::{HashMap, HashSet};
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -38,6 +39,8 @@ pub struct Options {
     pub extractor: ExtractorConfig,
     /// The calibration from image to laser plane.
     pub map: Option<Arc<dyn PlaneMap>>,
+    /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
+    pub poses: Option<PoseRun>,
     /// The rig to state in the new log, when it is another than the recording's own.
     pub rig_toml: Option<String>,
     /// The calibration in force, for the new log's head.
@@ -63,6 +66,10 @@ pub struct Report {
     pub live_different: u64,
     /// Messages of topics or schemas that are not ours, by topic: not carried over.
     pub foreign: std::collections::BTreeMap<String, u64>,
+    /// Frames with a pose that is fit for use (`/vehicle/motion`).
+    pub poses: u64,
+    /// Frames whose pose was left out, by reason.
+    pub without_pose: std::collections::BTreeMap<String, u64>,
     /// Commands carried over.
     pub commands: u64,
     /// First and last stamp of a frame, UNIX \[ns\].
@@ -135,6 +142,8 @@ pub fn replay(
         report: Report::default(),
         index: 0,
         info: None,
+        run: options.poses.clone(),
+        posed: HashSet::new(),
     };
     for message in first.into_iter().map(Ok).chain(reader) {
         state.take(message?)?;
@@ -212,7 +221,13 @@ struct Replay<'a> {
     index: u64,
     /// With images kept: a frame's account waiting for the image that brings it along.
     info: Option<(u64, FrameInfo)>,
+    run: Option<PoseRun>,
+    /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
+    posed: HashSet<u64>,
 }
+
+/// A frame's stripe: the message, and what a pose is fitted to.
+type Analysed = (StripeProfile, Option<(GreyImage, Profile)>);
 
 impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
@@ -230,12 +245,14 @@ impl Replay<'_> {
         let pending = std::mem::take(&mut self.pending);
         self.frames_pending = 0;
         let options = self.options;
-        let profiles: Vec<Option<StripeProfile>> = pending
+        let wanted = self.run.is_some();
+        let profiles: Vec<Option<Analysed>> = pending
             .par_iter()
             .map_init(
                 || Analyst::new(options.extractor.clone(), options.map.clone()),
                 |analyst, message| match &message.record {
-                    Record::Frame(frame) => Some(analyst.analyse(frame)),
+                    Record::Frame(frame) if wanted => Some(analyst.analyse_whole(frame)),
+                    Record::Frame(frame) => Some((analyst.analyse(frame), None)),
                     _ => None,
                 },
             )
@@ -249,7 +266,7 @@ impl Replay<'_> {
     fn write(
         &mut self,
         message: LogMessage,
-        profile: Option<StripeProfile>,
+        analysed: Option<Analysed>,
     ) -> Result<(), ReplayError> {
         let log_ns = message.log_ns;
         let entry = match message.record {
@@ -264,7 +281,7 @@ impl Replay<'_> {
                     self.writer.write(log_ns, &Entry::frame(&frame, index))?;
                 }
                 self.index += 1;
-                if let Some(profile) = profile {
+                if let Some((profile, pixels)) = analysed {
                     self.count(&frame, &profile);
                     self.writer.write(log_ns, &Entry::profile(&profile))?;
                     if self.options.keep_images {
@@ -273,6 +290,7 @@ impl Replay<'_> {
                             &Entry::annotations(&messages::stripe_annotations(&profile)),
                         )?;
                     }
+                    self.write_pose(log_ns, frame.meta.mid_exposure_ns, pixels)?;
                 }
                 return Ok(());
             }
@@ -306,6 +324,23 @@ impl Replay<'_> {
                 Entry::command(&command)
             }
             Record::Echo(echo) => Entry::echo(&echo),
+            // What the daemon measured live from this frame was computed again above.
+            Record::Motion(motion)
+                if motion
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&unix_ns(t))) =>
+            {
+                return Ok(());
+            }
+            Record::Pose(pose)
+                if pose
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&messages::foxglove_ns(t))) =>
+            {
+                return Ok(());
+            }
             Record::Motion(motion) => Entry::motion(&motion),
             Record::Truth(truth) => Entry::truth(&truth),
             Record::Clock(clock) => Entry::clock(&clock),
@@ -322,6 +357,40 @@ impl Replay<'_> {
         if let Some((log_ns, info)) = self.info.take() {
             self.writer.write(log_ns, &Entry::frame_info(&info))?;
         }
+        Ok(())
+    }
+
+    /// The pose of a frame, where a run is followed and the pose is fit for use.
+    fn write_pose(
+        &mut self,
+        log_ns: u64,
+        stamp_ns: u64,
+        pixels: Option<(GreyImage, Profile)>,
+    ) -> Result<(), ReplayError> {
+        let (Some(run), Some((image, profile))) = (&mut self.run, pixels) else {
+            return Ok(());
+        };
+        self.posed.insert(stamp_ns);
+        let why = match run.pose(stamp_ns, &image, &profile) {
+            RunPose::Good(fit) => {
+                self.report.poses += 1;
+                let motion = motion_message(stamp_ns, &fit);
+                self.writer.write(log_ns, &Entry::motion(&motion))?;
+                if let Some(pose) = messages::pose_message(&motion) {
+                    self.writer.write(log_ns, &Entry::pose(&pose))?;
+                }
+                return Ok(());
+            }
+            RunPose::Doubtful(fit) => fit
+                .caveats
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join("; "),
+            RunPose::None(fault) => fault.to_string(),
+        };
+        let reason: String = why.chars().filter(|c| !c.is_ascii_digit()).collect();
+        *self.report.without_pose.entry(reason).or_default() += 1;
         Ok(())
     }
 

@@ -35,7 +35,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let map = Map::load(&args.map).map_err(CliError::config)?;
     let map_text = std::fs::read_to_string(&args.map)
         .map_err(|e| CliError::Config(format!("{}: {e}", args.map.display())))?;
-    inputs::new_file(&args.out)?;
+    inputs::new_file("--out", &args.out)?;
     let bytes = std::fs::read(&args.data)
         .map_err(|e| CliError::Config(format!("{}: {e}; check the path", args.data.display())))?;
     let text = String::from_utf8(bytes).map_err(|e| {

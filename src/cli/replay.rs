@@ -2,6 +2,7 @@
 
 use super::{CliError, Outcome, inputs, progress};
 use crate::log::LogReader;
+use crate::pose::run::PoseRun;
 use crate::replay::{Options, Report, replay};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_rigs::Rig;
@@ -125,6 +126,9 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<(Options, bool)
     };
     options.extractor.whole_pixel = args.whole_pixel;
     options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
+    options.poses = rig
+        .zip(options.map.clone())
+        .map(|(rig, map)| PoseRun::new(rig, map));
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
     Ok((options, comparable))
 }
@@ -140,6 +144,12 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     }
     for (topic, n) in &report.foreign {
         println!("  {n} messages of {topic} not carried over: not a topic and schema of hydroline");
+    }
+    if report.poses > 0 || !report.without_pose.is_empty() {
+        println!("  {} poses in /vehicle/motion", report.poses);
+    }
+    for (reason, n) in &report.without_pose {
+        println!("  {n} frames without a pose: {reason}");
     }
     if report.live > 0 {
         println!(

@@ -7,6 +7,7 @@ use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
 use crate::frame::Frame;
 use crate::log::messages;
+use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::shutdown::StopReason;
 use hydroline_calib::plane::PlaneMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -130,6 +131,7 @@ pub(super) fn analysis(
     job: &Job,
     map: Option<Arc<dyn PlaneMap>>,
 ) -> Result<JoinHandle<Option<()>>, RecordError> {
+    let mut poses = map.clone().map(|map| PoseRun::new(&job.rig, map));
     let mut analyst = Analyst::new(job.extractor.clone(), map);
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
@@ -137,7 +139,7 @@ pub(super) fn analysis(
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
-                    let profile = analyst.analyse(&frame);
+                    let (profile, pixels) = analyst.analyse_whole(&frame);
                     shared.recorder.profile(&profile);
                     let drawing = messages::stripe_annotations(&profile);
                     shared.recorder.annotations(&drawing);
@@ -150,6 +152,16 @@ pub(super) fn analysis(
                         p.analysed += 1;
                         p.points = profile.row_px.len();
                     });
+                    if let (Some(poses), Some((image, full))) = (&mut poses, &pixels) {
+                        let stamp_ns = frame.meta.mid_exposure_ns;
+                        if let RunPose::Good(fit) = poses.pose(stamp_ns, image, full) {
+                            let motion = motion_message(stamp_ns, &fit);
+                            shared.recorder.motion(&motion);
+                            if let Some(pose) = messages::pose_message(&motion) {
+                                shared.recorder.pose(&pose);
+                            }
+                        }
+                    }
                 }
                 Taken::Nothing => {}
                 Taken::Closed => return,

@@ -1,0 +1,157 @@
+//! First guesses of the pose: where on the target the measured steps can be.
+//!
+//! z and φ follow from the lines at θ = 0. x, y and ψ put every step on an edge of its own top;
+//! from a grid of starts all such places are found, mirror images and repetitions included. The
+//! grid lies fixed on the target, so a guess does not depend on the hint that picks it.
+
+use super::outline::{Surfaces, Top};
+use super::segments::{Levels, Step};
+use hydroline_calib::Pose;
+use hydroline_rigs::Mounts;
+use nalgebra::{Matrix3, Vector3};
+
+/// Starts along X \[m\]: each flank of the hexagons (0.104 m) gets several.
+const GRID_X_M: f64 = 0.026;
+/// Starts in ψ \[rad\] (0, ±14°, ±28°).
+const GRID_PSI_RAD: [f64; 5] = [0.0, -0.25, 0.25, -0.5, 0.5];
+/// Steps farther than this from every edge are no match, rms \[m\].
+const MATCH_RMS_M: f64 = 0.0025;
+/// Guesses that agree to this are one \[m\], \[rad\].
+const SAME_M: f64 = 0.003;
+const SAME_RAD: f64 = 0.01;
+
+/// A place where the steps fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guess {
+    /// Pose with θ = 0.
+    pub pose: Pose,
+    /// Distance of the steps from the edges they were given to, rms \[m\].
+    pub rms_m: f64,
+}
+
+/// z and φ from the lines, θ as given: η₀ = h_centre − (H + l_laser sin θ) / (cos θ cos φ), slope = −tan φ.
+pub fn level_pose(levels: &Levels, mounts: &Mounts, theta_rad: f64) -> Pose {
+    let phi_rad = -levels.slope.atan();
+    let clearance_m = (mounts.h_centre_m - levels.eta0_m) * theta_rad.cos() * phi_rad.cos();
+    Pose {
+        z_m: mounts.l_laser_m * theta_rad.sin() - clearance_m,
+        phi_rad,
+        theta_rad,
+        ..Pose::default()
+    }
+}
+
+/// All places where the steps fit, best first; empty without steps or where fewer than three are seen.
+pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Guess> {
+    let steps: Vec<(&Step, &Top)> = levels
+        .steps
+        .iter()
+        .filter_map(|s| {
+            surfaces
+                .tops
+                .iter()
+                .find(|t| (t.height_m - s.upper_m).abs() < 1e-6)
+                .map(|t| (s, t))
+        })
+        .collect();
+    if steps.len() < 3 {
+        return Vec::new();
+    }
+    let start = level_pose(levels, mounts, 0.0);
+    let middle_xi_m = 0.5 * (steps[0].0.xi_m + steps[steps.len() - 1].0.xi_m);
+    let [first_m, last_m] = surfaces.span_m;
+    let count = ((last_m - first_m) / GRID_X_M).ceil().clamp(1.0, 400.0) as usize;
+    let mut found: Vec<Guess> = Vec::new();
+    for i in 0..=count {
+        let sheet_x_m = first_m + GRID_X_M * (i as f64 + 0.37);
+        for psi_rad in GRID_PSI_RAD {
+            // The middle between the outer steps lies about on the centre line.
+            let (sin, cos) = psi_rad.sin_cos();
+            let pose = Pose {
+                x_m: sheet_x_m - cos * mounts.l_laser_m,
+                y_m: -sin * mounts.l_laser_m + cos * middle_xi_m,
+                psi_rad,
+                ..start
+            };
+            let Some(guess) = settle(pose, &steps, mounts) else {
+                continue;
+            };
+            if guess.rms_m > MATCH_RMS_M || !agrees(&guess.pose, levels, surfaces, mounts) {
+                continue;
+            }
+            let same = |g: &&mut Guess| {
+                (g.pose.x_m - guess.pose.x_m).abs() < SAME_M
+                    && (g.pose.psi_rad - guess.pose.psi_rad).abs() < SAME_RAD
+            };
+            match found.iter_mut().find(same) {
+                Some(old) if old.rms_m > guess.rms_m => *old = guess,
+                Some(_) => {}
+                None => found.push(guess),
+            }
+        }
+    }
+    found.sort_by(|a, b| a.rms_m.total_cmp(&b.rms_m));
+    found
+}
+
+/// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
+/// ends on the right side.
+fn settle(mut pose: Pose, steps: &[(&Step, &Top)], mounts: &Mounts) -> Option<Guess> {
+    let mut rms_m = f64::INFINITY;
+    for _ in 0..8 {
+        let rotation = pose.body_to_tank_rotation();
+        let mut a = Matrix3::identity() * 1e-9;
+        let mut b = Vector3::zeros();
+        let mut square = 0.0;
+        for (step, top) in steps {
+            let arm =
+                rotation * hydroline_calib::frames::plane_to_body(mounts, step.xi_m, step.eta_m);
+            let p = [pose.x_m + arm.x, pose.y_m + arm.y];
+            // To starboard of this step the top ends: the inward normal looks to port, −Y turned by ψ.
+            let port = [pose.psi_rad.sin(), -pose.psi_rad.cos()];
+            let sign = if step.to_starboard { 1.0 } else { -1.0 };
+            let facing = top
+                .outline
+                .edges
+                .iter()
+                .filter(|e| sign * (e.inward[0] * port[0] + e.inward[1] * port[1]) > 0.1);
+            let edge = facing.min_by(|a, b| a.distance_m(p).total_cmp(&b.distance_m(p)))?;
+            let d = edge.inside_m(p);
+            let [nx, ny] = edge.inward;
+            let j = Vector3::new(nx, ny, -nx * arm.y + ny * arm.x);
+            a += j * j.transpose();
+            b -= j * d;
+            square += d * d + (edge.distance_m(p).powi(2) - d * d).max(0.0);
+        }
+        rms_m = (square / steps.len() as f64).sqrt();
+        let move_by = a.lu().solve(&b)?;
+        let size = (move_by.x.hypot(move_by.y) / 0.03)
+            .max(move_by.z.abs() / 0.15)
+            .max(1.0);
+        pose.x_m += move_by.x / size;
+        pose.y_m += move_by.y / size;
+        pose.psi_rad += move_by.z / size;
+        if move_by.norm() < 1e-7 {
+            break;
+        }
+    }
+    (pose.psi_rad.abs() < 0.8 && rms_m.is_finite()).then_some(Guess { pose, rms_m })
+}
+
+/// Whether the middle of each segment lies on a top of that height.
+fn agrees(pose: &Pose, levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> bool {
+    let (mut right, mut all) = (0.0, 0.0);
+    for s in &levels.segments {
+        for k in 1..8 {
+            let xi = s.xi_m[0] + (s.xi_m[1] - s.xi_m[0]) * f64::from(k) / 8.0;
+            let eta = levels.eta0_m + levels.slope * xi + s.height_m;
+            let p = pose.body_to_tank(&hydroline_calib::frames::plane_to_body(mounts, xi, eta));
+            let weight = s.columns_px[1] - s.columns_px[0];
+            all += weight;
+            if (surfaces.height_at_m([p.x, p.y]) - s.height_m).abs() < 1e-6 {
+                right += weight;
+            }
+        }
+    }
+    right > 0.93 * all
+}

@@ -1,0 +1,691 @@
+//! All six degrees of freedom from one frame.
+//!
+//! The grey levels along the stripe are compared with [`super::photometric`]'s closed form under
+//! the pose, the brightness, the thickness of the sheet and the background, by Gauss–Newton with a
+//! robust weight. The covariance is that of the fit with light and thickness free, so the weak
+//! direction (δz = l δθ, δx = −H δθ; geometry.md) carries its own large sd.
+
+use super::initial::{self, Guess};
+use super::outline::Surfaces;
+use super::photometric::{
+    self, BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Photometric, Plan, Square, State, Sums,
+    THICKNESS, Weighting,
+};
+use super::segments::{self, Caveat, Levels, SegmentError};
+use super::sheet::SheetTable;
+use crate::frame::GreyImage;
+use crate::stripe::Profile;
+use hydroline_calib::Pose;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::{Mounts, Rig};
+use nalgebra::{Matrix6, Vector3};
+use std::sync::Arc;
+
+/// Largest sd of θ with which a frame counts as having shown it \[rad\] (0.6°).
+const THETA_SHOWN_RAD: f64 = 0.01;
+/// Guesses are rounded to this before the fit, so that equal guesses give equal bits \[m\], \[rad\].
+const ROUND: f64 = 1e-4;
+/// Final robust cut in noise sds.
+const CUT: f64 = 6.0;
+/// Residual per pixel beyond which a fit does not explain the frame.
+const MISFIT: f64 = 4.0;
+/// Light of a pixel that an edge cuts in half is doubted by this share, standard deviation: edges
+/// are neither machined nor imaged to a hundredth of a pixel.
+const EDGE_DOUBT: f64 = 0.015;
+/// Cost by which the best guess must beat a different one: log-likelihood ratio.
+const CLEAR_COST: f64 = 12.0;
+const ITERATIONS: usize = 14;
+
+/// What is known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Hint {
+    /// About where the CG is along X \[m\]: decides only between repetitions of the target.
+    pub x_m: Option<f64>,
+    /// Degrees of freedom that are known and held (paper's 1-D motions).
+    pub held: Held,
+}
+
+/// Degrees of freedom held at a given value.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Held {
+    /// θ \[rad\].
+    pub theta_rad: Option<f64>,
+    /// Sheet's thickness known: held at the rig's.
+    pub thickness: bool,
+}
+
+/// Why a number is missing or larger in its sd than usual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum PoseCaveat {
+    /// About the stripe.
+    #[error(transparent)]
+    Stripe(#[from] Caveat),
+    /// No target in sight: x, y, ψ are not measured, θ is taken as zero (or as held) and z hangs on it.
+    #[error(
+        "a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed"
+    )]
+    BareFloor,
+    /// θ taken as known.
+    #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
+    PitchHeld,
+    /// The target repeats itself and no hint said which repetition.
+    #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
+    WhichHexagon,
+    /// Two different poses explain the frame about equally well.
+    #[error("another pose explains the frame nearly as well")]
+    Ambiguous,
+    /// Many pixels were set aside.
+    #[error(
+        "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
+    )]
+    Misfit,
+}
+
+/// The pose of one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointPose {
+    /// CG in the tank frame.
+    pub pose: Pose,
+    /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\]; meaningful where `measured`.
+    pub covariance: Matrix6<f64>,
+    /// Which of x, y, z, φ, θ, ψ the frame determines.
+    pub measured: [bool; 6],
+    /// Sheet's thickness as fitted \[m\].
+    pub thickness_m: f64,
+    /// Brightness as fitted \[grey levels\].
+    pub brightness: f64,
+    /// Background as fitted \[grey levels\].
+    pub background: f64,
+    /// Pixel noise as found \[grey levels\].
+    pub noise_sd: f64,
+    /// Share of pixels set aside.
+    pub rejected: f64,
+    /// Pixels compared.
+    pub pixels: usize,
+    /// What to mind.
+    pub caveats: Vec<PoseCaveat>,
+}
+
+/// Why a frame gives no pose.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PoseFault {
+    /// The stripe.
+    #[error("no stripe: {0}")]
+    NoStripe(String),
+    /// Sorting it.
+    #[error(transparent)]
+    Segments(#[from] SegmentError),
+    /// The image is not the map's.
+    #[error(
+        "image is {got_px:?}, the calibration holds for {wanted_px:?}: use the camera's own calibration"
+    )]
+    Size {
+        /// Width, height there \[px\].
+        got_px: (usize, usize),
+        /// Of the map \[px\].
+        wanted_px: (usize, usize),
+    },
+    /// Steps were seen, but not so that they lie on the target.
+    #[error(
+        "{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?"
+    )]
+    Nowhere {
+        /// Steps.
+        steps: usize,
+    },
+    /// None near the hint.
+    #[error(
+        "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"
+    )]
+    FarFromHint {
+        /// Nearest place, distance from the hint \[m\].
+        away_m: f64,
+        /// The hint \[m\].
+        hint_m: f64,
+    },
+    /// The fit does not explain the frame.
+    #[error(
+        "the best pose leaves {chi:.1} times the noise in the pixels: glare, haze, or another target than the rig's"
+    )]
+    Unexplained {
+        /// Residual over noise, rms.
+        chi: f64,
+    },
+    /// The fit went astray.
+    #[error("the fit of the pose did not settle")]
+    Unsettled,
+}
+
+/// Fits poses for one rig. Cheap to clone: the tables are shared.
+#[derive(Clone)]
+pub struct PoseFitter {
+    model: Arc<Photometric>,
+    bare: Arc<Photometric>,
+    map: Arc<dyn PlaneMap>,
+    mounts: Mounts,
+    heights_m: Vec<f64>,
+    thickness_m: f64,
+    saturation: u8,
+}
+
+impl PoseFitter {
+    /// A fitter for a rig and its map from image to laser plane.
+    pub fn new(rig: &Rig, map: Arc<dyn PlaneMap>) -> Self {
+        let surfaces = Surfaces::new(rig.target.as_ref());
+        let heights_m = surfaces.heights_m();
+        let table = Arc::new(SheetTable::new(map.as_ref(), &rig.camera, &rig.mounts));
+        let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad);
+        PoseFitter {
+            bare: Arc::new(model.bare()),
+            model: Arc::new(model),
+            map,
+            mounts: rig.mounts,
+            heights_m,
+            thickness_m: rig.laser.sigma_m,
+            saturation: 254,
+        }
+    }
+
+    /// The map from image to laser plane.
+    pub fn map(&self) -> &dyn PlaneMap {
+        self.map.as_ref()
+    }
+
+    /// Floor and target.
+    pub fn surfaces(&self) -> &Surfaces {
+        &self.model.surfaces
+    }
+
+    /// Where camera and laser sit.
+    pub fn mounts(&self) -> &Mounts {
+        &self.mounts
+    }
+
+    /// The stripe of a frame sorted into levels, steps to a fraction of a pixel.
+    ///
+    /// # Errors
+    /// [`PoseFault`]: no stripe, too little of it, or another image size.
+    pub fn levels(&self, image: &GreyImage, profile: &Profile) -> Result<Levels, PoseFault> {
+        if !self.model.table.holds(image) {
+            return Err(PoseFault::Size {
+                got_px: (image.width_px, image.height_px),
+                wanted_px: (self.model.table.width_px, self.model.table.height_px),
+            });
+        }
+        if let Some(fault) = &profile.fault {
+            return Err(PoseFault::NoStripe(fault.to_string()));
+        }
+        let points = segments::plane_points(profile, self.map.as_ref());
+        Ok(segments::sort(
+            &points,
+            &self.heights_m,
+            Some(image),
+            self.map.as_ref(),
+        )?)
+    }
+
+    /// The pose of a frame.
+    ///
+    /// # Errors
+    /// [`PoseFault`] says why there is none.
+    pub fn fit(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
+        let levels = self.levels(image, profile)?;
+        self.fit_levels(image, profile, &levels, hint)
+    }
+
+    /// The pose of a frame whose stripe is already sorted.
+    ///
+    /// # Errors
+    /// [`PoseFault`] says why there is none.
+    pub fn fit_levels(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        levels: &Levels,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
+        let light = self.first_light(image, profile);
+        let mut caveats: Vec<PoseCaveat> = levels
+            .caveats
+            .iter()
+            .filter(|c| **c != Caveat::OneLevel)
+            .map(|c| PoseCaveat::from(*c))
+            .collect();
+        let theta_rad = hint.held.theta_rad.unwrap_or(0.0);
+        if levels.steps.is_empty() {
+            caveats.retain(|c| *c != PoseCaveat::Stripe(Caveat::EdgeMissing));
+            caveats.push(PoseCaveat::BareFloor);
+            let state = State {
+                pose: initial::level_pose(levels, &self.mounts, theta_rad),
+                ..light
+            };
+            let free = self.free([false, false, true, true, false, false], hint);
+            // On a bare floor the target's edges are not there to be compared.
+            return self.finish(&self.bare, image, profile, state, free, caveats);
+        }
+        let guesses = self.near_hint(levels, hint, &mut caveats)?;
+        let free = self.free(
+            [true, true, true, true, hint.held.theta_rad.is_none(), true],
+            hint,
+        );
+        let started = |g: &Guess| State {
+            pose: rounded(&g.pose, theta_rad, levels, &self.mounts),
+            ..light
+        };
+        let state = self
+            .choose(
+                image,
+                profile,
+                guesses.iter().map(started),
+                &free,
+                &mut caveats,
+            )
+            .ok_or(PoseFault::Unsettled)?;
+        let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
+        let shown =
+            hint.held.theta_rad.is_some() || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD;
+        if shown {
+            return Ok(fitted);
+        }
+        caveats.push(PoseCaveat::PitchHeld);
+        let free = self.free([true, true, true, true, false, true], hint);
+        self.finish(&self.model, image, profile, state, free, caveats)
+    }
+
+    fn free(&self, pose: [bool; 6], hint: &Hint) -> [bool; PARAMETERS] {
+        let mut free = [true; PARAMETERS];
+        free[..6].copy_from_slice(&pose);
+        free[THICKNESS] = !hint.held.thickness;
+        free
+    }
+
+    /// Brightness, thickness and background to start from.
+    fn first_light(&self, image: &GreyImage, profile: &Profile) -> State {
+        let mut peaks: Vec<f64> = profile.points.iter().map(|p| p.peak).collect();
+        let middle = peaks.len() / 2;
+        let peak = if peaks.is_empty() {
+            100.0
+        } else {
+            *peaks.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        State {
+            pose: Pose::default(),
+            // The point spread lowers the line by about a tenth.
+            brightness: 1.1 * peak,
+            thickness_m: self.thickness_m,
+            background: segments::background_level(image).max(0.0),
+        }
+    }
+
+    /// Guesses among which the frame may decide: near the hint, or the first repetition.
+    fn near_hint(
+        &self,
+        levels: &Levels,
+        hint: &Hint,
+        caveats: &mut Vec<PoseCaveat>,
+    ) -> Result<Vec<Guess>, PoseFault> {
+        let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
+        let Some(best) = all.first() else {
+            return Err(PoseFault::Nowhere {
+                steps: levels.steps.len(),
+            });
+        };
+        let Some(period_m) = self.model.surfaces.period_m else {
+            return Ok(all.into_iter().take(4).collect());
+        };
+        let centre_m = match hint.x_m {
+            Some(x_m) => x_m,
+            None => {
+                let repeats =
+                    |g: &Guess| ((g.pose.x_m - best.pose.x_m).abs() - period_m).abs() < 0.01;
+                if all.iter().any(repeats) {
+                    caveats.push(PoseCaveat::WhichHexagon);
+                }
+                best.pose.x_m
+            }
+        };
+        let away = |g: &Guess| (g.pose.x_m - centre_m).abs();
+        let mut near: Vec<Guess> = all
+            .iter()
+            .copied()
+            .filter(|g| away(g) <= 0.5 * period_m)
+            .collect();
+        if near.is_empty() {
+            let away_m = all.iter().map(away).fold(f64::INFINITY, f64::min);
+            return Err(PoseFault::FarFromHint {
+                away_m,
+                hint_m: centre_m,
+            });
+        }
+        near.truncate(4);
+        // Where the hint lies half way between two repetitions it decides nothing.
+        let margin = 0.42 * period_m;
+        if hint.x_m.is_some() && near.iter().all(|g| away(g) > margin) {
+            caveats.push(PoseCaveat::WhichHexagon);
+        }
+        Ok(near)
+    }
+
+    /// Settles every start a little and keeps the best.
+    fn choose(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        starts: impl Iterator<Item = State>,
+        free: &[bool; PARAMETERS],
+        caveats: &mut Vec<PoseCaveat>,
+    ) -> Option<State> {
+        let mut starts: Vec<State> = starts.collect();
+        if starts.len() == 1 {
+            return starts.pop();
+        }
+        let weighting = Weighting {
+            noise_sd: profile.noise_sd.max(1.0),
+            cut: 8.0,
+            redescending: true,
+            saturation: self.saturation,
+        };
+        // θ is settled later, and cannot tell flanks apart.
+        let mut held = *free;
+        held[4] = false;
+        let judged = |start: State| {
+            let plan = self.model.plan(&start).thinned(8);
+            let sums = self
+                .model
+                .compare(&plan, &image.pixels, &start, &weighting, false);
+            (sums.cost / sums.pixels.max(1) as f64, start, plan)
+        };
+        let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
+        first.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
+        // guesses: those that do not fall far behind are settled a little before they are compared.
+        let limit = first.first().map_or(0.0, |f| 3.0 * f.0);
+        let huber = Weighting {
+            cut: 4.0,
+            redescending: false,
+            ..weighting
+        };
+        let mut tried: Vec<(f64, State)> = first
+            .into_iter()
+            .filter(|f| f.0 <= limit)
+            .filter_map(|(_, start, plan)| {
+                let (state, _) = self.settle(&self.model, &plan, image, start, &held, &huber, 2)?;
+                let sums = self
+                    .model
+                    .compare(&plan, &image.pixels, &state, &weighting, false);
+                Some((sums.cost / sums.pixels.max(1) as f64, state))
+            })
+            .collect();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let [best, next, ..] = tried.as_slice() {
+            let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
+            let pixels = self
+                .model
+                .compare(
+                    &self.model.plan(&best.1),
+                    &image.pixels,
+                    &best.1,
+                    &weighting,
+                    false,
+                )
+                .pixels;
+            if other && (next.0 - best.0) * (pixels as f64) < CLEAR_COST {
+                caveats.push(PoseCaveat::Ambiguous);
+            }
+        }
+        tried.first().map(|t| t.1)
+    }
+
+    /// The whole fit from a start, with covariance.
+    fn finish(
+        &self,
+        model: &Photometric,
+        image: &GreyImage,
+        profile: &Profile,
+        start: State,
+        free: [bool; PARAMETERS],
+        mut caveats: Vec<PoseCaveat>,
+    ) -> Result<JointPose, PoseFault> {
+        let mut weighting = Weighting {
+            noise_sd: profile.noise_sd.max(0.3),
+            cut: 4.0,
+            redescending: false,
+            saturation: self.saturation,
+        };
+        let plan = model.plan(&start).thinned(4);
+        let (state, sums) = self
+            .settle(model, &plan, image, start, &free, &weighting, 4)
+            .ok_or(PoseFault::Unsettled)?;
+        // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
+        weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
+        weighting.cut = CUT;
+        weighting.redescending = true;
+        let mut plan = model.plan(&state);
+        model.doubt_edges(&mut plan, &state, EDGE_DOUBT);
+        let (state, sums) = self
+            .settle(model, &plan, image, state, &free, &weighting, ITERATIONS)
+            .ok_or(PoseFault::Unsettled)?;
+        let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
+        // Relative to the frame's own dark noise the residual says whether the model holds at all.
+        let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);
+        if chi > MISFIT || !sane(&state) {
+            return Err(PoseFault::Unexplained { chi });
+        }
+        if rejected > 0.05 || chi > 0.5 * MISFIT {
+            caveats.push(PoseCaveat::Misfit);
+        }
+        let covariance = covariance(&sums, &free).ok_or(PoseFault::Unsettled)?;
+        let mut measured = [false; 6];
+        measured.copy_from_slice(&free[..6]);
+        Ok(JointPose {
+            pose: state.pose,
+            covariance,
+            measured,
+            thickness_m: state.thickness_m,
+            brightness: state.brightness,
+            background: state.background,
+            noise_sd: weighting.noise_sd,
+            rejected,
+            pixels: sums.pixels,
+            caveats,
+        })
+    }
+
+    /// Levenberg–Marquardt on the free parameters.
+    #[allow(clippy::too_many_arguments)]
+    fn settle(
+        &self,
+        model: &Photometric,
+        plan: &Plan,
+        image: &GreyImage,
+        start: State,
+        free: &[bool; PARAMETERS],
+        weighting: &Weighting,
+        iterations: usize,
+    ) -> Option<(State, Sums)> {
+        let mut state = start;
+        let mut sums = model.compare(plan, &image.pixels, &state, weighting, true);
+        let mut damping = 1e-9;
+        for _ in 0..iterations {
+            let valley = Valley::new(&state.pose, &self.mounts);
+            let turned = valley.turn(&sums);
+            let step = solve(&turned, free, damping)?;
+            let next = valley.moved(&state, &step);
+            if !sane(&next) {
+                damping *= 100.0;
+                continue;
+            }
+            let tried = model.compare(plan, &image.pixels, &next, weighting, true);
+            // Twice the cost that a full step would still gain = the squared way to go, in sds.
+            let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
+            if tried.cost <= sums.cost + 1e-9 * sums.cost.abs() {
+                state = next;
+                sums = tried;
+                damping = (damping * 0.1).max(1e-12);
+                // 1e-4 = a hundredth of an sd.
+                if expected < 1e-4 {
+                    break;
+                }
+            } else {
+                if damping > 1e3 {
+                    break;
+                }
+                damping *= 30.0;
+                if expected < 1e-4 {
+                    break;
+                }
+            }
+        }
+        (sums.pixels > 200).then_some((state, sums))
+    }
+}
+
+/// A state that a sheet and a camera can have.
+fn sane(state: &State) -> bool {
+    let p = &state.pose;
+    state.pose.to_array().iter().all(|v| v.is_finite())
+        && p.phi_rad.abs() < 0.7
+        && p.theta_rad.abs() < 0.7
+        && (2e-4..0.02).contains(&state.thickness_m)
+        && state.brightness > 1.0
+        && state.background > -20.0
+}
+
+/// The guess with θ as held; rounded, so that the same place found from two starts gives the same bits.
+fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Pose {
+    let round = |v: f64| (v / ROUND).round() * ROUND;
+    let level = initial::level_pose(levels, mounts, theta_rad);
+    // With θ ≠ 0 the sheet meets the floor l cos θ + H tan θ … ahead: keep that point.
+    let ahead_m = mounts.l_laser_m * (1.0 - theta_rad.cos())
+        - (mounts.h_centre_m - levels.eta0_m) * theta_rad.sin();
+    Pose {
+        x_m: round(guess.x_m + ahead_m * guess.psi_rad.cos()),
+        y_m: round(guess.y_m + ahead_m * guess.psi_rad.sin()),
+        psi_rad: round(guess.psi_rad),
+        ..level
+    }
+}
+
+/// Noise of the lit pixels away from edges \[grey levels\].
+fn lit_noise(sums: &Sums) -> Option<f64> {
+    (sums.bright_count > 100)
+        .then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
+}
+
+/// Coordinates in which the weak direction is straight: where the sheet's middle meets the floor,
+/// X and Y, its range ρ below the CG, and the angles. Turning θ alone then leaves the line in the
+/// image and the target under it, where in x, z and θ it follows a curve that a step along its
+/// tangent leaves.
+struct Valley {
+    contact_m: [f64; 2],
+    range_m: f64,
+    lever_m: f64,
+    /// d pose / d coordinates.
+    slopes: Square,
+}
+
+impl Valley {
+    fn new(pose: &Pose, mounts: &Mounts) -> Self {
+        let lever_m = mounts.l_laser_m;
+        let r = pose.body_to_tank_rotation();
+        // Height 0: z + r31 l + r33 ρ = 0.
+        let range_m = -(pose.z_m + r[(2, 0)] * lever_m) / r[(2, 2)];
+        let arm = Self::arm(pose, lever_m, range_m);
+        let mut slopes = Square::identity();
+        let mut put = |column: usize, d: Vector3<f64>| {
+            for row in 0..3 {
+                slopes[(row, column)] = d[row];
+            }
+        };
+        put(2, -r.column(2).into_owned());
+        let h = 1e-6;
+        for k in 3..6 {
+            let turned = |by: f64| {
+                let mut p = pose.to_array();
+                p[k] += by;
+                Self::arm(&Pose::from_array(p), lever_m, range_m)
+            };
+            put(k, (turned(-h) - turned(h)) / (2.0 * h));
+        }
+        Valley {
+            contact_m: [pose.x_m + arm.x, pose.y_m + arm.y],
+            range_m,
+            lever_m,
+            slopes,
+        }
+    }
+
+    fn arm(pose: &Pose, lever_m: f64, range_m: f64) -> Vector3<f64> {
+        pose.body_to_tank_rotation() * Vector3::new(lever_m, 0.0, range_m)
+    }
+
+    /// Sums for these coordinates.
+    fn turn(&self, sums: &Sums) -> Sums {
+        Sums {
+            information: self.slopes.transpose() * sums.information * self.slopes,
+            gradient: self.slopes.transpose() * sums.gradient,
+            ..sums.clone()
+        }
+    }
+
+    /// The state a step on, exactly along the valley.
+    fn moved(&self, state: &State, step: &Column) -> State {
+        let mut next = state.moved(step);
+        let range_m = self.range_m + step[2];
+        let arm = Self::arm(&next.pose, self.lever_m, range_m);
+        next.pose.x_m = self.contact_m[0] + step[0] - arm.x;
+        next.pose.y_m = self.contact_m[1] + step[1] - arm.y;
+        next.pose.z_m = -arm.z;
+        next
+    }
+}
+
+/// Scales of the parameters, for a well-conditioned solve.
+const SCALES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
+
+fn scaled(sums: &Sums, free: &[bool; PARAMETERS]) -> Square {
+    let mut a = Square::identity();
+    for i in (0..PARAMETERS).filter(|i| free[*i]) {
+        for j in (0..PARAMETERS).filter(|j| free[*j]) {
+            a[(i, j)] = sums.information[(i, j)] * SCALES[i] * SCALES[j];
+        }
+    }
+    a
+}
+
+fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Option<Column> {
+    let mut a = scaled(sums, free);
+    let mut g = Column::zeros();
+    for i in (0..PARAMETERS).filter(|i| free[*i]) {
+        a[(i, i)] *= 1.0 + damping;
+        g[i] = sums.gradient[i] * SCALES[i];
+    }
+    let mut step = a.cholesky()?.solve(&g);
+    for (s, scale) in step.iter_mut().zip(SCALES) {
+        *s *= scale;
+    }
+    Some(step)
+}
+
+/// Covariance of the pose with the light marginalised; zero where held.
+fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix6<f64>> {
+    let inverse = scaled(sums, free).cholesky()?.inverse();
+    Some(Matrix6::from_fn(|i, j| {
+        if free[i] && free[j] {
+            inverse[(i, j)] * SCALES[i] * SCALES[j]
+        } else {
+            0.0
+        }
+    }))
+}
+
+const _: () =
+    assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::PARAMETERS == 9);
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,136 @@
+//! Poses of a run, frame after frame: which hexagon is meant follows from where the vehicle was.
+//!
+//! Nothing else is carried over from frame to frame, and the guess that a fit starts from does not
+//! depend on the hint that picked it: a frame gives the same pose whether or not the frames
+//! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile.
+
+use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
+use crate::frame::GreyImage;
+use crate::log::messages::{pb::VehicleMotion, timestamp};
+use crate::stripe::Profile;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::Rig;
+use std::sync::Arc;
+
+/// Fastest change of speed that continuity allows for \[m/s²\]: 16 N on the paper's vehicle give 0.06.
+const ACCELERATION_MPS2: f64 = 0.2;
+
+/// Follows a vehicle over its target.
+#[derive(Clone)]
+pub struct PoseRun {
+    fitter: PoseFitter,
+    start_x_m: f64,
+    last: Option<Last>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    stamp_ns: u64,
+    x_m: f64,
+    u_mps: f64,
+}
+
+/// What a frame of a run gave.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RunPose {
+    /// A pose fit to be used.
+    Good(Box<JointPose>),
+    /// A pose that should not be used without looking at its caveats.
+    Doubtful(Box<JointPose>),
+    /// None.
+    None(PoseFault),
+}
+
+impl PoseRun {
+    /// Starts where the rig says the vehicle starts.
+    pub fn new(rig: &Rig, map: Arc<dyn PlaneMap>) -> Self {
+        PoseRun {
+            fitter: PoseFitter::new(rig, map),
+            start_x_m: rig.tank.start_pose[0],
+            last: None,
+        }
+    }
+
+    /// The fitter.
+    pub fn fitter(&self) -> &PoseFitter {
+        &self.fitter
+    }
+
+    /// The pose of the frame that was true at `stamp_ns` (UNIX).
+    pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
+        let (hint_m, open_m) = self.expected(stamp_ns);
+        let fit = match self.fitter.fit(
+            image,
+            profile,
+            &Hint {
+                x_m: Some(hint_m),
+                ..Hint::default()
+            },
+        ) {
+            Ok(fit) => fit,
+            Err(fault) => return RunPose::None(fault),
+        };
+        let mut fit = Box::new(fit);
+        let period_m = self.fitter.surfaces().period_m;
+        if fit.measured[0]
+            && period_m.is_some_and(|p| open_m + (fit.pose.x_m - hint_m).abs() > 0.5 * p)
+        {
+            fit.caveats.push(PoseCaveat::WhichHexagon);
+        }
+        let doubtful = [
+            PoseCaveat::WhichHexagon,
+            PoseCaveat::Ambiguous,
+            PoseCaveat::Misfit,
+        ]
+        .iter()
+        .any(|c| fit.caveats.contains(c));
+        if doubtful {
+            return RunPose::Doubtful(fit);
+        }
+        if fit.measured[0] {
+            self.remember(stamp_ns, fit.pose.x_m);
+        }
+        RunPose::Good(fit)
+    }
+
+    /// Where the vehicle is expected, and how far it may be from there \[m\].
+    fn expected(&self, stamp_ns: u64) -> (f64, f64) {
+        let Some(last) = self.last else {
+            return (self.start_x_m, 0.0);
+        };
+        let s = (stamp_ns as f64 - last.stamp_ns as f64) * 1e-9;
+        (last.x_m + last.u_mps * s, 0.5 * ACCELERATION_MPS2 * s * s)
+    }
+
+    fn remember(&mut self, stamp_ns: u64, x_m: f64) {
+        let u_mps = match self.last {
+            // Over less than 20 ms the noise of two poses is all there is.
+            Some(last) if stamp_ns > last.stamp_ns + 20_000_000 => {
+                (x_m - last.x_m) / ((stamp_ns - last.stamp_ns) as f64 * 1e-9)
+            }
+            Some(last) => last.u_mps,
+            None => 0.0,
+        };
+        self.last = Some(Last {
+            stamp_ns,
+            x_m,
+            u_mps,
+        });
+    }
+}
+
+/// The message of a pose: what was not measured stays out; its rows in the covariance are zero.
+pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
+    let value = |i: usize| fit.measured[i].then(|| fit.pose.to_array()[i]);
+    VehicleMotion {
+        timestamp: Some(timestamp(stamp_ns)),
+        x_m: value(0),
+        y_m: value(1),
+        z_m: value(2),
+        phi_rad: value(3),
+        theta_rad: value(4),
+        psi_rad: value(5),
+        covariance: (0..36).map(|k| fit.covariance[(k / 6, k % 6)]).collect(),
+        ..VehicleMotion::default()
+    }
+}
