@@ -466,7 +466,7 @@ fn fine(
 /// Where the lattice is larger than the board, takes off outer rows and columns that hold
 /// next to nothing: a corner of the plate happened to lie where a node would.
 fn drop_thin_borders(nodes: &mut Vec<(Index, Refined)>, wanted: [u32; 2]) {
-    for axis in 0..2 {
+    for (axis, &most) in wanted.iter().enumerate() {
         loop {
             let mut counts: std::collections::BTreeMap<i32, usize> = Default::default();
             for n in nodes.iter() {
@@ -483,7 +483,7 @@ fn drop_thin_borders(nodes: &mut Vec<(Index, Refined)>, wanted: [u32; 2]) {
             } else {
                 (high, at_high)
             };
-            let larger = (high - low + 1) as u32 > wanted[axis];
+            let larger = (high - low + 1) as u32 > most;
             if !larger || count * 4 > fullest {
                 break;
             }

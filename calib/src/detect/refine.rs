@@ -74,6 +74,18 @@ fn normal(x: f64) -> (f64, f64) {
     (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
 }
 
+/// A line of half width w blurred by s, at distance d from its middle, and its slope.
+#[inline]
+fn band(d: f64, w: f64, s: f64) -> (f64, f64) {
+    // Most of a patch is plain face.
+    if d.abs() > w + 4.5 * s {
+        return (0.0, 0.0);
+    }
+    let (p, dp) = normal((d + w) / s);
+    let (q, dq) = normal((d - w) / s);
+    (p - q, (dp - dq) / s)
+}
+
 impl Refiner<'_> {
     /// Fits the node `index` near `start`; `steps` are the local steps along ξ and η \[px\].
     pub fn refine(
@@ -219,7 +231,7 @@ impl Refiner<'_> {
                     .max(0.7);
             }
         }
-        if !settled || lost > 0.3 || rms == 0.0 {
+        if !settled || lost > 0.3 || rms == 0.0 || !self.both_lines(&pixels, &theta, &m, gs, gt) {
             return None;
         }
         let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right
@@ -231,6 +243,37 @@ impl Refiner<'_> {
                 rms,
             },
         )
+    }
+
+    /// Whether both lines of a crossing are there: each gets an amplitude of its own. A
+    /// point on a single line fits the crossing nearly as well as a crossing does.
+    fn both_lines(
+        &self,
+        pixels: &[[f64; 5]],
+        theta: &SVector<f64, 6>,
+        m: &Matrix2<f64>,
+        gu: f64,
+        gv: f64,
+    ) -> bool {
+        let BoardPattern::Lines { line_m } = self.board.pattern else {
+            return true;
+        };
+        let half = 0.5 * line_m / self.board.pitch_m;
+        let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
+        let mut normal_matrix = Matrix2::identity() * 1e-9;
+        let mut right = nalgebra::Vector2::zeros();
+        for p in pixels {
+            let a = band((p[2] - shift[0]) / gu, half / gu, self.blur_px).0;
+            let b = band((p[3] - shift[1]) / gv, half / gv, self.blur_px).0;
+            let row = nalgebra::Vector2::new(a, b);
+            let rest = p[4] - theta[0] - theta[1] * p[0] - theta[2] * p[1];
+            normal_matrix += row * row.transpose();
+            right += row * rest;
+        }
+        normal_matrix.try_inverse().is_some_and(|inverse| {
+            let each = inverse * right / theta[3];
+            each.min() > 0.45 && each.max() < 1.8
+        })
     }
 
     /// Middle of what is dark around a start: the filter answers on the rim of a large dot.
@@ -299,17 +342,8 @@ impl Refiner<'_> {
             }
             BoardPattern::Lines { line_m } => {
                 let half = 0.5 * line_m / self.board.pitch_m;
-                let band = |d: f64, w: f64| {
-                    // Most of a patch is plain face.
-                    if d.abs() > w + 4.5 * s {
-                        return (0.0, 0.0);
-                    }
-                    let (p, dp) = normal((d + w) / s);
-                    let (q, dq) = normal((d - w) / s);
-                    (p - q, (dp - dq) / s)
-                };
-                let (a, da) = band(d1, half / gu);
-                let (b, db) = band(d2, half / gv);
+                let (a, da) = band(d1, half / gu, s);
+                let (b, db) = band(d2, half / gv, s);
                 (
                     a + b - a * b,
                     [0, 1].map(|k| da * (1.0 - b) * n1[k] + db * (1.0 - a) * n2[k]),
