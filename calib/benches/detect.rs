@@ -1,7 +1,5 @@
 //! Detection, and detection with an update of the online calibration, per 720 × 576 frame.
-//!
-//! `HYDROLINE_DUMP=DIR cargo bench -p hydroline-calib` also writes the images as PGM, for
-//! `benches/opencv.py` to time OpenCV's findChessboardCornersSB on the same ones.
+//! Beside OpenCV: `benches/detect_vs_opencv.rs`.
 
 // A bench may stop at the first surprise.
 #![allow(clippy::expect_used)]
@@ -51,15 +49,7 @@ fn image(board: &Board, angle_deg: f64) -> Vec<u8> {
         light: [0.7, 1.0, 1.0, 0.8],
         ..Scene::default()
     };
-    let pixels = render(board, &view, &scene);
-    if let Some(dir) = std::env::var_os("HYDROLINE_DUMP") {
-        let file = std::path::Path::new(&dir).join(format!("{}-{angle_deg}.pgm", board.name));
-        let data = [b"P5 720 576 255\n".as_slice(), &pixels].concat();
-        if let Err(error) = std::fs::write(&file, data) {
-            eprintln!("{}: {error}", file.display());
-        }
-    }
-    pixels
+    render(board, &view, &scene)
 }
 
 #[divan::bench(args = KINDS)]

@@ -9,6 +9,7 @@ use hydroline_rigs::{Board, BoardPattern};
 use super::candidates::Candidate;
 use super::image::Grey;
 use super::lattice::{Index, Lattice};
+use super::{NotFound, Orientation};
 use crate::board::Key;
 use crate::map::geometry::{apply, homography};
 
@@ -205,6 +206,65 @@ impl Ordered {
         }
         found
     }
+}
+
+/// Quarter turns and shift that bring upright indices to those on the board.
+pub(super) fn place(
+    image: &Grey<'_>,
+    board: &Board,
+    ordered: &Ordered,
+) -> Result<(Orientation, usize, Index), NotFound> {
+    let seen = ordered.extent();
+    let wanted = [board.columns, board.rows];
+    let h = ordered.homography().ok_or(NotFound::NoBoard {
+        seen: ordered.nodes.len(),
+    })?;
+    let key = crate::board::key(board);
+    if let Some((turns, shift)) = key.and_then(|k| ordered.find_key(image, board, &k, &h)) {
+        return Ok((Orientation::KeySeen, turns, shift));
+    }
+    if seen == wanted {
+        return Ok((Orientation::UprightAssumed, 0, [0, 0]));
+    }
+    if seen == [wanted[1], wanted[0]] {
+        return Err(NotFound::NotUpright { seen, wanted });
+    }
+    if seen[0] > wanted[0] || seen[1] > wanted[1] {
+        return Err(NotFound::WrongBoard {
+            seen,
+            wanted,
+            pattern: None,
+        });
+    }
+    // Fewer than the board has: cut by the image's border, or another board.
+    let (w, height) = (image.width() as f64, image.height() as f64);
+    let inside = |p: [f64; 2]| p[0] > 8.0 && p[1] > 8.0 && p[0] < w - 9.0 && p[1] < height - 9.0;
+    let complete = [0usize, 1].into_iter().all(|axis| {
+        if seen[axis] == wanted[axis] {
+            return true;
+        }
+        [-1.0, f64::from(seen[axis])].into_iter().all(|beyond| {
+            let across = seen[1 - axis];
+            (0..across)
+                .filter(|&k| {
+                    let mut at = [f64::from(k); 2];
+                    at[axis] = beyond;
+                    apply(&h, at).is_some_and(inside)
+                })
+                .count()
+                * 2
+                > across as usize
+        })
+    });
+    Err(if complete {
+        NotFound::WrongBoard {
+            seen,
+            wanted,
+            pattern: None,
+        }
+    } else {
+        NotFound::PartlySeen { seen, wanted }
+    })
 }
 
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old

@@ -1,6 +1,7 @@
-use super::synthetic::{Scene, View, clutter, render};
+use super::synthetic::{CLUTTER_KINDS, Scene, View, clutter, render};
 use super::*;
 use hydroline_rigs::GaugeBlock;
+use std::collections::BTreeMap;
 
 pub(crate) fn board(pattern: BoardPattern) -> Board {
     let chess = matches!(pattern, BoardPattern::Chessboard);
@@ -127,75 +128,138 @@ fn hard(k: u32) -> ([f64; 3], Scene) {
     )
 }
 
-fn check_hard(k: u32, pattern: BoardPattern) -> Errors {
+fn check_hard(k: u32, pattern: BoardPattern) -> Result<Errors, String> {
     let board = board(pattern);
     let ([angle, azimuth, roll], scene) = hard(k);
     let view = view(&board, angle, azimuth, roll);
-    let found = look(&board, &view, &scene)
-        .unwrap_or_else(|e| panic!("{k} {pattern:?} at {angle:.0}°: {e}"));
-    errors(&found, &view)
+    let found =
+        look(&board, &view, &scene).map_err(|e| format!("{k} {pattern:?} at {angle:.0}°: {e}"))?;
+    Ok(errors(&found, &view))
 }
 
 #[test]
 fn uneven_light_a_laser_line_and_a_hand_do_not_hide_the_board() {
-    for (k, pattern) in [(3, 0), (8, 1), (11, 2)] {
-        let e = check_hard(k, PATTERNS[pattern]);
+    for (k, pattern) in [(3, 0), (8, 1), (11, 2), (37, 0)] {
+        let e = check_hard(k, PATTERNS[pattern]).unwrap();
         assert!(e.rms_px <= 0.05, "{k}: {}", e.rms_px);
     }
 }
 
+/// 0 to 60° off the axis, any azimuth, ±20° of roll, each with uneven light, a laser line, a
+/// hand and another blur.
 #[test]
 #[ignore = "300 images: run with --ignored"]
 fn all_boards_are_found_under_hard_conditions() {
-    for (n, pattern) in PATTERNS.into_iter().enumerate() {
-        let (mut sum, mut worst) = (0.0, 0.0f64);
+    let mut missed = Vec::new();
+    for pattern in PATTERNS {
+        let (mut sum, mut worst, mut chi2) = (0.0, [0.0f64; 2], 0.0);
         for k in 0..100 {
-            let e = check_hard(k, pattern);
-            sum += e.rms_px.powi(2) / 100.0;
-            worst = worst.max(e.rms_px);
-            println!(
-                "{n} {k}: rms {:.4} max {:.3} chi2 {:.2}",
-                e.rms_px, e.max_px, e.consistency
-            );
+            match check_hard(k, pattern) {
+                Ok(e) => {
+                    sum += e.rms_px.powi(2) / 100.0;
+                    chi2 += e.consistency / 100.0;
+                    worst = [worst[0].max(e.rms_px), worst[1].max(e.max_px)];
+                }
+                Err(why) => missed.push(why),
+            }
         }
         println!(
-            "{pattern:?}: 100 of 100 found, rms {:.4} px, worst image {worst:.4} px",
-            sum.sqrt()
+            "{pattern:?}: rms {:.4} px, worst image {:.4} px, worst node {:.3} px, chi2 {chi2:.2}",
+            sum.sqrt(),
+            worst[0],
+            worst[1]
         );
         assert!(sum.sqrt() <= 0.05);
     }
+    println!("missed {} of 300: {missed:#?}", missed.len());
+    assert!(missed.is_empty());
 }
 
-#[test]
-fn no_board_no_nodes() {
-    for seed in 0..16 {
+/// How often each reason was given for images without a board, and what went wrong.
+fn search_clutter(
+    seeds: std::ops::Range<u64>,
+    patterns: usize,
+) -> (BTreeMap<String, usize>, Vec<String>) {
+    let (mut reasons, mut wrong) = (BTreeMap::new(), Vec::new());
+    for seed in seeds {
         let pixels = clutter([720, 576], seed);
-        let pattern = PATTERNS[(seed % 3) as usize];
-        let answer = detect(&Grey::new(720, 576, &pixels).unwrap(), &board(pattern));
-        assert!(answer.is_err(), "{seed}: {answer:?}");
-    }
-}
-
-#[test]
-#[ignore = "500 images: run with --ignored"]
-fn no_false_node_in_500_images() {
-    let mut reasons: HashMap<&str, usize> = HashMap::new();
-    for seed in 0..500 {
-        let pixels = clutter([720, 576], seed);
-        for pattern in PATTERNS {
+        let kind = CLUTTER_KINDS[seed as usize % CLUTTER_KINDS.len()];
+        for n in 0..patterns {
+            let pattern = PATTERNS[(seed as usize / CLUTTER_KINDS.len() + n) % 3];
             let answer = detect(&Grey::new(720, 576, &pixels).unwrap(), &board(pattern));
             let reason = match answer {
-                Ok(d) => panic!("{seed} {pattern:?}: {} false nodes", d.nodes.len()),
+                Ok(d) => {
+                    let words = format!(
+                        "{seed} {kind} {pattern:?}: {} false nodes, {:?}",
+                        d.nodes.len(),
+                        d.orientation
+                    );
+                    println!("{words}");
+                    wrong.push(words);
+                    continue;
+                }
                 Err(NotFound::NoBoard { .. }) => "no board",
                 Err(NotFound::Blurred { .. }) => "blurred",
                 Err(NotFound::Empty { .. }) => "empty",
                 Err(NotFound::Saturated { .. }) => "saturated",
                 Err(_) => "another board",
             };
-            *reasons.entry(reason).or_default() += 1;
+            *reasons.entry(format!("{kind}: {reason}")).or_default() += 1;
         }
     }
-    println!("no false node in 500 images for 3 patterns each; reasons {reasons:?}");
+    (reasons, wrong)
+}
+
+#[test]
+fn no_board_no_nodes() {
+    let (reasons, wrong) = search_clutter(0..CLUTTER_KINDS.len() as u64, 1);
+    assert!(wrong.is_empty(), "{wrong:?}");
+    // A laser line over the floor is not another board, nor out of focus: there is no board.
+    assert!(reasons.contains_key("laser line: no board"), "{reasons:?}");
+}
+
+#[test]
+#[ignore = "504 images: run with --ignored"]
+fn no_false_node_in_500_images() {
+    let (reasons, wrong) = search_clutter(0..28 * CLUTTER_KINDS.len() as u64, 3);
+    println!(
+        "{reasons:#?}\n{} of 1512 searches gave nodes: {wrong:#?}",
+        wrong.len()
+    );
+    assert!(wrong.is_empty());
+}
+
+#[test]
+#[ignore = "debug"]
+fn debug_one() {
+    for k in [37] {
+        let board = board(PATTERNS[0]);
+        let ([angle, azimuth, roll], scene) = hard(k);
+        let view = view(&board, angle, azimuth, roll);
+        let pixels = render(&board, &view, &scene);
+        let data = [b"P5 720 576 255\n".as_slice(), &pixels].concat();
+        std::fs::write("/tmp/cc/one.pgm", data).unwrap();
+        let image = Grey::new(720, 576, &pixels).unwrap();
+        for reduction in [2, 1, 4] {
+            let Some(seen) = see_at(&image, &board, reduction) else {
+                println!("{reduction}: none");
+                continue;
+            };
+            println!(
+                "{reduction}: {} extent {:?} noise {} contrast {}",
+                seen.nodes.len(),
+                seen.ordered.extent(),
+                seen.noise,
+                seen.contrast
+            );
+            for n in &seen.nodes {
+                println!(
+                    "{:?} {:.1} {:.1} c {:.0} rms {:.1}",
+                    n.0, n.1.position[0], n.1.position[1], n.1.contrast, n.1.rms
+                );
+            }
+        }
+    }
 }
 
 #[test]
