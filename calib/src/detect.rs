@@ -35,8 +35,8 @@ use refine::Refined;
 pub enum Orientation {
     /// The key was seen: origin and rotation are certain.
     KeySeen,
-    /// No key: the board is assumed to stand upright (η within 45° of the image's up), and
-    /// all its columns and rows are in view.
+    /// No key: the board is assumed to stand upright (η within 45° of the image's up); all its
+    /// columns and rows are in view, and so is that nothing follows them.
     UprightAssumed,
 }
 
@@ -167,14 +167,16 @@ fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
         BoardPattern::Dots { .. } => [4, 2, 1],
         _ => [2, 1, 4],
     };
-    for reduction in reductions {
+    for (tried, reduction) in reductions.into_iter().enumerate() {
         if let Some(seen) = see_at(image, board, reduction)
             && best
                 .as_ref()
                 .is_none_or(|b| seen.nodes.len() > b.nodes.len())
         {
             let enough = (board.columns * board.rows) as usize * 7 / 10;
-            let done = seen.nodes.len() >= enough;
+            // A row that is missing at one size may show at the next: then it is one more try.
+            let whole = seen.ordered.extent() == [board.columns, board.rows];
+            let done = seen.nodes.len() >= enough && (whole || tried > 0);
             best = Some(seen);
             if done {
                 break;

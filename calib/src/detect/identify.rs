@@ -142,20 +142,25 @@ impl Ordered {
             let Some(cell) = homography(&local) else {
                 continue;
             };
-            let mean = |distance: f64, from: f64| {
-                let mut sum = 0.0;
-                for k in 0..8 {
-                    let angle = (f64::from(k) + from) * std::f64::consts::FRAC_PI_4;
+            let samples = |distance: f64, from: f64| {
+                let mut grey = [0.0f32; 8];
+                for (k, grey) in grey.iter_mut().enumerate() {
+                    let angle = (k as f64 + from) * std::f64::consts::FRAC_PI_4;
                     let at = [0.5 + distance * angle.cos(), 0.5 + distance * angle.sin()];
                     if let Some(p) = apply(&cell, at) {
-                        sum += image.sample(p[0], p[1]) / 8.0;
+                        *grey = image.sample(p[0], p[1]);
                     }
                 }
-                sum
+                grey.sort_by(f32::total_cmp);
+                grey
             };
-            let disc = mean(0.5 * radius, 0.0);
-            let around = mean(radius + 0.09, 0.5);
-            marks.insert([i, j], disc - around);
+            let disc = samples(0.5 * radius, 0.0);
+            let around = samples(radius + 0.09, 0.5);
+            // All of a disc differs from all around it, but for one place on either side that
+            // a laser line may spoil. Means would also take the edge of a hand for a disc.
+            let darker = (around[1] - disc[6]).max(0.0);
+            let lighter = (disc[1] - around[6]).max(0.0);
+            marks.insert([i, j], lighter - darker);
         }
         if marks.len() < 3 {
             return None;
@@ -223,8 +228,27 @@ pub(super) fn place(
     if let Some((turns, shift)) = key.and_then(|k| ordered.find_key(image, board, &k, &h)) {
         return Ok((Orientation::KeySeen, turns, shift));
     }
+    // Whether the image shows that the pattern ends: the places of the next row are in view
+    // (and hold none, or the lattice would be larger).
+    let (w, height) = (image.width() as f64, image.height() as f64);
+    let inside = |p: [f64; 2]| p[0] > 8.0 && p[1] > 8.0 && p[0] < w - 9.0 && p[1] < height - 9.0;
+    let ends = |axis: usize| {
+        [-1.0, f64::from(seen[axis])].into_iter().all(|beyond| {
+            let across = seen[1 - axis];
+            let in_view = (0..across).filter(|&k| {
+                let mut at = [f64::from(k); 2];
+                at[axis] = beyond;
+                apply(&h, at).is_some_and(inside)
+            });
+            in_view.count() * 2 > across as usize
+        })
+    };
     if seen == wanted {
-        return Ok((Orientation::UprightAssumed, 0, [0, 0]));
+        return if ends(0) && ends(1) {
+            Ok((Orientation::UprightAssumed, 0, [0, 0]))
+        } else {
+            Err(NotFound::EndNotSeen { seen })
+        };
     }
     if seen == [wanted[1], wanted[0]] {
         return Err(NotFound::NotUpright { seen, wanted });
@@ -237,34 +261,17 @@ pub(super) fn place(
         });
     }
     // Fewer than the board has: cut by the image's border, or another board.
-    let (w, height) = (image.width() as f64, image.height() as f64);
-    let inside = |p: [f64; 2]| p[0] > 8.0 && p[1] > 8.0 && p[0] < w - 9.0 && p[1] < height - 9.0;
-    let complete = [0usize, 1].into_iter().all(|axis| {
-        if seen[axis] == wanted[axis] {
-            return true;
-        }
-        [-1.0, f64::from(seen[axis])].into_iter().all(|beyond| {
-            let across = seen[1 - axis];
-            (0..across)
-                .filter(|&k| {
-                    let mut at = [f64::from(k); 2];
-                    at[axis] = beyond;
-                    apply(&h, at).is_some_and(inside)
-                })
-                .count()
-                * 2
-                > across as usize
-        })
-    });
-    Err(if complete {
-        NotFound::WrongBoard {
-            seen,
-            wanted,
-            pattern: None,
-        }
-    } else {
-        NotFound::PartlySeen { seen, wanted }
-    })
+    Err(
+        if (0..2).all(|axis| seen[axis] == wanted[axis] || ends(axis)) {
+            NotFound::WrongBoard {
+                seen,
+                wanted,
+                pattern: None,
+            }
+        } else {
+            NotFound::PartlySeen { seen, wanted }
+        },
+    )
 }
 
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old

@@ -66,6 +66,15 @@ pub enum NotFound {
         /// Columns and rows of the file.
         wanted: [u32; 2],
     },
+    /// As many nodes as the board has, up to the image's border, and no key.
+    #[error(
+        "{} × {} nodes are seen, but the image ends less than one step beyond them and no key says that they are the board's: a tiled floor looks the same; show what is around the board, or use a board with a key",
+        seen[0], seen[1]
+    )]
+    EndNotSeen {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+    },
     /// Turned on its side.
     #[error(
         "the board lies on its side ({} × {} nodes seen, {} × {} expected); put it upright",
