@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-REPEATS = 12
+REPEATS = 20
 
 cv2.setNumThreads(1)
 print("version", cv2.__version__)

@@ -160,34 +160,52 @@ struct Seen {
 /// The board's pattern in upright order; `None` where no lattice holds what it promises.
 ///
 /// Half size first: most boards are found there, four times faster; then full size for
-/// thin lines, then a quarter for large marks. Dots are large: a quarter first.
+/// thin lines, then a quarter for large marks. Dots are large: a quarter first. Lattices are
+/// cheap beside the fit of their nodes, so one that is not the whole board waits for what
+/// the next size shows.
 fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
-    let mut best: Option<Seen> = None;
+    let wanted = [board.columns, board.rows];
+    let enough = (board.columns * board.rows) as usize * 7 / 10;
     let reductions = match board.pattern {
         BoardPattern::Dots { .. } => [4, 2, 1],
         _ => [2, 1, 4],
     };
+    let mut lattices: Vec<(bool, Coarse)> = Vec::new();
+    let mut best: Option<Seen> = None;
     for (tried, reduction) in reductions.into_iter().enumerate() {
-        if let Some(seen) = see_at(image, board, reduction)
-            && best
-                .as_ref()
-                .is_none_or(|b| seen.nodes.len() > b.nodes.len())
-        {
-            let enough = (board.columns * board.rows) as usize * 7 / 10;
-            // A row that is missing at one size may show at the next: then it is one more try.
-            let whole = seen.ordered.extent() == [board.columns, board.rows];
-            let done = seen.nodes.len() >= enough && (whole || tried > 0);
-            best = Some(seen);
-            if done {
-                break;
+        if let Some(found) = coarse(image, board, reduction) {
+            let [ni, nj] = found.0.extent();
+            let whole = [ni, nj] == wanted || [nj, ni] == wanted;
+            lattices.push((whole && found.0.nodes.len() >= enough, found));
+        }
+        let last = tried + 1 == reductions.len();
+        let promising = lattices
+            .iter()
+            .any(|(whole, l)| *whole || (tried > 0 && l.0.nodes.len() >= enough));
+        if !promising && !last {
+            continue;
+        }
+        lattices.sort_by_key(|(whole, l)| std::cmp::Reverse((*whole, l.0.nodes.len())));
+        for (_, found) in lattices.drain(..) {
+            if let Some(seen) = see_in(image, board, found)
+                && best
+                    .as_ref()
+                    .is_none_or(|b| seen.nodes.len() > b.nodes.len())
+            {
+                best = Some(seen);
+            }
+            if best.as_ref().is_some_and(|b| b.nodes.len() >= enough) {
+                return best;
             }
         }
     }
     best
 }
 
-fn see_at(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Seen> {
-    let (lattice, candidates, rest) = coarse(image, board, reduction)?;
+/// What one size of the image shows of a lattice.
+type Coarse = (Lattice, Vec<Candidate>, Rest);
+
+fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) -> Option<Seen> {
     let mut ordered = Ordered::upright(&lattice, &candidates);
     if matches!(board.pattern, BoardPattern::Dots { .. }) {
         centre_dots(image, board, &mut ordered);
@@ -265,11 +283,7 @@ impl Rest {
 }
 
 /// The best lattice at one reduction of the image.
-fn coarse(
-    image: &Grey<'_>,
-    board: &Board,
-    reduction: usize,
-) -> Option<(Lattice, Vec<Candidate>, Rest)> {
+fn coarse(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Coarse> {
     let wanted = (board.columns * board.rows) as usize;
     let plane = Plane::smoothed(image, reduction);
     let candidates = candidates::find(&plane, board.pattern, 4 * wanted + 200);

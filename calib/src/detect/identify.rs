@@ -230,10 +230,12 @@ pub(super) fn place(
     }
     // Whether the image shows that the pattern ends: the places of the next row are in view
     // (and hold none, or the lattice would be larger).
+    const NEXT: f64 = 0.9;
     let (w, height) = (image.width() as f64, image.height() as f64);
-    let inside = |p: [f64; 2]| p[0] > 8.0 && p[1] > 8.0 && p[0] < w - 9.0 && p[1] < height - 9.0;
+    let inside = |p: [f64; 2]| p[0] > 0.0 && p[1] > 0.0 && p[0] < w - 1.0 && p[1] < height - 1.0;
     let ends = |axis: usize| {
-        [-1.0, f64::from(seen[axis])].into_iter().all(|beyond| {
+        let last = f64::from(seen[axis]) - 1.0;
+        [-NEXT, last + NEXT].into_iter().all(|beyond| {
             let across = seen[1 - axis];
             let in_view = (0..across).filter(|&k| {
                 let mut at = [f64::from(k); 2];

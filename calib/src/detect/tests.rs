@@ -249,6 +249,20 @@ fn a_floor_of_as_many_tiles_is_no_board() {
     assert!(answer.unwrap_err().to_string().contains("key"));
 }
 
+/// A chessboard without a key, as printed for OpenCV, its outer corners 45 px from the border.
+#[test]
+fn a_keyless_board_that_is_seen_to_end_is_read_upright() {
+    let chess = board(PATTERNS[2]);
+    let view = View::pinhole([720, 576], 740.0, 740.0 * 0.125 / 250.0, 0.0, 1.57, 0.05);
+    let scene = Scene {
+        key: false,
+        ..Scene::default()
+    };
+    let found = look(&chess, &view, &scene).unwrap();
+    assert_eq!(found.orientation, Orientation::UprightAssumed);
+    assert!(found.nodes.len() >= 130 && errors(&found, &view).rms_px < 0.05);
+}
+
 #[test]
 fn the_key_says_which_node_is_which() {
     let board = board(PATTERNS[1]);
