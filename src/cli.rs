@@ -4,6 +4,9 @@
 //! arguments or config; 3 done, but something was lost.
 
 mod aim;
+mod board;
+mod calibrate;
+mod calibrated;
 mod check;
 mod demo;
 mod devices;
@@ -23,6 +26,7 @@ mod rig;
 mod rigging;
 mod sim_controller;
 mod simulate;
+mod target;
 
 use clap::{Parser, Subcommand};
 
@@ -64,6 +68,12 @@ enum Command {
     Reproduce(reproduce::Args),
     /// Renders a plan without hardware or waiting: same rig and seed, same bytes
     Simulate(simulate::Args),
+    /// Images of a board become the map from image to laser plane, with its uncertainty
+    Calibrate(Box<calibrate::Args>),
+    /// A calibration board at true scale, to mill, cut or print
+    Board(board::Args),
+    /// A target at true scale, to mill, cut or print
+    Target(target::Args),
     /// Stripe points of single images
     Extract(extract::Args),
     /// Motion and commands recorded by something else, into a log
@@ -107,6 +117,9 @@ impl Cli {
             Command::Replay(args) => replay::run(&args),
             Command::Reproduce(args) => reproduce::run(&args),
             Command::Simulate(args) => simulate::run(&args),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Board(args) => board::run(&args),
+            Command::Target(args) => target::run(&args),
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args),
             Command::Identify(args) => identify::run(&args),

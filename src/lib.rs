@@ -4,6 +4,7 @@
 //! No module reaches backwards. Devices, clocks and files are injected.
 
 pub mod analysis;
+pub mod calibrate;
 pub mod capture;
 pub mod cli;
 pub mod clock;

@@ -4,6 +4,7 @@
 //! four threads: capture (never waits for anything but the camera), analysis (newest frame only), the
 //! thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
 
+mod calibrating;
 pub mod floor;
 pub mod glance;
 pub mod keys;
@@ -16,8 +17,10 @@ mod tracker;
 mod watch;
 mod worker;
 
+pub use calibrating::Calibrating;
 pub use session::{Conditions, SessionInput, head};
 
+use crate::calibrate::{self, message};
 use crate::capture::{CaptureCounts, FrameSource};
 use crate::clock::Clock;
 use crate::event::{Event, Severity};
@@ -64,6 +67,9 @@ pub struct Job {
     pub ready_within: Duration,
     /// The extractor's settings.
     pub extractor: ExtractorConfig,
+    /// The board to look for in every analysed frame; without length and plan the recording ends with an
+    /// accepted calibration.
+    pub calibrate: Option<calibrate::Setup>,
 }
 
 /// The state of a recording, for whoever watches.
@@ -83,6 +89,8 @@ pub struct Status {
     pub points: usize,
     /// Bytes in the log.
     pub bytes: u64,
+    /// Where a calibration in the making stands.
+    pub calibration: Option<String>,
 }
 
 /// How a recording went.
@@ -100,6 +108,8 @@ pub struct Report {
     pub thrusters: Option<ServiceStats>,
     /// The log's end.
     pub log: LogOutcome,
+    /// How a calibration in the making ended; `None` when none was asked for or no frame was seen.
+    pub calibration: Option<Calibrating>,
 }
 
 impl Report {
@@ -141,6 +151,7 @@ struct Shared {
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
     floor: Mutex<Option<watch::Measured>>,
+    calibrating: Mutex<Option<Calibrating>>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -244,6 +255,7 @@ pub fn run(
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
         floor: Mutex::new(None),
+        calibrating: Mutex::new(None),
     });
     announce(&shared, &job.rig, parts.map.as_deref());
     let service = match parts.line {
@@ -291,6 +303,7 @@ pub fn run(
         skipped,
         thrusters,
         log,
+        calibration: calibrating::lock(&shared).take(),
     })
 }
 
@@ -303,12 +316,16 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
     match map {
         Some(map) => {
             let calibration = map.describe();
-            shared.recorder.plane_calibration(&pb::PlaneCalibration {
-                timestamp: Some(timestamp(now_ns)),
-                method: calibration.map.method().to_owned(),
-                medium: calibration.medium.name().to_owned(),
-                toml: calibration.to_toml().unwrap_or_default(),
-            });
+            let message = message::in_force(&calibration, now_ns);
+            shared.recorder.plane_calibration(&message);
+            if calibration.residuals.is_none() {
+                shared.say(
+                    Severity::Warning,
+                    "calibration.none",
+                    "no calibration: plane coordinates come from the ideal camera of the rig's numbers (Eqs. 11-12), \
+                     their sd is that of the stripe alone; `record --calibrate` makes one, --calibration uses it",
+                );
+            }
         }
         None => shared.say(
             Severity::Warning,

@@ -5,6 +5,7 @@
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
 use crate::analysis::Analyst;
+use crate::calibrate::message;
 use crate::frame::{Frame, GreyImage};
 use crate::log::messages::{
     self,
@@ -17,6 +18,7 @@ use crate::log::{
 };
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::stripe::{ExtractorConfig, Profile};
+use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
 use prost::Message;
 use rayon::prelude::*;
@@ -45,6 +47,8 @@ pub struct Options {
     pub rig_toml: Option<String>,
     /// The calibration in force, for the new log's head.
     pub calibration_toml: Option<String>,
+    /// The calibration in force where it is another than the recording's: stated on `/laser/calibration` in its place.
+    pub calibration: Option<Calibration>,
 }
 
 /// What a replay found.
@@ -345,7 +349,14 @@ impl Replay<'_> {
             Record::Truth(truth) => Entry::truth(&truth),
             Record::Clock(clock) => Entry::clock(&clock),
             Record::Event(event) => Entry::event_message(&event),
-            Record::PlaneCalibration(calibration) => Entry::plane_calibration(&calibration),
+            // What was in force while recording gives way to what is in force here; one in the making stays.
+            Record::PlaneCalibration(old) => match &self.options.calibration {
+                Some(new) if old.state.is_empty() || old.state == message::IN_FORCE => {
+                    let stamp_ns = old.timestamp.as_ref().map_or(0, unix_ns);
+                    Entry::plane_calibration(&message::in_force(new, stamp_ns))
+                }
+                _ => Entry::plane_calibration(&old),
+            },
             Record::CameraCalibration(calibration) => Entry::camera_calibration(&calibration),
             Record::Pose(pose) => Entry::pose(&pose),
         };

@@ -3,10 +3,12 @@
 //! Every frame goes the whole way (render → stripe → laser plane → estimate), once with the whole-pixel
 //! stripe and single points of the paper, once with ours, and stands beside the paper's number.
 
+mod calibration;
 mod chain;
 mod disturbed;
 mod table3;
 
+pub use calibration::{CalibrationRow, CalibrationStudy};
 pub use disturbed::{Disturbed, JointAccuracy, disturbed, joint_accuracy};
 pub use table3::{Row, table3};
 

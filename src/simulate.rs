@@ -10,9 +10,9 @@ use crate::log::{
     Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings,
 };
 use crate::setpoint::{Setpoint, SetpointError, setpoint};
-use crate::simulated::motion_message;
+use crate::simulated::{BoardInView, motion_message};
 use bytes::Bytes;
-use hydroline_rigs::{Plan, Rig};
+use hydroline_rigs::{Board, Plan, Rig};
 use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
@@ -36,6 +36,8 @@ pub struct Options {
     pub tail_s: f64,
     /// Free text for the log.
     pub note: Option<String>,
+    /// A calibration board in the sheet instead of the tank, and how far its face stands behind the sheet \[m\].
+    pub board: Option<(Board, f64)>,
 }
 
 impl Default for Options {
@@ -47,6 +49,7 @@ impl Default for Options {
             attitude_noise_rad: 0.01_f64.to_radians(),
             tail_s: 0.0,
             note: None,
+            board: None,
         }
     }
 }
@@ -100,6 +103,10 @@ pub fn simulate(
     } else {
         Some(Renderer::new(&rig)?)
     };
+    let board = match (&options.board, options.motion_only) {
+        (Some((board, offset_m)), false) => Some(BoardInView::new(&rig, board, *offset_m)?),
+        _ => None,
+    };
     let camera_format = renderer.as_ref().map(|_| PixelFormat::Grey);
     let mut log = FileRecorder::create(
         out,
@@ -133,7 +140,11 @@ pub fn simulate(
         match &renderer {
             Some(renderer) => {
                 let pose = world.pose_seen(t_s, 0.0)?;
-                let frame = frame(&rig, renderer.render(&pose, k).0, k, stamp_ns);
+                let pixels = match &board {
+                    Some(board) => board.frame(k),
+                    None => renderer.render(&pose, k).0,
+                };
+                let frame = frame(&rig, pixels, k, stamp_ns);
                 log.write(stamp_ns, &Entry::frame(&frame, k))?;
             }
             None => {

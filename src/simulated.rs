@@ -7,8 +7,10 @@ use crate::capture::CaptureError;
 use crate::capture::sim::Scene;
 use crate::log::Recorder;
 use crate::log::messages::{pb::VehicleMotion, timestamp};
-use hydroline_rigs::Rig;
-use hydroline_sim::{Renderer, SimError, VehicleState, World};
+use hydroline_calib::IdealMap;
+use hydroline_rigs::{Board, Rig};
+use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
+use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A vehicle that exists only here.
@@ -109,16 +111,88 @@ pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
     }
 }
 
+/// Brightest white of a board, so that noise and uneven light stay below saturation \[grey levels\].
+const BOARD_WHITE: f64 = 215.0;
+/// Part of it that is room light; the sheet grazes the face with the rest.
+const ROOM_SHARE: f64 = 0.5;
+
+/// A calibration board standing in the sheet in front of a simulated camera: fixed to the vehicle, so
+/// that its light is computed once and only the noise differs from frame to frame.
+#[derive(Debug, Clone)]
+pub struct BoardInView {
+    renderer: Renderer,
+    picture: BoardPicture,
+    /// Where it stands.
+    pub placement: BoardPlacement,
+}
+
+impl BoardInView {
+    /// The board in the middle of the sheet that the rig's camera sees, its face `offset_m` behind the sheet.
+    /// Exposure as a person would set it: white does not saturate.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a rig or board that cannot be rendered.
+    pub fn new(rig: &Rig, board: &Board, offset_m: f64) -> Result<Self, SceneError> {
+        let ideal = IdealMap::of(rig);
+        let last_row = f64::from(rig.camera.height_px) - 1.0;
+        let eta = |row: f64| ideal.unlimited(rig.camera.cx_px, row).map(|(_, eta)| eta);
+        let eta_m = match (eta(0.0), eta(last_row)) {
+            (Some(high), Some(low)) => 0.5 * (high + low),
+            // A camera that looks over the horizon still looks at the sheet's origin.
+            _ => 0.0,
+        };
+        let placement = BoardPlacement {
+            centre_m: [0.0, eta_m],
+            offset_m,
+            ..BoardPlacement::default()
+        };
+        let mut exposed = rig.clone();
+        exposed.laser.peak = rig.laser.peak.min((1.0 - ROOM_SHARE) * BOARD_WHITE);
+        let renderer = Renderer::new(&exposed)?;
+        let light = BoardLight {
+            room: ROOM_SHARE * BOARD_WHITE,
+            slope_per_m: [0.3, 0.3],
+            laser: true,
+        };
+        Ok(Self {
+            picture: renderer.board_picture(board, &placement, &light)?,
+            renderer,
+            placement,
+        })
+    }
+
+    /// Frame `index`, row-major grey levels.
+    pub fn frame(&self, index: u64) -> Vec<u8> {
+        self.renderer.develop_board(&self.picture, index).0
+    }
+}
+
+enum Seen {
+    Tank(Box<Renderer>),
+    Board(Box<BoardInView>),
+}
+
 /// What the simulated vehicle's camera sees.
 pub struct CameraView {
     vehicle: Arc<SimulatedVehicle>,
-    renderer: Renderer,
+    seen: Seen,
 }
 
 impl CameraView {
     /// Looks out of the vehicle with the given renderer.
     pub fn new(vehicle: Arc<SimulatedVehicle>, renderer: Renderer) -> Self {
-        Self { vehicle, renderer }
+        Self {
+            vehicle,
+            seen: Seen::Tank(Box::new(renderer)),
+        }
+    }
+
+    /// Sees nothing but a board.
+    pub fn of_board(vehicle: Arc<SimulatedVehicle>, board: BoardInView) -> Self {
+        Self {
+            vehicle,
+            seen: Seen::Board(Box::new(board)),
+        }
     }
 }
 
@@ -141,6 +215,9 @@ impl Scene for CameraView {
         if let Some((recorder, start_unix_ns)) = self.vehicle.recorder.get() {
             recorder.truth(&motion_message(start_unix_ns + (t_s * 1e9) as u64, &truth));
         }
-        Ok(self.renderer.render(&pose, index).0)
+        Ok(match &self.seen {
+            Seen::Tank(renderer) => renderer.render(&pose, index).0,
+            Seen::Board(board) => board.frame(index),
+        })
     }
 }

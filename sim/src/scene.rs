@@ -16,7 +16,7 @@ mod sheet;
 mod solid;
 mod truth;
 
-pub use board::{BoardLight, BoardNode, BoardPlacement};
+pub use board::{BoardLight, BoardNode, BoardPicture, BoardPlacement};
 pub use noise::Noise;
 pub use renderer::{GreyPixels, Renderer};
 pub use solid::Surface;

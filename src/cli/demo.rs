@@ -76,6 +76,8 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
         length: None,
         ready_within: Duration::from_secs(10),
         with_thrusters: true,
+        calibration: None,
+        calibrate: None,
     };
     let report = recording.record(&log)?;
     print_recording(&report);

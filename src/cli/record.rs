@@ -1,8 +1,10 @@
 //! `hydroline record`: the daemon on the command line.
 
+use super::calibrated::{MakeArgs, UseArgs};
 use super::print::{out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
+use crate::calibrate::{Setup, medium};
 use crate::clock::{Clock, SystemClock};
 use crate::log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use crate::record::{
@@ -10,6 +12,7 @@ use crate::record::{
 };
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
+use hydroline_calib::Calibration;
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, Rig};
@@ -24,6 +27,8 @@ A plan is simulated first and refused when it leaves the tank, the target, or pu
 
   hydroline record --rig lshpi --plan surge-4n --dry-run
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
+  hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
+  hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap")]
 pub struct Args {
     /// Rig file or built-in name
@@ -44,6 +49,10 @@ pub struct Args {
     /// Leaves the thrusters alone: no line is opened
     #[arg(long, conflicts_with = "plan")]
     no_thrusters: bool,
+    #[command(flatten)]
+    using: UseArgs,
+    #[command(flatten)]
+    making: MakeArgs,
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -82,8 +91,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         water_temperature_c: args.water_temp,
         salinity_gpkg: args.salinity,
         ballast_kg: args.ballast,
+        medium: args.using.medium,
     };
     conditions.n_water().map_err(CliError::Config)?;
+    let calibrate = args.making.setup(&rig, &conditions)?;
+    let calibration = args.using.load()?;
     if let Some(plan) = &plan {
         check_plan(&rig, plan, args)?;
     }
@@ -104,12 +116,37 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     for out in &outs {
         inputs::new_file("--out", out)?;
     }
+    let calibration_out = match &calibrate {
+        Some(_) => Some(args.making.file(out)?),
+        None => None,
+    };
+    let calibrating = Calibrating {
+        calibration,
+        calibrate,
+        out: calibration_out,
+    };
     let mut reports = Vec::new();
-    let result = record_all(&rig, plan.as_ref(), args, &conditions, &outs, &mut reports);
+    let result = record_all(
+        &rig,
+        plan.as_ref(),
+        args,
+        &conditions,
+        calibrating,
+        &outs,
+        &mut reports,
+    );
     if args.json {
         outln!("{}", serde_json::json!({ "runs": reports }));
     }
     result
+}
+
+/// The calibration in force and the one in the making.
+struct Calibrating {
+    calibration: Option<Calibration>,
+    calibrate: Option<Setup>,
+    /// Where an accepted one goes.
+    out: Option<PathBuf>,
 }
 
 /// Run after run; a run that fails or is stopped is the last one.
@@ -118,6 +155,7 @@ fn record_all(
     plan: Option<&Plan>,
     args: &Args,
     conditions: &Conditions,
+    mut calibrating: Calibrating,
     outs: &[PathBuf],
     reports: &mut Vec<serde_json::Value>,
 ) -> Result<Outcome, CliError> {
@@ -132,19 +170,44 @@ fn record_all(
             length: args.length,
             ready_within: args.ready_within,
             with_thrusters: !args.no_thrusters,
+            calibration: calibrating
+                .calibration
+                .clone()
+                .map(|c| checked(args, rig, conditions, c))
+                .transpose()?,
+            calibrate: calibrating.calibrate.clone(),
         };
         let report = recording.record(out)?;
+        if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
+            if let Some(file) = calibrating.out.take() {
+                store(&file, &accepted)?;
+            }
+            // In force from the next run on; in this log the coordinates keep to one map.
+            calibrating.calibrate = None;
+            calibrating.calibration = Some(accepted);
+        }
         if args.json {
             reports.push(json_report(out, &report));
         } else {
             print_report(out, &report);
         }
+        let unfinished = calibrating.calibrate.is_some().then(|| {
+            let missing = report.calibration.as_ref().map(|c| c.missing.as_str());
+            format!(
+                "no calibration was accepted: {}. The log is whole: `hydroline calibrate {} --board ...` makes the best of it",
+                missing.unwrap_or("no frame was analysed"),
+                out.display()
+            )
+        });
         match &report.stop {
             StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {
                 return Err(CliError::Run(report.stop.to_string()));
             }
-            StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
             StopReason::LogStopped(_) => return Ok(Outcome::Lossy),
+            _ if unfinished.is_some() => {
+                return Err(CliError::Run(unfinished.unwrap_or_default()));
+            }
+            StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
             StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
         }
         if run.0 < run.1 && !settle(args.settle)? {
@@ -156,6 +219,35 @@ fn record_all(
         }
     }
     Ok(outcome)
+}
+
+/// The calibration with what must be said of its use in this run.
+fn checked(
+    args: &Args,
+    rig: &Rig,
+    conditions: &Conditions,
+    calibration: Calibration,
+) -> Result<(Calibration, Option<String>), CliError> {
+    let warning = args
+        .using
+        .check(&calibration, medium::of_run(rig, conditions))?;
+    if let Some(words) = &warning {
+        eprintln!("hydroline: {words}");
+    }
+    Ok((calibration, warning))
+}
+
+/// Writes an accepted calibration; the log holds it too.
+fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
+    let text = calibration.to_toml().map_err(CliError::run)?;
+    std::fs::write(file, text).map_err(|e| {
+        CliError::Run(format!(
+            "{}: {e}; the log holds the calibration too, on /laser/calibration",
+            file.display()
+        ))
+    })?;
+    eprintln!("hydroline: calibration written to {}", file.display());
+    Ok(())
 }
 
 fn lossy(report: &Report, before: Outcome) -> Outcome {
@@ -234,9 +326,27 @@ pub(super) struct Recording<'a> {
     pub length: Option<Duration>,
     pub ready_within: Duration,
     pub with_thrusters: bool,
+    /// The calibration in force, and what must be said of its use; `None` = the rig's ideal camera.
+    pub calibration: Option<(Calibration, Option<String>)>,
+    /// The calibration in the making.
+    pub calibrate: Option<Setup>,
 }
 
 impl Recording<'_> {
+    /// The calibration in force, and what must be said of it.
+    fn in_force(&self) -> (Calibration, Option<String>) {
+        match &self.calibration {
+            Some(given) => given.clone(),
+            None => {
+                let ideal = IdealMap::of(self.rig).describe();
+                let run = medium::of_run(self.rig, self.conditions);
+                // The ideal map is never refused, only warned of.
+                let warning = medium::check(&ideal, run, true).unwrap_or_default();
+                (ideal, warning)
+            }
+        }
+    }
+
     fn length(&self) -> Option<Duration> {
         // A second before the plan (lead) and one after it, so that the log shows rest, motion and coasting's begin.
         let plan = self
@@ -265,19 +375,28 @@ impl Recording<'_> {
             line,
             vehicle,
             controller,
-        } = rigging::open(self.rig, &clock, self.with_thrusters)?;
-        let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(self.rig));
+        } = rigging::open_with_board(
+            self.rig,
+            &clock,
+            self.with_thrusters,
+            self.calibrate.as_ref().map(|setup| &setup.board),
+        )?;
+        let (calibration, warning) = self.in_force();
+        let map: Arc<dyn PlaneMap> = Arc::from(calibration.to_map());
         let description = source.describe();
-        let head = record::head(&SessionInput {
+        let mut head = record::head(&SessionInput {
             rig: self.rig,
             plan: self.plan,
             planned_s: length.map(|l| l.as_secs_f64()),
             source: &description,
             conditions: self.conditions,
-            calibration_toml: map.describe().to_toml().ok(),
+            calibration_toml: calibration.to_toml().ok(),
             run: self.run,
         })
         .map_err(CliError::Config)?;
+        if let Some(words) = warning {
+            head.session.insert("calibration.warning".to_owned(), words);
+        }
         let opener = Box::new(FileParts {
             path: out.to_owned(),
             replace: false,
@@ -298,6 +417,7 @@ impl Recording<'_> {
             length,
             ready_within: self.ready_within,
             extractor: ExtractorConfig::default(),
+            calibrate: self.calibrate.clone(),
         };
         let bar = progress::bar(length.map_or(0, |l| l.as_secs()), "recording [s]");
         let parts = Parts {
@@ -322,8 +442,12 @@ fn show(bar: &indicatif::ProgressBar, status: &Status) {
         return;
     };
     bar.set_position(elapsed_s as u64);
+    let calibration = status
+        .calibration
+        .as_ref()
+        .map_or_else(String::new, |line| format!(", {line}"));
     bar.set_message(format!(
-        "{} frames, {} lost, stripe {}, {:.0} MB",
+        "{} frames, {} lost, stripe {}, {:.0} MB{calibration}",
         status.frames,
         status.lost + status.dropped,
         status.points,
@@ -344,6 +468,12 @@ fn json_report(out: &Path, report: &Report) -> serde_json::Value {
         "command_sets": report.thrusters.map(|t| t.sets),
         "command_sets_echoed": report.thrusters.map(|t| t.echoed),
         "bytes": report.log.counts.bytes,
+        "calibration": report.calibration.as_ref().map(|c| serde_json::json!({
+            "accepted": c.accepted.is_some(),
+            "claim": c.accepted.as_ref().map(Calibration::claim),
+            "residuals": c.accepted.as_ref().and_then(|c| c.residuals),
+            "missing": c.missing,
+        })),
     })
 }
 
@@ -371,6 +501,13 @@ fn print_report(out: &Path, report: &Report) {
             stats.echoed,
             stats.losses
         );
+    }
+    if let Some(accepted) = report
+        .calibration
+        .as_ref()
+        .and_then(|c| c.accepted.as_ref())
+    {
+        outln!("  calibration accepted: {}", accepted.claim());
     }
     for file in report.log.files.iter().filter(|f| f.as_path() != out) {
         outln!("  and {}", file.display());

@@ -1,18 +1,25 @@
 //! `hydroline replay`: every frame of a log extracted again.
 
+use super::calibrated::UseArgs;
 use super::{CliError, Outcome, inputs, progress};
+use crate::calibrate::medium;
 use crate::log::LogReader;
 use crate::pose::run::PoseRun;
 use crate::replay::{Options, Report, replay};
+use hydroline_calib::Calibration;
 use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::calibration::MapParameters;
+use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::Rig;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Exit code 0: done; 3: profiles extracted live came out otherwise with the same rig and settings."
-)]
+#[command(after_help = "\
+Plane coordinates come from --calibration, else from the calibration in the log, else from the ideal camera of the
+rig's numbers; without a rig too they are left out.
+
+Exit code 0: done; 3: profiles extracted live came out otherwise with the same rig and settings.")]
 pub struct Args {
     /// Logs with images
     #[arg(required = true, value_name = "LOG")]
@@ -29,6 +36,8 @@ pub struct Args {
     /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
     #[arg(long)]
     whole_pixel: bool,
+    #[command(flatten)]
+    using: UseArgs,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -36,11 +45,12 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    let calibration = args.using.load()?;
     let targets = targets(args)?;
     let mut reports = Vec::new();
     let mut outcome = Outcome::Done;
     for (log, out) in &targets {
-        let (options, comparable) = options(args, log, rig.as_ref())?;
+        let (options, comparable) = options(args, log, rig.as_ref(), calibration.as_ref())?;
         let length = std::fs::metadata(log)
             .map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?
             .len();
@@ -93,7 +103,12 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
 
 /// Rig: from --rig, else from the log's head. A log without either is extracted without plane coordinates.
 /// True: rig and settings are those of the recording, so that live profiles must come out the same.
-fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<(Options, bool), CliError> {
+fn options(
+    args: &Args,
+    log: &Path,
+    rig: Option<&Rig>,
+    given: Option<&Calibration>,
+) -> Result<(Options, bool), CliError> {
     let reader = LogReader::open(log).map_err(CliError::run)?;
     let own = match rig {
         Some(_) => None,
@@ -112,25 +127,75 @@ fn options(args: &Args, log: &Path, rig: Option<&Rig>) -> Result<(Options, bool)
         .get("session")
         .is_some_and(|s| s.contains_key("replay.of"));
     let same_rig = rig.is_none_or(|r| reader.rig_toml() == Some(r.effective_toml.as_str()));
-    let comparable = same_rig && !args.whole_pixel && !is_replay;
     let rig = rig.or(own.as_ref());
-    if rig.is_none() {
-        eprintln!(
-            "hydroline: {}: no rig in the log and no --rig: profiles get no laser-plane coordinates",
-            log.display()
-        );
+    let logged = reader
+        .calibration_toml()
+        .map(|text| Calibration::from_toml(text, &format!("calibration in {}", log.display())))
+        .transpose()
+        .map_err(CliError::config)?;
+    let calibration = in_force(log, rig, logged.as_ref(), given);
+    let same_calibration = same_calibration(logged.as_ref(), calibration.as_ref());
+    let comparable = same_rig && same_calibration && !args.whole_pixel && !is_replay;
+    let run = args
+        .using
+        .medium
+        .or_else(|| medium::of_log(reader.metadata().get("session"), rig));
+    let warning = match (&calibration, run) {
+        (Some(calibration), Some(run)) => args.using.check(calibration, run)?,
+        _ => None,
+    };
+    if let Some(words) = warning {
+        eprintln!("hydroline: {}: {words}", log.display());
     }
     let mut options = Options {
         keep_images: args.keep_images,
         ..Options::default()
     };
     options.extractor.whole_pixel = args.whole_pixel;
-    options.map = rig.map(|rig| Arc::new(IdealMap::of(rig)) as _);
+    options.map = calibration.as_ref().map(|c| Arc::from(c.to_map()));
+    options.calibration_toml = calibration.as_ref().and_then(|c| c.to_toml().ok());
+    options.calibration = calibration.filter(|_| !same_calibration);
     options.poses = rig
         .zip(options.map.clone())
         .map(|(rig, map)| PoseRun::new(rig, map));
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
     Ok((options, comparable))
+}
+
+/// The calibration to use: the one named, the log's own, the rig's ideal camera, or none. Says what it is.
+fn in_force(
+    log: &Path,
+    rig: Option<&Rig>,
+    logged: Option<&Calibration>,
+    given: Option<&Calibration>,
+) -> Option<Calibration> {
+    let name = log.display();
+    // A log's ideal camera follows from its rig; under another rig it follows from that.
+    let made = |c: &&Calibration| !matches!(c.map, MapParameters::Ideal(_));
+    if let Some(calibration) = given.or(logged.filter(made)) {
+        return Some(calibration.clone());
+    }
+    let ideal = rig.map(|rig| IdealMap::of(rig).describe());
+    let ideal = ideal.or_else(|| logged.cloned());
+    match &ideal {
+        Some(_) => eprintln!(
+            "hydroline: {name}: no calibration: plane coordinates come from the ideal camera of the rig's numbers, their sd is that of the stripe alone"
+        ),
+        None => eprintln!(
+            "hydroline: {name}: no calibration and no rig in the log, no --calibration and no --rig: profiles get no laser-plane coordinates"
+        ),
+    }
+    ideal
+}
+
+/// Whether live profiles were computed with this calibration.
+fn same_calibration(logged: Option<&Calibration>, used: Option<&Calibration>) -> bool {
+    match (logged, used) {
+        (Some(logged), Some(used)) => logged == used,
+        // A log that says nothing was not written by `record`; its live profiles, if any, had the rig's map.
+        (None, Some(used)) => matches!(used.map, MapParameters::Ideal(_)),
+        (_, None) => true,
+    }
 }
 
 fn print_report(log: &Path, out: &Path, report: &Report) {

@@ -1,7 +1,10 @@
 //! `hydroline reproduce`: the paper's tables, computed and printed beside its numbers.
 
+use super::print::out;
 use super::{CliError, Outcome};
-use crate::reproduce::{Disturbed, JointAccuracy, Row, disturbed, joint_accuracy, table3};
+use crate::reproduce::{
+    CalibrationStudy, Disturbed, JointAccuracy, Row, disturbed, joint_accuracy, table3,
+};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum What {
@@ -13,6 +16,8 @@ enum What {
     Table5,
     /// All six degrees of freedom from single frames under all disturbances at once
     AllDofs,
+    /// Every map from image to laser plane on one synthetic rig, with the scallop of the literal ones
+    Calibration,
 }
 
 #[derive(Debug, clap::Args)]
@@ -26,7 +31,7 @@ pub struct Args {
     /// Frames for all-dofs
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..100_000), value_name = "N")]
     frames: u32,
-    /// Seed for all-dofs
+    /// Seed for all-dofs and calibration
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Prints one JSON object
@@ -49,6 +54,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 &cells,
                 || print_cells(&cells),
             );
+        }
+        What::Calibration => {
+            let study = CalibrationStudy::compute(args.seed).map_err(CliError::run)?;
+            print(args.json, "calibration", &study, || out!("{study}"));
         }
         What::AllDofs => {
             let found = joint_accuracy(args.frames as usize, args.seed).map_err(CliError::run)?;

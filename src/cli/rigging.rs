@@ -5,11 +5,11 @@ use crate::capture::sim::SimCamera;
 use crate::capture::v4l::system::KernelSystem;
 use crate::capture::{FrameSource, OpenOptions, V4lSource};
 use crate::clock::Clock;
-use crate::simulated::{CameraView, SimulatedVehicle};
+use crate::simulated::{BoardInView, CameraView, SimulatedVehicle};
 use crate::thruster::controller::{ControllerConfig, PtyController, SimController};
 use crate::thruster::ports::Roots;
 use crate::thruster::service::{Opener, serial_opener};
-use hydroline_rigs::{CameraBackend, LinkPort, Rig};
+use hydroline_rigs::{Board, CameraBackend, LinkPort, Rig};
 use hydroline_sim::Renderer;
 use std::sync::Arc;
 
@@ -27,6 +27,16 @@ pub struct Rigged {
 
 /// Opens what the rig names. `with_thrusters = false` leaves the line closed.
 pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<Rigged, CliError> {
+    open_with_board(rig, clock, with_thrusters, None)
+}
+
+/// The same with a calibration board in the sheet of a simulated camera; a real camera sees what is there.
+pub fn open_with_board(
+    rig: &Rig,
+    clock: &Arc<dyn Clock>,
+    with_thrusters: bool,
+    board: Option<&Board>,
+) -> Result<Rigged, CliError> {
     let simulated_line = with_thrusters && rig.thrusters.link.port == LinkPort::Sim;
     let simulated_camera = matches!(rig.camera.backend, CameraBackend::Sim);
     let vehicle = if simulated_camera || simulated_line {
@@ -43,12 +53,17 @@ pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<R
         .transpose()?;
     let (source, start_ns) = match (&rig.camera.backend, &vehicle) {
         (CameraBackend::Sim, Some(vehicle)) => {
-            let renderer = Renderer::new(rig).map_err(CliError::config)?;
-            let camera = SimCamera::new(
-                CameraView::new(vehicle.clone(), renderer),
-                &rig.camera,
-                clock.clone(),
-            );
+            let view = match board {
+                Some(board) => {
+                    let shown = BoardInView::new(rig, board, 0.0).map_err(CliError::config)?;
+                    CameraView::of_board(vehicle.clone(), shown)
+                }
+                None => {
+                    let renderer = Renderer::new(rig).map_err(CliError::config)?;
+                    CameraView::new(vehicle.clone(), renderer)
+                }
+            };
+            let camera = SimCamera::new(view, &rig.camera, clock.clone());
             let start_ns = camera.start_ns();
             (Box::new(camera) as Box<dyn FrameSource>, start_ns)
         }

@@ -4,7 +4,7 @@ use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::record::preflight::preflight;
 use crate::simulate::{Options, simulate};
-use hydroline_rigs::{Plan, Rig};
+use hydroline_rigs::{Board, Plan, Rig};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -31,6 +31,18 @@ pub struct Args {
     /// Goes on after the plan's last step (coasting)
     #[arg(long, value_parser = inputs::duration, default_value = "0s", value_name = "TIME")]
     tail: Duration,
+    /// Calibration board standing in the sheet instead of the tank, file or built-in name
+    #[arg(long, value_name = "BOARD", conflicts_with = "motion_only")]
+    show_board: Option<String>,
+    /// With --show-board: its face stands so far behind the sheet [m]; negative = in front
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        requires = "show_board",
+        value_name = "M"
+    )]
+    board_offset_m: f64,
     /// Free text for the log
     #[arg(long)]
     note: Option<String>,
@@ -43,6 +55,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = inputs::plan(&args.plan, &rig)?;
     inputs::new_file("--out", &args.out)?;
+    let board = args.show_board.as_deref().map(Board::load_or_builtin);
+    let board = board.transpose().map_err(CliError::config)?;
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -50,6 +64,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         attitude_noise_rad: args.attitude_noise_rad,
         tail_s: args.tail.as_secs_f64(),
         note: args.note.clone(),
+        board: board.map(|board| (board, args.board_offset_m)),
     };
     warn(&rig, &plan)?;
     let length_s = plan.duration_s() + options.tail_s;

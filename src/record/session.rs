@@ -3,6 +3,7 @@
 use crate::capture::SourceDescription;
 use crate::log::{Head, MetadataMap};
 use crate::water::refractive_index;
+use hydroline_calib::Medium;
 use hydroline_rigs::{Plan, Rig};
 use serde::Serialize;
 
@@ -20,6 +21,8 @@ pub struct Conditions {
     pub salinity_gpkg: Option<f64>,
     /// Extra ballast on the vehicle \[kg\].
     pub ballast_kg: Option<f64>,
+    /// Air, fresh or salt water; `None` = as temperature, salinity and rig say.
+    pub medium: Option<Medium>,
 }
 
 impl Conditions {
@@ -91,6 +94,9 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
     let conditions = input.conditions;
     if let Some(note) = &conditions.note {
         put("note", note.clone());
+    }
+    if let Some(medium) = conditions.medium {
+        put("medium", medium.name().to_owned());
     }
     let numbers = [
         ("water.temperature_c", conditions.water_temperature_c),

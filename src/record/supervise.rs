@@ -1,7 +1,7 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
 use super::newest::Newest;
-use super::{Job, RecordError, Shared, Status, keys::Keys, loads};
+use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads};
 use crate::event::Severity;
 use crate::log::messages;
 use crate::shutdown::StopReason;
@@ -250,6 +250,9 @@ impl Supervisor<'_> {
             skipped: self.shared.newest.skipped(),
             points: progress.points,
             bytes: log.bytes,
+            calibration: calibrating::lock(self.shared)
+                .as_ref()
+                .map(|c| c.line.clone()),
         }
     }
 }

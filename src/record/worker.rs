@@ -1,8 +1,9 @@
 //! The two threads around the camera: capture, which waits for nothing else, and analysis, which
 //! takes the newest frame when it has time.
 
-use super::{Job, RecordError, Shared, floor, newest::Taken};
+use super::{Job, RecordError, Shared, calibrating, floor, newest::Taken};
 use crate::analysis::Analyst;
+use crate::calibrate::live::Live;
 use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
 use crate::frame::Frame;
@@ -131,7 +132,11 @@ pub(super) fn analysis(
     job: &Job,
     map: Option<Arc<dyn PlaneMap>>,
 ) -> Result<JoinHandle<Option<()>>, RecordError> {
-    let mut poses = map.clone().map(|map| PoseRun::new(&job.rig, map));
+    let mut live = job.calibrate.clone().map(Live::new);
+    let ends = job.length.is_none() && job.plan.is_none();
+    // A board in the sheet is neither floor nor target.
+    let poses = map.clone().filter(|_| live.is_none());
+    let mut poses = poses.map(|map| PoseRun::new(&job.rig, map));
     let mut analyst = Analyst::new(job.extractor.clone(), map);
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
@@ -143,7 +148,10 @@ pub(super) fn analysis(
                     shared.recorder.profile(&profile);
                     let drawing = messages::stripe_annotations(&profile);
                     shared.recorder.annotations(&drawing);
-                    if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
+                    if let (Some(live), Some((image, _))) = (&mut live, &pixels) {
+                        let stamp_ns = frame.meta.mid_exposure_ns;
+                        calibrating::look(shared, live, image, stamp_ns, ends);
+                    } else if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
                         let at_ns = frame.meta.received_monotonic_ns;
                         *shared.floor.lock().unwrap_or_else(PoisonError::into_inner) =
                             Some((at_ns, floor));

@@ -48,6 +48,7 @@ pub fn job(rig: &Rig, plan: Option<Plan>, length_s: f64) -> Job {
         length: Some(Duration::from_secs_f64(length_s)),
         ready_within: Duration::from_secs(20),
         extractor: ExtractorConfig::default(),
+        calibrate: None,
     }
 }
 

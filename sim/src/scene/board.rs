@@ -60,6 +60,16 @@ pub struct BoardNode {
     pub plane_m: [f64; 3],
 }
 
+/// The light of a board after the point spread, before noise; made by and for one renderer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardPicture {
+    /// Grey levels, column after column.
+    light: Vec<f32>,
+    /// Values per column: image height and the point spread's surroundings.
+    rows: usize,
+    margin: usize,
+}
+
 /// Axis-aligned box in the board's own frame (xi, eta, up from the face).
 #[derive(Debug, Clone, Copy)]
 struct Cuboid {
@@ -96,6 +106,8 @@ impl Cuboid {
 /// A board in front of one camera.
 struct Stand<'a> {
     board: &'a Board,
+    /// Middles of the key's discs and their radius \[m\].
+    key: Option<([[f64; 2]; 3], f64)>,
     light: BoardLight,
     plate: Cuboid,
     blocks: Vec<Cuboid>,
@@ -127,6 +139,20 @@ impl Renderer {
         light: &BoardLight,
         frame_index: u64,
     ) -> Result<GreyPixels, SceneError> {
+        let picture = self.board_picture(board, placement, light)?;
+        Ok(self.develop_board(&picture, frame_index))
+    }
+
+    /// The light of a board that stands still: develop it into as many frames as wanted.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_board`].
+    pub fn board_picture(
+        &self,
+        board: &Board,
+        placement: &BoardPlacement,
+        light: &BoardLight,
+    ) -> Result<BoardPicture, SceneError> {
         check(board)?;
         let stand = self.stand(board, placement, *light);
         let shade = |u: f64, v: f64| stand.shade(u, v);
@@ -157,17 +183,25 @@ impl Renderer {
                 }
             })
             .collect();
-        let blurred = psf::blur(&picture, rows, &self.kernel);
+        Ok(BoardPicture {
+            light: psf::blur(&picture, rows, &self.kernel),
+            rows,
+            margin,
+        })
+    }
+
+    /// One frame of a board's light: ambient, noise, rounding.
+    pub fn develop_board(&self, picture: &BoardPicture, frame_index: u64) -> GreyPixels {
         let mut pixels = vec![0; self.width_px * self.height_px];
         self.develop(frame_index, &mut pixels, |row, line| {
             for (column, pixel) in line.iter_mut().enumerate() {
-                let light = blurred[column * rows + row + margin];
+                let light = picture.light[column * picture.rows + row + picture.margin];
                 *pixel = self
                     .noise
                     .pixel(frame_index, row, column, self.width_px, light);
             }
         });
-        Ok(GreyPixels(pixels))
+        GreyPixels(pixels)
     }
 
     /// Where every node of the board lies, in the image (whether inside or not) and in the laser plane.
@@ -250,6 +284,10 @@ impl Renderer {
         });
         Stand {
             board,
+            key: hydroline_calib::board::key(board).map(|key| {
+                let middles = key.cells.map(|c| hydroline_calib::board::cell_m(board, c));
+                (middles, 0.5 * key.diameter_m)
+            }),
             light,
             plate: Cuboid {
                 low: Vector3::new(-hx, -hy, -board.thickness_m),
@@ -387,6 +425,14 @@ impl Stand<'_> {
                 let parity = i.floor() as i64 + j.floor() as i64;
                 inside(i, board.columns) && inside(j, board.rows) && parity.rem_euclid(2) == 0
             }
+        };
+        // The key's discs are dark; on a chessboard they take the other colour of their square.
+        let on_key = self.key.is_some_and(|(middles, radius)| {
+            middles.iter().any(|m| (x - m[0]).hypot(y - m[1]) <= radius)
+        });
+        let dark = match board.pattern {
+            BoardPattern::Chessboard => dark != on_key,
+            _ => dark || on_key,
         };
         if dark { BLACK } else { WHITE }
     }

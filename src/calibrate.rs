@@ -1,0 +1,325 @@
+//! From images of a board to a calibration: offline over images and logs, and live in the daemon.
+//!
+//! The crate `calib` detects, fits and judges; this module adds what the rig knows (where the camera
+//! stands, how thick the sheet is, what size of misfit matters) and sorts frames into poses of the board.
+//! No I/O and no clock: images in, words and messages out.
+//!
+//! - [`Setup`]: what is looked for and under which conditions;
+//! - [`see`]: one image; [`Pose`], [`Poses`]: what many images of a standing board say together;
+//! - [`live`]: the same frame by frame while recording; [`message`]: as the log holds it;
+//! - [`medium`]: air, fresh or salt water, and what may be used where.
+
+pub mod live;
+pub mod medium;
+pub mod message;
+mod place;
+
+pub use place::PlacedBy;
+
+use crate::frame::GreyImage;
+use hydroline_calib::board::coplanarity::{Coplanarity, GaugeOptions, measure};
+use hydroline_calib::calibration::board_map::{Placement, Provenance};
+use hydroline_calib::detect::{Detection, Grey, NotFound, detect, detect_quick};
+use hydroline_calib::map::refractive::Known;
+use hydroline_calib::map::{FitOptions, Method, Node, RefractivePrior, fit};
+use hydroline_calib::online::{OnlineCalibration, OnlineOptions, Status};
+use hydroline_calib::{Calibration, ImageSize, Medium};
+use hydroline_rigs::{Board, Rig};
+use std::collections::HashMap;
+
+/// The map may spend a quarter of what the rig tolerates: pose and stripe need the rest.
+const SHARE_OF_TOLERANCE: f64 = 0.25;
+/// Tolerance of a map without a rig \[m\]: a quarter of the rig file's default of 2 mm.
+const TOLERANCE_M: f64 = 0.5e-3;
+/// A median move of more than this \[px\] is another pose of the board.
+const MOVED_PX: f64 = 0.5;
+/// How well the sheet's thickness is known beforehand, of itself.
+const SHEET_SIGMA_SD: f64 = 0.1;
+
+/// What the flat port is like, as far as a ruler tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Port {
+    /// Entrance pupil to the port's inner face \[m\].
+    pub distance_m: f64,
+    /// Its thickness \[m\].
+    pub glass_m: f64,
+}
+
+impl Default for Port {
+    fn default() -> Self {
+        Port {
+            distance_m: 0.03,
+            glass_m: 0.01,
+        }
+    }
+}
+
+/// What is looked for, and under which conditions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// The board in the sheet.
+    pub board: Board,
+    /// Map to fit.
+    pub method: Method,
+    /// What the light goes through.
+    pub medium: Medium,
+    /// The rig, if known: without one nothing is said about the board's distance from the sheet.
+    pub rig: Option<Rig>,
+    /// Where the board's middle stands, if someone measured it.
+    pub at: Option<Placement>,
+    /// Port of a `refractive` map.
+    pub port: Port,
+    /// Frames at least before a calibration is accepted.
+    pub frames: u32,
+    /// A gap between board and sheet that nobody measured is accepted (a board without blocks).
+    pub accept_unknown_gap: bool,
+}
+
+impl Setup {
+    /// A setup with a homography map, accepted after 5 frames.
+    pub fn new(board: Board, medium: Medium, rig: Option<Rig>) -> Self {
+        Setup {
+            board,
+            method: Method::Homography,
+            medium,
+            rig,
+            at: None,
+            port: Port::default(),
+            frames: 5,
+            accept_unknown_gap: false,
+        }
+    }
+
+    /// Largest standard deviation of the map that is accepted \[m\].
+    pub fn tolerance_m(&self) -> f64 {
+        self.rig.as_ref().map_or(TOLERANCE_M, |rig| {
+            SHARE_OF_TOLERANCE * rig.tolerance.position_m
+        })
+    }
+
+    fn fit_options(&self) -> FitOptions {
+        FitOptions {
+            image: self.rig.as_ref().map(|rig| ImageSize::of(&rig.camera)),
+            refractive: self.rig.as_ref().map(|rig| self.prior(rig)),
+        }
+    }
+
+    /// What the rig file and a ruler know of camera, port and water before the fit.
+    fn prior(&self, rig: &Rig) -> RefractivePrior {
+        let n_water = match self.medium {
+            Medium::Air => Known::new(1.0003, 0.0003),
+            Medium::Fresh => Known::new(1.3350, 0.0015), // 532 nm, 0-30 degC (Quan and Fry 1995)
+            Medium::Salt => Known::new(1.3415, 0.0020),
+        };
+        // A rig without water of its own states the focal length as it works in the tank.
+        let in_air = if rig.tank.n_water > 1.1 {
+            rig.camera.fx_px
+        } else {
+            rig.camera.fx_px / n_water.value
+        };
+        RefractivePrior {
+            focal_px: Known::new(in_air, 0.05 * in_air),
+            cx_px: Known::new(rig.camera.cx_px, 0.02 * f64::from(rig.camera.width_px)),
+            cy_px: Known::new(rig.camera.cy_px, 0.02 * f64::from(rig.camera.width_px)),
+            port_distance_m: Known::new(self.port.distance_m, 0.3 * self.port.distance_m),
+            port_tilt_rad: Known::new(0.0, 0.01),
+            glass_m: self.port.glass_m,
+            n_glass: 1.49, // acrylic
+            n_water,
+            k1: Known::new(0.0, 0.3),
+            k2: Known::new(0.0, 0.3),
+        }
+    }
+
+    fn online(&self) -> OnlineCalibration {
+        let options = OnlineOptions {
+            method: self.method,
+            fit: self.fit_options(),
+            tolerance_m: self.tolerance_m(),
+            frames: self.frames,
+            accept_unknown_gap: self.accept_unknown_gap,
+            ..OnlineOptions::default()
+        };
+        OnlineCalibration::new(self.board.clone(), options)
+    }
+
+    /// The gap where nobody could measure it.
+    fn unknown_gap(&self, placement: &Placement) -> Coplanarity {
+        match &self.rig {
+            Some(rig) => Coplanarity::unknown("not looked at", place::camera_m(rig, placement)),
+            None => {
+                // As far away as the board is large: the usual proportion.
+                let far = 0.5 * f64::from(self.board.rows) * self.board.pitch_m + 0.1;
+                Coplanarity::unknown("no rig says where the camera stands", [0.0, far, far])
+            }
+        }
+    }
+}
+
+/// A board seen in one image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    /// Its nodes.
+    pub detection: Detection,
+    /// Board against sheet, as far as this image shows it.
+    pub gap: Option<Coplanarity>,
+}
+
+/// Looks for the board in one image; `reason` = also find out why there is none (several times as long).
+///
+/// # Errors
+/// [`NotFound`]: the reason, or just that there is none.
+pub fn see(setup: &Setup, image: &GreyImage, reason: bool) -> Result<Sighting, NotFound> {
+    let Some(grey) = Grey::new(image.width_px, image.height_px, &image.pixels) else {
+        return Err(NotFound::Empty {
+            width: image.width_px,
+            height: image.height_px,
+            range: 0.0,
+        });
+    };
+    let found = if reason {
+        detect(&grey, &setup.board)
+    } else {
+        detect_quick(&grey, &setup.board)
+    };
+    let detection = found?;
+    let gap = setup.rig.as_ref().and_then(|rig| {
+        let nodes = detection.nodes();
+        let options = FitOptions {
+            image: Some(ImageSize::of(&rig.camera)),
+            refractive: None,
+        };
+        let map = fit(Method::Homography, &nodes, &options).ok()?;
+        let (placement, _) = place::place(setup, &nodes, None);
+        let options = GaugeOptions {
+            camera_m: place::camera_m(rig, &placement),
+            sheet_sigma_m: [rig.laser.sigma_m, SHEET_SIGMA_SD * rig.laser.sigma_m],
+            blur_px: detection.blur_px,
+        };
+        Some(measure(&grey, &setup.board, &map, &options))
+    });
+    Ok(Sighting { detection, gap })
+}
+
+/// One pose of the board: what all images of it say together.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    online: OnlineCalibration,
+    status: Option<Status>,
+    /// The newest detection.
+    last: Option<Detection>,
+}
+
+impl Pose {
+    /// Nothing seen yet.
+    pub fn new(setup: &Setup) -> Self {
+        Pose {
+            online: setup.online(),
+            status: None,
+            last: None,
+        }
+    }
+
+    /// Takes one image's board; a board that moved starts the average anew.
+    pub fn push(&mut self, sighting: Sighting) -> &Status {
+        let status = self.online.push(&sighting.detection, sighting.gap);
+        self.last = Some(sighting.detection);
+        self.status.insert(status)
+    }
+
+    /// Where it stands; `None` before the first image.
+    pub fn status(&self) -> Option<&Status> {
+        self.status.as_ref()
+    }
+
+    /// The newest detection.
+    pub fn last(&self) -> Option<&Detection> {
+        self.last.as_ref()
+    }
+
+    /// Averaged nodes.
+    pub fn nodes(&self) -> Vec<Node> {
+        self.online.nodes()
+    }
+
+    /// The calibration as it stands and what places it; `None` before a map fits.
+    /// `date`: RFC 3339.
+    pub fn calibration(&self, setup: &Setup, date: String) -> Option<(Calibration, PlacedBy)> {
+        let made = |placement: Placement| {
+            self.online.calibration(Provenance {
+                medium: setup.medium,
+                date: Some(date.clone()),
+                board: setup.board.name.clone(),
+                coplanarity: setup.unknown_gap(&placement),
+                placement,
+            })
+        };
+        // The gap moves the nodes a little: placed once more with what was measured.
+        let (placement, _) = place::place(setup, &self.nodes(), None);
+        let gap = made(placement)?.coplanarity;
+        let (placement, by) = place::place(setup, &self.nodes(), gap.as_ref());
+        Some((made(placement)?, by))
+    }
+
+    /// Median distance \[px\] of a detection's nodes from the average; `None` without common nodes.
+    fn distance_px(&self, detection: &Detection) -> Option<f64> {
+        // Both sides take node coordinates from the same formula: equal nodes have equal bits.
+        let key = |n: &Node| (n.xi_m.to_bits(), n.eta_m.to_bits());
+        let known: HashMap<_, _> = self.nodes().iter().map(|n| (key(n), *n)).collect();
+        let mut moved: Vec<f64> = detection
+            .nodes
+            .iter()
+            .filter_map(|n| {
+                let old = known.get(&key(&n.node))?;
+                Some((old.column_px - n.node.column_px).hypot(old.row_px - n.node.row_px))
+            })
+            .collect();
+        moved.sort_by(f64::total_cmp);
+        moved.get(moved.len() / 2).copied()
+    }
+}
+
+/// Images sorted by the pose of the board.
+#[derive(Debug, Clone, Default)]
+pub struct Poses {
+    /// In order of first appearance.
+    pub poses: Vec<Pose>,
+}
+
+impl Poses {
+    /// Takes one image's board to the pose it shows; answers with that pose's index.
+    pub fn push(&mut self, setup: &Setup, sighting: Sighting) -> usize {
+        let known = self.poses.iter().position(|pose| {
+            pose.distance_px(&sighting.detection)
+                .is_some_and(|d| d <= MOVED_PX)
+        });
+        let index = known.unwrap_or_else(|| {
+            self.poses.push(Pose::new(setup));
+            self.poses.len() - 1
+        });
+        self.poses[index].push(sighting);
+        index
+    }
+
+    /// The pose with the most nodes times images: the one to calibrate with.
+    pub fn best(&self) -> Option<usize> {
+        let worth = |pose: &Pose| {
+            pose.status()
+                .map_or((0, 0), |s| (s.nodes, s.frames as usize))
+        };
+        (0..self.poses.len()).max_by_key(|&k| {
+            let (nodes, frames) = worth(&self.poses[k]);
+            // Of equals the first.
+            (nodes * frames.min(25), usize::MAX - k)
+        })
+    }
+}
+
+/// UNIX nanoseconds as RFC 3339, whole seconds, UTC.
+pub fn rfc3339(unix_ns: u64) -> String {
+    let at = std::time::UNIX_EPOCH + std::time::Duration::from_nanos(unix_ns);
+    humantime::format_rfc3339_seconds(at).to_string()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,155 @@
+use super::*;
+use crate::event::Severity;
+use hydroline_calib::detect::synthetic::{LaserSheet, Scene, View, render};
+use hydroline_calib::study::truth::Rig as Truth;
+use live::Live;
+
+/// The board of the dimension tests: 7 x 7 lines, three blocks, all in view.
+fn board() -> Board {
+    let block = |x: f64, y: f64| {
+        format!("[[block]]\ncentre_m = [{x}, {y}]\nsize_m = [0.03, 0.03]\nheight_m = 0.01\n")
+    };
+    let text = format!(
+        "name = \"seven\"\npattern = \"lines\"\nline_m = 0.002\ncolumns = 7\nrows = 7\npitch_m = 0.05\nmargin_m = 0.025\nthickness_m = 0.006\n{}{}{}",
+        block(-0.125, -0.075),
+        block(0.125, -0.075),
+        block(0.025, 0.125)
+    );
+    Board::from_toml(&text, "seven").unwrap()
+}
+
+/// The built-in rig with the field of view of the study's camera in air.
+fn rig() -> Rig {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    let truth = Truth::in_air();
+    (rig.camera.fx_px, rig.camera.fy_px) = (truth.focal_px, truth.focal_px);
+    (rig.camera.cx_px, rig.camera.cy_px) = (truth.centre_px[0], truth.centre_px[1]);
+    rig
+}
+
+fn image(eta_m: f64, seed: u64) -> GreyImage {
+    let scene = Scene {
+        greys: [120.0, 15.0, 40.0],
+        laser: Some(LaserSheet {
+            offset_m: 1e-3,
+            tilt_xi: 0.0,
+            tilt_eta: 0.0,
+            sigma_m: 0.002,
+            peak: 110.0,
+            apex_m: 0.68 - eta_m,
+        }),
+        seed,
+        ..Scene::default()
+    };
+    GreyImage {
+        width_px: 720,
+        height_px: 576,
+        pixels: render(&board(), &View::behind_port(Truth::in_air(), eta_m), &scene),
+    }
+}
+
+fn blank() -> GreyImage {
+    GreyImage {
+        width_px: 720,
+        height_px: 576,
+        pixels: vec![90; 720 * 576],
+    }
+}
+
+fn setup() -> Setup {
+    Setup {
+        frames: 2,
+        ..Setup::new(board(), Medium::Air, Some(rig()))
+    }
+}
+
+#[test]
+fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
+    let setup = setup();
+    let mut poses = Poses::default();
+    for (k, eta_m) in [0.0, 0.0, -0.04].into_iter().enumerate() {
+        let seen = see(&setup, &image(eta_m, k as u64), true).unwrap();
+        poses.push(&setup, seen);
+    }
+    assert_eq!(poses.poses.len(), 2);
+    assert_eq!(poses.best(), Some(0));
+    for (pose, eta_m) in poses.poses.iter().zip([0.0, -0.04]) {
+        let (calibration, by) = pose.calibration(&setup, rfc3339(0)).unwrap();
+        let p = calibration.placement.unwrap();
+        // 1 mm off the sheet, measured by the blocks to 0.3 mm, shifts eta by as much.
+        assert!(
+            p.xi_m.abs() < 2e-4 && (p.eta_m - eta_m).abs() < 5e-4,
+            "{p:?}"
+        );
+        assert!(p.turn_rad.abs() < 1e-3);
+        assert!(
+            matches!(by, PlacedBy::Rig { rms_m } if rms_m < 1e-3),
+            "{by:?}"
+        );
+        let Some(Coplanarity::Measured(gap)) = calibration.gap() else {
+            panic!("{:?}", calibration.gap())
+        };
+        assert!((gap.offset_m - 1e-3).abs() < 3e-4, "{}", gap.offset_m);
+        assert_eq!(calibration.date.as_deref(), Some("1970-01-01T00:00:00Z"));
+    }
+}
+
+#[test]
+fn what_a_person_measured_stands_and_without_a_rig_nothing_is_claimed() {
+    let at = Placement {
+        xi_m: 0.1,
+        eta_m: -0.2,
+        turn_rad: 0.0,
+    };
+    let setup = Setup {
+        at: Some(at),
+        rig: None,
+        ..setup()
+    };
+    let mut pose = Pose::new(&setup);
+    let status = pose
+        .push(see(&setup, &image(0.0, 1), true).unwrap())
+        .clone();
+    assert!(!status.accepted);
+    let (calibration, by) = pose.calibration(&setup, rfc3339(0)).unwrap();
+    assert_eq!((calibration.placement, by), (Some(at), PlacedBy::Given));
+    assert!(
+        calibration.claim().contains("withdrawn"),
+        "{}",
+        calibration.claim()
+    );
+}
+
+#[test]
+fn live_says_why_there_is_no_board_then_what_is_missing_then_accepts_once() {
+    let mut live = Live::new(setup());
+    let second = 1_000_000_000;
+    let look = live.look(&blank(), second);
+    assert_eq!(look.events.len(), 1);
+    assert_eq!(look.events[0].severity, Severity::Warning);
+    assert!(
+        look.events[0].message.contains("empty"),
+        "{:?}",
+        look.events
+    );
+    // The same reason is not told with every frame.
+    assert_eq!(live.look(&blank(), 2 * second).events, []);
+    let first = live.look(&image(0.0, 1), 3 * second);
+    let progress = first.progress.unwrap();
+    assert_eq!(progress.state, message::MEASURING);
+    assert!(progress.toml.is_empty() && !progress.missing.is_empty());
+    assert_eq!(progress.covered.len(), 9);
+    assert!(!first.accepted && live.accepted().is_none());
+    assert!(
+        live.missing().contains("1 of 2 frames"),
+        "{}",
+        live.missing()
+    );
+    let last = live.look(&image(0.0, 2), 4 * second);
+    assert!(last.accepted, "{}", live.missing());
+    let told = last.progress.unwrap();
+    assert_eq!(told.state, message::ACCEPTED);
+    let stored = Calibration::from_toml(&told.toml, "log").unwrap();
+    assert_eq!(Some(&stored), live.accepted());
+    assert_eq!(live.look(&image(0.0, 3), 5 * second), live::Look::default());
+}

@@ -1,0 +1,263 @@
+//! `hydroline calibrate`: images of a board become the map from image to laser plane.
+
+mod collect;
+mod picture;
+mod report;
+
+use super::print::{out, outln};
+use super::{CliError, Outcome, inputs};
+use crate::calibrate::{Port, Setup, medium, rfc3339};
+use crate::clock::{Clock, SystemClock};
+use crate::log::LogReader;
+use collect::{Collected, Source};
+use hydroline_calib::calibration::board_map::Placement;
+use hydroline_calib::calibration::compare::compare;
+use hydroline_calib::map::Method;
+use hydroline_calib::{Calibration, Medium};
+use hydroline_rigs::{Board, Rig};
+use report::{Against, Report};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The board stands in the laser sheet and does not move; images of another pose are fitted apart and compared.
+Methods: homography (lens and perspective; the default), refractive (flat port by Snell's law), and the literal
+Wang-Cheng maps graticule, bilinear, affine, and rectified-graticule; `hydroline reproduce calibration` compares them.
+
+Exit codes: 0 done; 1 no calibration; 2 bad arguments; 3 done, but some of the given images were refused.
+
+  hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
+  hydroline calibrate calib-run.mcap --board dots-50 --out calib.toml --against last-week.toml")]
+pub struct Args {
+    /// Logs (.mcap) or images (PNG, JPEG) of the board
+    #[arg(required = true, value_name = "LOG|IMAGE")]
+    inputs: Vec<PathBuf>,
+    /// Board file or built-in name
+    #[arg(long, value_name = "BOARD")]
+    board: String,
+    /// Calibration to write
+    #[arg(long, value_name = "CALIB.toml")]
+    out: PathBuf,
+    /// Map to fit
+    #[arg(long, default_value = "homography", value_parser = method, value_name = "METHOD")]
+    method: Method,
+    /// Rig file or built-in name: where the camera stands, thickness of the sheet, tolerance; default: the log's
+    #[arg(long, value_name = "RIG")]
+    rig: Option<String>,
+    /// What the light went through: air, fresh or salt; default: what log or rig say
+    #[arg(long, value_parser = medium::from_name, value_name = "MEDIUM")]
+    medium: Option<Medium>,
+    /// Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts
+    #[arg(long, value_parser = placement, allow_hyphen_values = true, value_name = "XI,ETA[,DEG]")]
+    at: Option<Placement>,
+    /// For refractive: entrance pupil to the port's inner face [m]
+    #[arg(long, default_value_t = Port::default().distance_m, value_parser = inputs::not_negative, value_name = "M")]
+    port_distance_m: f64,
+    /// For refractive: thickness of the port [m]
+    #[arg(long, default_value_t = Port::default().glass_m, value_parser = inputs::not_negative, value_name = "M")]
+    port_glass_m: f64,
+    /// Counts a board without gauge blocks as accepted; the claim stays withdrawn
+    #[arg(long)]
+    accept_unknown_gap: bool,
+    /// Takes every N-th frame of a log
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
+    every: u32,
+    /// Older calibration to compare with: drift, or another board or pose; may be repeated
+    #[arg(long, value_name = "OLD.toml")]
+    against: Vec<PathBuf>,
+    /// Writes the first image used with its nodes drawn in (green; red: not found)
+    #[arg(long, value_name = "PNG")]
+    annotate: Option<PathBuf>,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn method(name: &str) -> Result<Method, String> {
+    Method::from_name(name).ok_or_else(|| {
+        let names: Vec<_> = Method::ALL.iter().map(|m| m.name()).collect();
+        format!("'{name}' is none of {}", names.join(", "))
+    })
+}
+
+pub(super) fn placement(text: &str) -> Result<Placement, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite()))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    let (xi_m, eta_m, turn_deg) = match numbers[..] {
+        [xi, eta] => (xi, eta, 0.0),
+        [xi, eta, turn] => (xi, eta, turn),
+        _ => {
+            return Err(format!(
+                "'{text}' is not XI,ETA or XI,ETA,DEG, e.g. 0.0,-0.12"
+            ));
+        }
+    };
+    if xi_m.abs() > 40.0 || eta_m.abs() > 40.0 {
+        return Err(format!("'{text}': metres, within 40 m"));
+    }
+    Ok(Placement {
+        xi_m,
+        eta_m,
+        turn_rad: turn_deg.to_radians(),
+    })
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let board = Board::load_or_builtin(&args.board).map_err(CliError::config)?;
+    inputs::new_file("--out", &args.out)?;
+    if let Some(path) = &args.annotate {
+        inputs::new_file("--annotate", path)?;
+    }
+    let old: Vec<(&Path, Calibration)> = args
+        .against
+        .iter()
+        .map(|path| Ok((path.as_path(), Calibration::load(path)?)))
+        .collect::<Result<_, _>>()
+        .map_err(|e: hydroline_calib::CalibError| CliError::config(e))?;
+    let sources = collect::sources(&args.inputs)?;
+    let (rig, medium) = circumstances(args, &sources)?;
+    let setup = Setup {
+        method: args.method,
+        at: args.at,
+        port: Port {
+            distance_m: args.port_distance_m,
+            glass_m: args.port_glass_m,
+        },
+        frames: 1,
+        accept_unknown_gap: args.accept_unknown_gap,
+        ..Setup::new(board, medium, rig)
+    };
+    let collected = collect::collect(&setup, &sources, args.every)?;
+    finish(args, &setup, &collected, &old)
+}
+
+/// Rig and medium, from the arguments, else from the first log.
+fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium), CliError> {
+    let mut rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    let mut told = args.medium;
+    let log = sources.iter().find_map(|s| match s {
+        Source::Log(path) => Some(path),
+        Source::Image(_) => None,
+    });
+    if let Some(path) = log {
+        let reader = LogReader::open(path).map_err(CliError::run)?;
+        if rig.is_none()
+            && let Some(text) = reader.rig_toml()
+        {
+            let name = format!("rig in {}", path.display());
+            rig = Some(Rig::from_toml(text, &name, None).map_err(CliError::config)?);
+        }
+        told = told.or_else(|| medium::of_log(reader.metadata().get("session"), rig.as_ref()));
+    }
+    let medium = told.or_else(|| rig.as_ref().map(medium::of_rig));
+    let medium = medium.unwrap_or_else(|| {
+        eprintln!(
+            "hydroline: nobody said what the light went through: air is assumed; --medium fresh or salt says otherwise"
+        );
+        Medium::Air
+    });
+    Ok((rig, medium))
+}
+
+/// Fits, compares, writes and reports.
+fn finish(
+    args: &Args,
+    setup: &Setup,
+    collected: &Collected,
+    old: &[(&Path, Calibration)],
+) -> Result<Outcome, CliError> {
+    let poses = &collected.poses;
+    let Some(best) = poses.best() else {
+        return Err(CliError::Run(format!(
+            "no board '{}' in {} images{}",
+            setup.board.name,
+            collected.looked,
+            collected.reasons()
+        )));
+    };
+    let at_ns = collected
+        .last_ns
+        .unwrap_or_else(|| SystemClock.triple().realtime_ns);
+    let date = rfc3339(at_ns);
+    let (Some((calibration, placed_by)), Some(status)) = (
+        poses.poses[best].calibration(setup, date.clone()),
+        poses.poses[best].status(),
+    ) else {
+        let missing = poses.poses[best]
+            .status()
+            .map(|s| s.missing.join("; "))
+            .unwrap_or_default();
+        return Err(CliError::Run(format!(
+            "the nodes make no {} map: {missing}",
+            setup.method.name()
+        )));
+    };
+    let others = (0..poses.poses.len()).filter(|&k| k != best).map(|k| {
+        let other = poses.poses[k].calibration(setup, date.clone());
+        Against {
+            name: format!("pose {} of the board", k + 1),
+            made: String::new(),
+            as_is: None,
+            // Two poses hang at two places: only their shapes can be compared.
+            aligned: other.and_then(|(other, _)| compare(&calibration, &other, true)),
+        }
+    });
+    let mut against: Vec<Against> = others.collect();
+    against.extend(old.iter().map(|(path, old)| Against {
+        name: path.display().to_string(),
+        made: report::provenance(old),
+        as_is: compare(old, &calibration, false),
+        aligned: compare(old, &calibration, true),
+    }));
+    let report = Report {
+        out: &args.out,
+        setup,
+        collected,
+        best,
+        calibration: &calibration,
+        placed_by,
+        status,
+        against: &against,
+    };
+    let text = report.file().map_err(CliError::run)?;
+    std::fs::write(&args.out, text).map_err(|e| {
+        CliError::Run(format!(
+            "{}: {e}; check that the folder is writable",
+            args.out.display()
+        ))
+    })?;
+    if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
+        picture::annotate(setup, image, &calibration)
+            .save(path)
+            .map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
+    }
+    if args.json {
+        outln!("{}", report.json());
+    } else {
+        out!("{report}");
+    }
+    Ok(if collected.refused_images > 0 {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_read_as_people_write_them() {
+        let p = placement("0.01, -0.12,3").unwrap();
+        assert_eq!((p.xi_m, p.eta_m), (0.01, -0.12));
+        assert!((p.turn_rad - 3f64.to_radians()).abs() < 1e-15);
+        for bad in ["", "1", "1,2,3,4", "a,b", "nan,0", "100,0"] {
+            assert!(placement(bad).is_err(), "{bad}");
+        }
+        assert!(method("graticula").unwrap_err().contains("graticule"));
+    }
+}

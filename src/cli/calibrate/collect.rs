@@ -1,0 +1,242 @@
+//! Boards out of images and logs.
+
+use crate::calibrate::{Poses, Setup, see};
+use crate::cli::{CliError, progress};
+use crate::frame::{Frame, GreyImage};
+use crate::log::{LogReader, Record};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Frames looked at together.
+const BATCH: usize = 32;
+/// In a log every so many frames a missing board is asked for its reason.
+const REASON_EVERY: u64 = 25;
+/// How an MCAP file begins.
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+
+/// One argument.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// A log.
+    Log(PathBuf),
+    /// An image file.
+    Image(PathBuf),
+}
+
+/// Logs and images told apart by how they begin.
+pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
+    let kind = |path: &PathBuf| {
+        let mut start = Vec::new();
+        std::fs::File::open(path)
+            .and_then(|f| f.take(MCAP_MAGIC.len() as u64).read_to_end(&mut start))
+            .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
+        Ok(if start == MCAP_MAGIC {
+            Source::Log(path.clone())
+        } else {
+            Source::Image(path.clone())
+        })
+    };
+    paths.iter().map(kind).collect()
+}
+
+/// All boards seen.
+#[derive(Debug, Default)]
+pub struct Collected {
+    /// By pose of the board.
+    pub poses: Poses,
+    /// The first image of each pose.
+    pub shown: Vec<GreyImage>,
+    /// Images and frames looked at.
+    pub looked: u64,
+    /// With the board.
+    pub found: u64,
+    /// Image files (not frames of logs) that were refused.
+    pub refused_images: u64,
+    /// How often which reason, numbers left out.
+    pub refused: BTreeMap<String, u64>,
+    /// Stamp of the newest frame with a board, UNIX \[ns\]; `None` for image files.
+    pub last_ns: Option<u64>,
+    /// Width and height of the first image \[px\].
+    size: Option<(usize, usize)>,
+}
+
+impl Collected {
+    /// The reasons, most frequent first, to stand after a count.
+    pub fn reasons(&self) -> String {
+        let mut reasons: Vec<_> = self.refused.iter().collect();
+        reasons.sort_by_key(|(words, n)| (std::cmp::Reverse(**n), (*words).clone()));
+        let list: Vec<String> = reasons.iter().map(|(w, n)| format!("{n} x {w}")).collect();
+        if list.is_empty() {
+            String::new()
+        } else {
+            format!(": {}", list.join("; "))
+        }
+    }
+
+    /// All images must come from one camera, the rig's where one is named.
+    fn check_size(&mut self, setup: &Setup, image: &GreyImage) -> Result<(), String> {
+        let size = (image.width_px, image.height_px);
+        let (wanted, whose) = match &setup.rig {
+            Some(rig) => (
+                (rig.camera.width_px as usize, rig.camera.height_px as usize),
+                "the rig's camera delivers",
+            ),
+            None => (*self.size.get_or_insert(size), "the first image has"),
+        };
+        if size == wanted {
+            return Ok(());
+        }
+        Err(format!(
+            "the image has {} x {} px, {whose} {} x {}",
+            size.0, size.1, wanted.0, wanted.1
+        ))
+    }
+
+    fn refuse(&mut self, words: &str) {
+        let reason: String = words
+            .split([';', ','])
+            .next()
+            .unwrap_or_default()
+            .chars()
+            .filter(|c| !c.is_ascii_digit())
+            .collect();
+        *self.refused.entry(reason).or_default() += 1;
+    }
+
+    fn take(&mut self, setup: &Setup, looked: Looked) -> Result<(), String> {
+        self.looked += 1;
+        let (image, sighting) = looked?;
+        self.check_size(setup, &image)?;
+        self.found += 1;
+        let pose = self.poses.push(setup, sighting);
+        if pose == self.shown.len() {
+            self.shown.push(image);
+        }
+        Ok(())
+    }
+}
+
+type Looked = Result<(GreyImage, crate::calibrate::Sighting), String>;
+
+fn look(setup: &Setup, image: Result<GreyImage, String>, reason: bool) -> Looked {
+    let image = image?;
+    match see(setup, &image, reason) {
+        Ok(sighting) => Ok((image, sighting)),
+        Err(why) => Err(why.to_string()),
+    }
+}
+
+/// Looks for the board everywhere. Refused image files are named on stderr.
+pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collected, CliError> {
+    let mut collected = Collected::default();
+    let logs = sources.iter().any(|s| matches!(s, Source::Log(_)));
+    let length = if logs { 0 } else { sources.len() as u64 };
+    let bar = progress::bar(length, "images");
+    for batch in batches(sources) {
+        match batch {
+            Batch::Images(paths) => {
+                let looked: Vec<Looked> = paths
+                    .par_iter()
+                    .map(|path| look(setup, load(path), true))
+                    .collect();
+                for (path, looked) in paths.iter().zip(looked) {
+                    if let Err(words) = collected.take(setup, looked) {
+                        bar.suspend(|| eprintln!("hydroline: {}: {words}", path.display()));
+                        collected.refuse(&words);
+                        collected.refused_images += 1;
+                    }
+                }
+                bar.set_position(collected.looked);
+            }
+            Batch::Log(path) => log(setup, path, every, &mut collected, &bar)?,
+        }
+    }
+    bar.finish_and_clear();
+    Ok(collected)
+}
+
+enum Batch<'a> {
+    Images(Vec<&'a Path>),
+    Log(&'a Path),
+}
+
+/// Images that follow each other together, logs one by one.
+fn batches(sources: &[Source]) -> Vec<Batch<'_>> {
+    let mut batches: Vec<Batch<'_>> = Vec::new();
+    for source in sources {
+        match (source, batches.last_mut()) {
+            (Source::Image(path), Some(Batch::Images(paths))) if paths.len() < BATCH => {
+                paths.push(path);
+            }
+            (Source::Image(path), _) => batches.push(Batch::Images(vec![path])),
+            (Source::Log(path), _) => batches.push(Batch::Log(path)),
+        }
+    }
+    batches
+}
+
+fn log(
+    setup: &Setup,
+    path: &Path,
+    every: u32,
+    collected: &mut Collected,
+    bar: &indicatif::ProgressBar,
+) -> Result<(), CliError> {
+    let mut frames: Vec<(u64, Frame)> = Vec::with_capacity(BATCH);
+    let mut index = 0u64;
+    let mut flush = |frames: &mut Vec<(u64, Frame)>| {
+        let looked: Vec<Looked> = frames
+            .par_iter()
+            .map(|(k, frame)| {
+                if let Some(fault) = frame.meta.fault {
+                    let name = crate::log::messages::fault_name(fault);
+                    return Err(format!("frame excluded: {name}"));
+                }
+                let grey = frame.to_grey().map_err(|e| e.to_string());
+                look(setup, grey, k % REASON_EVERY == 0)
+            })
+            .collect();
+        for ((_, frame), looked) in frames.drain(..).zip(looked) {
+            match collected.take(setup, looked) {
+                Ok(()) => {
+                    collected.last_ns = collected.last_ns.max(Some(frame.meta.mid_exposure_ns))
+                }
+                Err(words) => collected.refuse(&words),
+            }
+        }
+        bar.set_position(collected.looked);
+    };
+    for message in LogReader::open(path).map_err(CliError::run)? {
+        let message = message.map_err(CliError::run)?;
+        if let Record::Frame(frame) = message.record {
+            if index % u64::from(every) == 0 {
+                frames.push((index / u64::from(every), frame));
+            }
+            index += 1;
+            if frames.len() == BATCH {
+                flush(&mut frames);
+            }
+        }
+    }
+    flush(&mut frames);
+    if index == 0 {
+        return Err(CliError::Run(format!(
+            "{}: holds no image (/camera/image); `hydroline info` shows what is in it",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
+fn load(path: &Path) -> Result<GreyImage, String> {
+    let image = image::open(path)
+        .map_err(|e| format!("{e}; PNG and JPEG are read"))?
+        .into_luma8();
+    Ok(GreyImage {
+        width_px: image.width() as usize,
+        height_px: image.height() as usize,
+        pixels: image.into_raw(),
+    })
+}

@@ -1,0 +1,142 @@
+//! Every map from image to laser plane on one synthetic rig: which error belongs to which map.
+//!
+//! Rig, test points and truth are those of `calib::study`: the paper's geometry behind a flat port
+//! (or in air), an 11 × 11 board with 50 mm pitch, 4000 points that no map was fitted to.
+
+use hydroline_calib::map::{MapError, Method};
+use hydroline_calib::study::{Case, EXPLANATION, table};
+use serde::Serialize;
+use std::fmt;
+
+/// One map in one case.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CalibrationRow {
+    /// Method as `--method` takes it.
+    pub method: &'static str,
+    /// Case in words.
+    pub case: &'static str,
+    /// rms in ξ \[mm\].
+    pub rms_xi_mm: f64,
+    /// rms in η \[mm\].
+    pub rms_eta_mm: f64,
+    /// Largest error in ξ or η \[mm\].
+    pub max_mm: f64,
+    /// Mean error in η \[mm\]: the scallop has one sign.
+    pub mean_eta_mm: f64,
+    /// Share of the test points that the map answers for.
+    pub answered: f64,
+    /// Share of truths inside the map's 95 % intervals.
+    pub covered_95: f64,
+}
+
+/// The whole table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CalibrationStudy {
+    /// Seed of nodes and points.
+    pub seed: u64,
+    /// Case by case, literal maps first.
+    pub rows: Vec<CalibrationRow>,
+    /// What the table shows.
+    pub explanation: &'static str,
+}
+
+impl CalibrationStudy {
+    /// Fits and tests every map in every case.
+    ///
+    /// # Errors
+    /// [`MapError`] when a map cannot be fitted.
+    pub fn compute(seed: u64) -> Result<Self, MapError> {
+        let rows = table(seed)?.into_iter().map(|r| CalibrationRow {
+            method: r.method.name(),
+            case: r.case.name(),
+            rms_xi_mm: r.rms_xi_mm,
+            rms_eta_mm: r.rms_eta_mm,
+            max_mm: r.max_mm,
+            mean_eta_mm: r.mean_eta_mm,
+            answered: r.answered as f64 / r.asked.max(1) as f64,
+            covered_95: r.covered,
+        });
+        Ok(CalibrationStudy {
+            seed,
+            rows: rows.collect(),
+            explanation: EXPLANATION,
+        })
+    }
+
+    fn is_literal(method: &str) -> bool {
+        [Method::Affine, Method::Bilinear, Method::Graticule]
+            .iter()
+            .any(|m| m.name() == method)
+    }
+}
+
+impl fmt::Display for CalibrationStudy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Maps from image to laser plane on the synthetic rig, 4000 points each, errors in mm"
+        )?;
+        for case in Case::ALL {
+            writeln!(f, "\n{}", case.name())?;
+            writeln!(
+                f,
+                "  {:20} {:>7} {:>8} {:>7} {:>9} {:>9} {:>11}",
+                "map", "rms xi", "rms eta", "max", "mean eta", "answered", "inside 95 %"
+            )?;
+            for r in self.rows.iter().filter(|r| r.case == case.name()) {
+                writeln!(
+                    f,
+                    "  {:20} {:7.3} {:8.3} {:7.3} {:+9.3} {:7.1} % {:9.1} %{}",
+                    r.method,
+                    r.rms_xi_mm,
+                    r.rms_eta_mm,
+                    r.max_mm,
+                    r.mean_eta_mm,
+                    100.0 * r.answered,
+                    100.0 * r.covered_95,
+                    if Self::is_literal(r.method) {
+                        "   50 mm scallop"
+                    } else {
+                        ""
+                    }
+                )?;
+            }
+        }
+        writeln!(f, "\n{}", self.explanation)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_shows_the_scallop_where_it_is_and_names_it() {
+        let study = CalibrationStudy::compute(1).unwrap();
+        assert_eq!(study.rows.len(), 24);
+        let row = |method: &str, case: Case| {
+            let found = study
+                .rows
+                .iter()
+                .find(|r| r.method == method && r.case == case.name());
+            found.unwrap().clone()
+        };
+        for case in [Case::PortExact, Case::AirExact] {
+            for literal in ["affine", "bilinear", "graticule"] {
+                let r = row(literal, case);
+                assert!((0.4..0.6).contains(&r.rms_eta_mm), "{r:?}");
+                assert!((0.8..1.0).contains(&r.max_mm), "{r:?}");
+                // One sign: nearly all of the rms is mean.
+                assert!(r.mean_eta_mm.abs() > 0.8 * r.rms_eta_mm, "{r:?}");
+            }
+            assert!(row("homography", case).max_mm <= 0.05);
+            let rectified = row("rectified-graticule", case);
+            assert!(rectified.rms_xi_mm.max(rectified.rms_eta_mm) <= 0.05);
+        }
+        for case in [Case::PortNoisy, Case::AirNoisy] {
+            assert!(row("homography", case).max_mm <= 0.2);
+        }
+        let text = study.to_string();
+        assert!(text.contains("scallop") && text.contains("flat port, nodes ±0.2 px"));
+    }
+}
