@@ -35,7 +35,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["roll", "pitch", "yaw"],
         absent: Some("pitch"),
     }],
-    kin: &["thrust_line_offset"],
+    kin: &["floor_slope", "thrust_line_offset"],
     source: "physics.md, measurement; paper Tables 4 and 5",
 };
 

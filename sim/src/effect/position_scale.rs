@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.01,
     )],
     words: &[],
-    kin: &["clock_drift", "thrust_scale"],
+    kin: &["clock_drift", "target_scale", "thrust_scale"],
     source: "physics.md, measurement (a blind spot in motion-only logs)",
 };
 

@@ -1,12 +1,13 @@
 //! What the effects' unit tests share: entries, a vehicle without friction, forces at one state.
 
-use super::EffectStack;
+use super::{EffectStack, Optics};
 use crate::fixture::lshpi_rig;
 use crate::model::{Model, ModelState};
+use crate::scene::{ColumnTruth, Pose6, Renderer};
 use crate::trajectory::Trajectory;
 use crate::vehicle::Hydrodynamics;
 use crate::world::World;
-use hydroline_rigs::{ParameterValue, PhysicsEntry, Wrench};
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig, Wrench};
 
 pub(in crate::effect) fn entry(effect: &str, parameters: &[(&str, f64)]) -> PhysicsEntry {
     let numbers = parameters
@@ -109,4 +110,93 @@ pub(in crate::effect) fn extra(
 ) -> [f64; 6] {
     let (with, without) = (force(entries, state, wrench), force(&[], state, wrench));
     std::array::from_fn(|i| with[i] - without[i])
+}
+
+pub(in crate::effect) fn optics(entries: &[PhysicsEntry]) -> Optics {
+    stack(entries).optics(Optics::new(&lshpi_rig()))
+}
+
+/// A bare floor, and a column whose middle lies on the axis.
+const MIDDLE: usize = 360;
+
+fn bare_rig(entries: &[PhysicsEntry]) -> Rig {
+    let mut rig = lshpi_rig();
+    rig.target = None;
+    rig.camera.cx_px = MIDDLE as f64;
+    rig.laser.peak = 200.0;
+    rig.physics = entries.to_vec();
+    rig
+}
+
+fn level(height_m: f64) -> Pose6 {
+    Pose6 {
+        z_m: -height_m,
+        ..Pose6::default()
+    }
+}
+
+/// The stripe of a level vehicle over a bare floor, from port to starboard.
+pub(in crate::effect) fn profile(entries: &[PhysicsEntry], height_m: f64) -> Vec<ColumnTruth> {
+    let renderer = Renderer::new(&bare_rig(entries)).unwrap();
+    renderer.profile_truth(&level(height_m))
+}
+
+/// The stripe of a level vehicle at x over the hexagon target.
+pub(in crate::effect) fn profile_over(entries: &[PhysicsEntry], x_m: f64) -> Vec<ColumnTruth> {
+    let mut rig = lshpi_rig();
+    rig.physics = entries.to_vec();
+    let pose = Pose6 { x_m, ..level(0.83) };
+    Renderer::new(&rig).unwrap().profile_truth(&pose)
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(in crate::effect) struct Row {
+    pub row_px: f64,
+    pub centre_px: f64,
+    pub focal_px: f64,
+}
+
+/// Row of the stripe in the axis' column, without and with the effects.
+pub(in crate::effect) fn stripe_rows(entries: &[PhysicsEntry], height_m: f64) -> (Row, Row) {
+    let camera = lshpi_rig().camera;
+    let of = |entries: &[PhysicsEntry]| {
+        let points = profile(entries, height_m);
+        let middle = points.iter().find(|p| p.column_px as usize == MIDDLE);
+        Row {
+            row_px: middle.unwrap().row_px,
+            centre_px: camera.cy_px,
+            focal_px: camera.fy_px,
+        }
+    };
+    (of(&[]), of(entries))
+}
+
+/// Laser light down the axis' column at 0.78 m.
+pub(in crate::effect) fn column(entries: &[PhysicsEntry]) -> Vec<f64> {
+    let renderer = Renderer::new(&bare_rig(entries)).unwrap();
+    let picture = renderer.render_clean(&level(0.78));
+    let column = picture.iter().skip(MIDDLE).step_by(renderer.width_px());
+    column.map(|v| f64::from(*v)).collect()
+}
+
+/// Row of a stripe by a Gaussian window of 2 px that follows its own mean.
+pub(in crate::effect) fn centre(column: &[f64]) -> f64 {
+    let brightest = column.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+    let mut c = brightest.unwrap().0 as f64;
+    for _ in 0..200 {
+        let (mut moment, mut sum) = (0.0, 0.0);
+        for (row, light) in column.iter().enumerate() {
+            let d = row as f64 - c;
+            let weight = (-0.5 * (d / 2.0).powi(2)).exp() * light;
+            (moment, sum) = (moment + weight * d, sum + weight);
+        }
+        c += moment / sum;
+    }
+    c
+}
+
+/// Grey levels of a frame at 0.78 m.
+pub(in crate::effect) fn image(entries: &[PhysicsEntry]) -> Vec<u8> {
+    let renderer = Renderer::new(&bare_rig(entries)).unwrap();
+    renderer.render(&level(0.78), 0).0
 }
