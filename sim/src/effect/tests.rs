@@ -421,7 +421,7 @@ fn every_effect_round_trips_through_a_rig_file() {
             hydroline_rigs::Rig::from_toml(&read.effective_toml, "again.toml", None).unwrap();
         for r in [&read, &again] {
             let back = check(&r.physics).unwrap();
-            assert_eq!(back, [effect.clone()], "{text}");
+            assert_eq!(back, std::slice::from_ref(&effect), "{text}");
         }
     }
 }

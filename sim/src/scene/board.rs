@@ -367,8 +367,8 @@ impl Stand<'_> {
             let way = from_apex.norm() + (point - self.eye).norm();
             light *= (-o.attenuation_pm * way).exp();
         }
-        // Written so that NaN (a point beside the apex of a curved sheet) is dark.
-        if !self.light.laser || !(light >= 0.01) {
+        // NaN (a point beside the apex of a curved sheet) is dark, too.
+        if !self.light.laser || light < 0.01 || light.is_nan() {
             return (0.0, false);
         }
         // Other sides than the face are lit only where they look at the laser.
