@@ -12,17 +12,58 @@
 //!
 //! Adding one: write `effect/<id>.rs` with `INFO` and `pub(super) fn law`, add its line.
 
+mod added_mass_coupling;
+mod advance_loss;
+mod astern_drag;
+mod attenuation;
+mod attitude_disturbance;
+mod backscatter_haze;
+mod battery_sag;
+mod board_offset;
+mod camera_latency;
+mod camera_shift;
 mod check;
+mod clock_drift;
+mod command_latency;
+mod constant_force;
+mod coulomb_friction;
+mod cross_flow_coupling;
+mod cubic_damping;
 mod current;
 mod error;
+mod floor_slope;
+mod fluid_memory;
+mod image_saturation;
 mod info;
+mod interlace;
+mod laser_cone;
+mod laser_plane_tilt;
 mod law;
+mod lens_distortion;
+mod lift_damping;
+mod linear_damping;
+mod nonlinear_restoring;
 mod optics;
+mod position_scale;
+mod quadratic_damping;
+mod refraction;
 mod registry;
+mod rolling_shutter;
+mod seiche;
+mod speckle;
 mod stack;
+mod table;
+mod target_scale;
+#[cfg(test)]
+mod testing;
+mod tether_spring;
 mod thrust_asymmetry;
+mod thrust_line_offset;
+mod thrust_scale;
 mod thruster_deadband;
 mod thruster_lag;
+mod thruster_saturation;
+mod wall_added_mass;
 
 pub use check::{CheckedEffect, check};
 pub use error::EffectError;
@@ -31,6 +72,7 @@ pub use law::{Law, Moment, Values};
 pub use optics::Optics;
 pub use registry::{ALL, find};
 pub use stack::EffectStack;
+pub use table::markdown_table;
 
 #[cfg(test)]
 mod tests;

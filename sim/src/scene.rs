@@ -7,16 +7,21 @@
 //! All geometry is done in the affine coordinates (x, y, height above the floor) of the
 //! target frame: lines stay lines, slabs are upright prisms, and a sloping floor is h = 0.
 
+mod bent;
 mod board;
+mod frame_poses;
+mod lens;
 mod noise;
 mod psf;
 mod rays;
 mod renderer;
 mod sheet;
 mod solid;
+mod speckle;
 mod truth;
 
 pub use board::{BoardLight, BoardNode, BoardPicture, BoardPlacement};
+pub use frame_poses::FramePoses;
 pub use noise::Noise;
 pub use renderer::{GreyPixels, Renderer};
 pub use solid::Surface;

@@ -6,7 +6,7 @@
 
 use crate::effect::EffectError;
 use crate::model::{Model, ModelState};
-use crate::scene::Pose6;
+use crate::scene::{FramePoses, Pose6};
 use crate::thrust::{Allocation, ThrustError, array};
 use crate::trajectory::{GRID_STEP_S, Trajectory, TrajectoryError};
 use crate::vehicle::VehicleState;
@@ -105,6 +105,39 @@ impl World {
         Ok(Pose6::from(
             self.trajectory.model().effects.scene_pose(t_s, eta),
         ))
+    }
+
+    /// The poses that the rows of a frame stamped `stamp_s` show: one, or one per row under a rolling shutter
+    /// or interlace. Command everything up to [`World::latest_scene_time_s`] first.
+    ///
+    /// # Errors
+    /// As [`World::state_at`].
+    pub fn frame_poses(&mut self, stamp_s: f64, rows: usize) -> Result<FramePoses, SimError> {
+        let effects = &self.trajectory.model().effects;
+        let at: Vec<f64> = (0..rows)
+            .map(|row| effects.scene_time_s(stamp_s, row as f64))
+            .collect();
+        if at.iter().all(|t| *t == at[0]) {
+            return Ok(FramePoses::from(self.pose_seen(stamp_s, 0.0)?));
+        }
+        // A rolling shutter's rows are evenly spaced in time; two fields are not.
+        let interlaced = at.windows(3).next().is_some_and(|t| {
+            let (first, second) = (t[1] - t[0], t[2] - t[1]);
+            (first - second).abs() > 1e-9
+        });
+        let poses: Result<Vec<Pose6>, SimError> = (0..rows)
+            .map(|row| self.pose_seen(stamp_s, row as f64))
+            .collect();
+        Ok(FramePoses::rows(poses?, interlaced))
+    }
+
+    /// The latest time that any row of a frame (or a measurement, `rows` = 1) stamped `stamp_s` shows: drift,
+    /// rolling shutter and interlace may look beyond the stamp.
+    pub fn latest_scene_time_s(&self, stamp_s: f64, rows: usize) -> f64 {
+        let effects = &self.trajectory.model().effects;
+        (0..rows.max(1))
+            .map(|row| effects.scene_time_s(stamp_s, row as f64))
+            .fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The pose that a measurement stamped `stamp_s` reports (all timing and measurement effects on poses).

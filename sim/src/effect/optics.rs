@@ -33,6 +33,26 @@ pub struct Optics<T = f64> {
     pub floor_slope: T,
     /// Grey level at which the sensor saturates.
     pub saturation: T,
+    /// Brown's k1, k2, p1, p2 on normalised coordinates, x right and y down.
+    pub distortion: [T; 4],
+    /// Flat port across the axis, ahead of the pinhole \[m\]; counts where `n_water` is not 1.
+    pub port_m: T,
+    /// Refractive index behind the port; 1 = a pinhole without a port.
+    pub n_water: T,
+    /// Sine of the fan's tilt from the normal of the laser's port; 0 = a flat sheet.
+    pub cone_sin: T,
+    /// Refractive index that bends the sheet.
+    pub cone_n_water: T,
+    /// Haze beyond the sheet over the stripe's peak.
+    pub haze_fraction: T,
+    /// Distance over which the haze fades by e \[m\].
+    pub haze_length_m: T,
+    /// Standard deviation of speckle over its mean.
+    pub speckle_contrast: T,
+    /// Size of a speckle grain \[px\].
+    pub speckle_grain_px: T,
+    /// Attenuation of laser light in the water \[1/m\].
+    pub attenuation_pm: T,
 }
 
 impl<T: Real> Optics<T> {
@@ -53,6 +73,30 @@ impl<T: Real> Optics<T> {
             target_scale: c(1.0),
             floor_slope: c(0.0),
             saturation: c(255.0),
+            distortion: [c(0.0); 4],
+            port_m: c(0.0),
+            n_water: c(1.0),
+            cone_sin: c(0.0),
+            cone_n_water: c(1.333),
+            haze_fraction: c(0.0),
+            haze_length_m: c(0.01),
+            speckle_contrast: c(0.0),
+            speckle_grain_px: c(1.0),
+            attenuation_pm: c(0.0),
         }
+    }
+
+    /// How far the curved sheet lies forward of the flat one at body (y, z) from the apex, along x_b \[m\].
+    ///
+    /// A ray of the plane fan, (cos b sin g, sin b, cos b cos g) in air with z along the port's normal, has
+    /// its first two parts divided by n in the water and unit length. Without b: with s = y/z,
+    /// x/z = sin g sqrt((1 - (n^2 - 1) s^2) / (n^2 - sin^2 g)), an elliptic cone. What it is at s = 0 is the
+    /// sheet's own direction, so that is taken off.
+    pub fn cone_m(&self, y_m: T, z_m: T) -> T {
+        let s = y_m / z_m;
+        let n2 = self.cone_n_water * self.cone_n_water;
+        let inside = (T::one() - (n2 - T::one()) * s * s).max(T::zero());
+        let across = (n2 - self.cone_sin * self.cone_sin).sqrt();
+        z_m * self.cone_sin * (inside.sqrt() - T::one()) / across
     }
 }

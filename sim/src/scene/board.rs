@@ -6,9 +6,11 @@
 //! sheet. Raised gauge blocks are boxes; their side towards the laser shows the line where
 //! the sheet crosses it, and they shadow the face behind them.
 
+use super::lens::Lens;
 use super::renderer::{GreyPixels, gauss, is_edge, lattice};
 use super::sheet::Code;
 use super::{Renderer, SceneError, psf};
+use crate::effect::Optics;
 use hydroline_rigs::{Board, BoardPattern};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
@@ -118,8 +120,13 @@ struct Stand<'a> {
     a: Vector3<f64>,
     b: Vector3<f64>,
     c: Vector3<f64>,
+    /// Rays that are not straight, and the way from the body to the board's frame: turn (p - origin).
+    bent: Option<(Lens, Matrix3<f64>, Vector3<f64>)>,
+    optics: Optics,
     /// Sheet in the board's frame: normal and offset.
     sheet: (Vector3<f64>, f64),
+    /// Length of the sheet's normal (1, -tan yaw, -tan pitch).
+    sheet_normal: f64,
     /// Body axes y and z in the board's frame, for the fan.
     fan: (Vector3<f64>, Vector3<f64>),
     tan_half_fan: f64,
@@ -204,7 +211,8 @@ impl Renderer {
         GreyPixels(pixels)
     }
 
-    /// Where every node of the board lies, in the image (whether inside or not) and in the laser plane.
+    /// Where every node of the board lies, in the image (whether inside or not; NaN behind the camera's port)
+    /// and in the laser plane.
     ///
     /// # Errors
     /// [`SceneError::Board`] for a board without extent.
@@ -217,6 +225,7 @@ impl Renderer {
         let (to_plane, centre) = frame(placement);
         let (eye, axes) = self.camera_axes();
         let pixel = axes.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let lens = (!Lens::is_pinhole(&self.optics)).then(|| Lens::new(&self.optics));
         let mut nodes = Vec::with_capacity((board.columns * board.rows) as usize);
         for row in 0..board.rows {
             for column in 0..board.columns {
@@ -226,13 +235,18 @@ impl Renderer {
                     0.0,
                 );
                 let plane = centre + to_plane * local;
+                let body = self.body_of_plane(plane);
                 // Direction = b u + c v + a w; its pixel is (u, v) / w.
-                let d = pixel * (self.body_of_plane(plane) - eye);
+                let d = pixel * (body - eye);
+                let [column_px, row_px] = match &lens {
+                    None => [d.x / d.z, d.y / d.z],
+                    Some(lens) => lens.project(&body).unwrap_or([f64::NAN; 2]),
+                };
                 nodes.push(BoardNode {
                     column,
                     row,
-                    column_px: d.x / d.z,
-                    row_px: d.y / d.z,
+                    column_px,
+                    row_px,
                     plane_m: plane.into(),
                 });
             }
@@ -299,7 +313,10 @@ impl Renderer {
             b: turn * axes.column(0),
             c: turn * axes.column(1),
             a: turn * axes.column(2),
+            bent: (!Lens::is_pinhole(o)).then(|| (Lens::new(o), turn, origin)),
+            optics: *o,
             sheet: (unit, -unit.dot(&local(apex))),
+            sheet_normal: normal.norm(),
             fan: (turn * Vector3::y(), turn * Vector3::z()),
             tan_half_fan: o.half_fan_rad.tan(),
             peak: o.peak,
@@ -341,10 +358,16 @@ fn check(board: &Board) -> Result<(), SceneError> {
 impl Stand<'_> {
     /// Kind of thing that pixel (u, v) shows, and its grey level without ambient.
     fn shade(&self, u: f64, v: f64) -> (Code, f64) {
-        let direction = self.a + self.b * u + self.c * v;
+        let (eye, direction) = match &self.bent {
+            None => (self.eye, self.a + self.b * u + self.c * v),
+            Some((lens, turn, origin)) => {
+                let (from, along) = lens.ray(u, v);
+                (turn * (from - origin), turn * along)
+            }
+        };
         let mut best: Option<(f64, Vector3<f64>, usize)> = None;
         for (i, cuboid) in [&self.plate].into_iter().chain(&self.blocks).enumerate() {
-            if let Some((t, normal)) = cuboid.entry(&self.eye, &direction)
+            if let Some((t, normal)) = cuboid.entry(&eye, &direction)
                 && best.is_none_or(|b| t < b.0)
             {
                 best = Some((t, normal, i));
@@ -353,7 +376,7 @@ impl Stand<'_> {
         let Some((t, normal, which)) = best else {
             return (Code::lit(0), 0.0);
         };
-        let point = self.eye + direction * t;
+        let point = eye + direction * t;
         let face = which == 0 && normal.z > 0.5;
         let albedo = if face {
             self.pattern(point.x, point.y)
@@ -370,13 +393,22 @@ impl Stand<'_> {
 
     /// Laser light at a point, and whether it is reached at all.
     fn laser(&self, point: &Vector3<f64>, normal: &Vector3<f64>, face: bool) -> (f64, bool) {
-        let off_m = self.sheet.0.dot(point) + self.sheet.1;
-        let light = self.peak * (off_m * off_m * self.exponent).exp();
-        if !self.light.laser || light < 0.01 {
-            return (0.0, false);
-        }
         let from_apex = point - self.apex;
         let (fan_y, fan_z) = (self.fan.0.dot(&from_apex), self.fan.1.dot(&from_apex));
+        let mut off_m = self.sheet.0.dot(point) + self.sheet.1;
+        let o = &self.optics;
+        if o.cone_sin != 0.0 {
+            off_m -= o.cone_m(fan_y, fan_z) / self.sheet_normal;
+        }
+        let mut light = self.peak * (off_m * off_m * self.exponent).exp();
+        if o.attenuation_pm > 0.0 {
+            let way = from_apex.norm() + (point - self.eye).norm();
+            light *= (-o.attenuation_pm * way).exp();
+        }
+        // NaN (a point beside the apex of a curved sheet) is dark, too.
+        if !self.light.laser || light < 0.01 || light.is_nan() {
+            return (0.0, false);
+        }
         // Other sides than the face are lit only where they look at the laser.
         if fan_y.abs() > self.tan_half_fan * fan_z || (!face && normal.dot(&from_apex) >= 0.0) {
             return (0.0, false);

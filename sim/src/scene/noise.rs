@@ -124,15 +124,20 @@ impl Noise {
     }
 }
 
+/// Standard normal sample of the low 16 bits of a hash.
+pub(super) fn normal(bits: usize) -> f32 {
+    NORMAL[bits & (SAMPLES - 1)]
+}
+
 /// splitmix64's finaliser (Steele, Lea, Flood 2014; Stafford's variant 13).
-fn mix(mut z: u64) -> u64 {
+pub(super) fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 
 /// splitmix64 at position `counter` of the stream `key`.
-fn hash(key: u64, counter: u64) -> u64 {
+pub(super) fn hash(key: u64, counter: u64) -> u64 {
     mix(key.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
 

@@ -28,7 +28,73 @@ impl Form {
     }
 }
 
-/// One pose's view of the scene.
+/// How the pixels of one pose see the scene.
+pub(super) trait Sight: Sync {
+    /// One pixel's ray, ready to be asked.
+    type Ray;
+    /// Ray of pixel (column u, row v).
+    fn ray(&self, u: f64, v: f64) -> Self::Ray;
+    /// The ray in (x, y, height).
+    fn line(&self, ray: &Self::Ray) -> Line;
+    /// Distance off the sheet at the ray's parameter t, forward positive \[m\].
+    fn off_m(&self, ray: &Self::Ray, t: f64) -> f64;
+    /// Body y and z from the laser's apex at t \[m\].
+    fn fan(&self, ray: &Self::Ray, t: f64) -> [f64; 2];
+    /// Laser's apex in (x, y, height) \[m\].
+    fn apex(&self) -> [f64; 3];
+    /// Row at which column `u` sees the points `sheet_m` off the sheet at height `height_m`, with t there.
+    fn row_of(&self, u: f64, height_m: f64, sheet_m: f64) -> Option<(f64, f64)>;
+}
+
+/// Affine coordinates of body points for one pose: unit normal (or gradient) and offset each.
+#[derive(Debug, Clone)]
+pub(super) struct Frames {
+    pub x: (Vector3<f64>, f64),
+    pub y: (Vector3<f64>, f64),
+    pub height: (Vector3<f64>, f64),
+    pub sheet: (Vector3<f64>, f64),
+    pub apex: [f64; 3],
+}
+
+impl Frames {
+    /// `target_origin`: X, Y, heading of the target in the tank frame.
+    pub fn new(optics: &Optics, target_origin: [f64; 3], pose: &Pose6) -> Self {
+        let rows = kinematics::rotation(pose.phi_rad, pose.theta_rad, pose.psi_rad);
+        let to_tank = Matrix3::from_fn(|i, j| rows[i][j]);
+        let cg = Vector3::new(pose.x_m, pose.y_m, pose.z_m);
+        let tank = |normal: Vector3<f64>, offset: f64| {
+            (to_tank.transpose() * normal, normal.dot(&cg) + offset)
+        };
+
+        let [ox, oy, heading] = target_origin;
+        let (st, ct) = heading.sin_cos();
+        let along = Vector3::new(ct, st, 0.0);
+        let across = Vector3::new(-st, ct, 0.0);
+        let x_offset = -(ct * ox + st * oy);
+        let y_offset = st * ox - ct * oy;
+        // Surface at z = -slope X: height above it = -z - slope X (physics.md, floor_slope).
+        let up = Vector3::new(-optics.floor_slope, 0.0, -1.0);
+        // Sheet x_b = l_laser + tan(pitch) z_b + tan(yaw) y_b (physics.md, laser_plane_tilt).
+        let normal = Vector3::new(1.0, -optics.sheet_tan_yaw, -optics.sheet_tan_pitch);
+        let length = normal.norm();
+
+        let apex_body = Vector3::new(optics.l_laser_m, 0.0, 0.0);
+        let apex = to_tank * apex_body + cg;
+        Frames {
+            x: tank(along, x_offset),
+            y: tank(across, y_offset),
+            height: tank(up, 0.0),
+            sheet: (normal / length, -optics.l_laser_m / length),
+            apex: [
+                along.dot(&apex) + x_offset,
+                across.dot(&apex) + y_offset,
+                up.dot(&apex),
+            ],
+        }
+    }
+}
+
+/// One pose's view of the scene by straight rays.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     /// Target frame, along its centre line \[m\].
@@ -50,64 +116,74 @@ pub(super) struct View {
 impl View {
     /// `target_origin`: X, Y, heading of the target in the tank frame.
     pub fn new(optics: &Optics, target_origin: [f64; 3], pose: &Pose6) -> Self {
-        let rows = kinematics::rotation(pose.phi_rad, pose.theta_rad, pose.psi_rad);
-        let to_tank = Matrix3::from_fn(|i, j| rows[i][j]);
-        let cg = Vector3::new(pose.x_m, pose.y_m, pose.z_m);
-
         let (eye, [a, b, c]) = camera(optics);
-
-        let body = |normal: Vector3<f64>, offset: f64| Form {
+        let form = |(normal, offset): (Vector3<f64>, f64)| Form {
             at_eye: normal.dot(&eye) + offset,
             a: normal.dot(&a),
             b: normal.dot(&b),
             c: normal.dot(&c),
         };
-        let tank = |normal: Vector3<f64>, offset: f64| {
-            body(to_tank.transpose() * normal, normal.dot(&cg) + offset)
-        };
-
-        let [ox, oy, heading] = target_origin;
-        let (st, ct) = heading.sin_cos();
-        let along = Vector3::new(ct, st, 0.0);
-        let across = Vector3::new(-st, ct, 0.0);
-        let x_offset = -(ct * ox + st * oy);
-        let y_offset = st * ox - ct * oy;
-        // Surface at z = -slope X: height above it = -z - slope X (physics.md, floor_slope).
-        let up = Vector3::new(-optics.floor_slope, 0.0, -1.0);
-        // Sheet x_b = l_laser + tan(pitch) z_b + tan(yaw) y_b (physics.md, laser_plane_tilt).
-        let normal = Vector3::new(1.0, -optics.sheet_tan_yaw, -optics.sheet_tan_pitch);
-        let length = normal.norm();
-
-        let apex_body = Vector3::new(optics.l_laser_m, 0.0, 0.0);
-        let apex = to_tank * apex_body + cg;
+        let frames = Frames::new(optics, target_origin, pose);
         View {
-            x: tank(along, x_offset),
-            y: tank(across, y_offset),
-            height: tank(up, 0.0),
-            sheet: body(normal / length, -optics.l_laser_m / length),
-            fan_y: body(Vector3::y(), 0.0),
-            fan_z: body(Vector3::z(), 0.0),
-            apex: [
-                along.dot(&apex) + x_offset,
-                across.dot(&apex) + y_offset,
-                up.dot(&apex),
-            ],
+            x: form(frames.x),
+            y: form(frames.y),
+            height: form(frames.height),
+            sheet: form(frames.sheet),
+            fan_y: form((Vector3::y(), 0.0)),
+            fan_z: form((Vector3::z(), 0.0)),
+            apex: frames.apex,
+        }
+    }
+}
+
+/// A pixel of the plain view, with the rate of its distance to the sheet.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlainRay {
+    u: f64,
+    v: f64,
+    sheet_rate: f64,
+}
+
+impl Sight for View {
+    type Ray = PlainRay;
+
+    #[inline]
+    fn ray(&self, u: f64, v: f64) -> PlainRay {
+        PlainRay {
+            u,
+            v,
+            sheet_rate: self.sheet.rate(u, v),
         }
     }
 
-    /// Line of sight of pixel (u, v) in (x, y, height).
-    pub fn line(&self, u: f64, v: f64) -> Line {
+    #[inline]
+    fn line(&self, ray: &PlainRay) -> Line {
+        let &PlainRay { u, v, .. } = ray;
         Line {
             origin: [self.x.at_eye, self.y.at_eye, self.height.at_eye],
             direction: [self.x.rate(u, v), self.y.rate(u, v), self.height.rate(u, v)],
         }
     }
 
+    #[inline]
+    fn off_m(&self, ray: &PlainRay, t: f64) -> f64 {
+        self.sheet.at_eye + t * ray.sheet_rate
+    }
+
+    #[inline]
+    fn fan(&self, ray: &PlainRay, t: f64) -> [f64; 2] {
+        [&self.fan_y, &self.fan_z].map(|f| f.at_eye + t * f.rate(ray.u, ray.v))
+    }
+
+    fn apex(&self) -> [f64; 3] {
+        self.apex
+    }
+
     /// Row at which column `u` sees the points `sheet_m` off the sheet at height `height_m`,
     /// with the ray parameter t there. Exact: both conditions are linear along the column.
     ///
     /// `None` where the column's plane never meets that line, or meets it behind the camera.
-    pub fn row_of(&self, u: f64, height_m: f64, sheet_m: f64) -> Option<(f64, f64)> {
+    fn row_of(&self, u: f64, height_m: f64, sheet_m: f64) -> Option<(f64, f64)> {
         let (h, s) = (&self.height, &self.sheet);
         let (dh, ds) = (height_m - h.at_eye, sheet_m - s.at_eye);
         let v = (dh * (s.a + u * s.b) - ds * (h.a + u * h.b)) / (ds * h.c - dh * s.c);
@@ -116,13 +192,17 @@ impl View {
     }
 }
 
-/// Pinhole and ray directions A + u B + v C of its pixels, in the body frame.
-pub(super) fn camera(optics: &Optics) -> (Vector3<f64>, [Vector3<f64>; 3]) {
-    // Camera axes: Z looks forward and down, X to starboard, Y = Z x X.
+/// The camera's axes in the body frame: Z (looks forward and down), X to starboard, Y = Z x X.
+pub(super) fn axes(optics: &Optics) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
     let (sin, cos) = optics.camera_tilt_rad.sin_cos();
     let axis = Vector3::new(sin, 0.0, cos);
     let right = Vector3::new(0.0, 1.0, 0.0);
-    let down = axis.cross(&right);
+    (axis, right, axis.cross(&right))
+}
+
+/// Pinhole and ray directions A + u B + v C of its pixels, in the body frame.
+pub(super) fn camera(optics: &Optics) -> (Vector3<f64>, [Vector3<f64>; 3]) {
+    let (axis, right, down) = axes(optics);
     let [fx, fy] = optics.focal_px;
     let [cx, cy] = optics.centre_px;
     let (b, c) = (right / fx, down / fy);

@@ -12,10 +12,14 @@
 
 use std::ops::Range;
 
+use super::bent::BentView;
+use super::frame_poses::{Field, FramePoses};
+use super::lens::Lens;
 use super::noise::Noise;
-use super::rays::View;
-use super::sheet::{CUT_SIGMA, Code, Light};
+use super::rays::{Sight, View};
+use super::sheet::{CUT_SIGMA, Code, Light, far_m};
 use super::solid::Solid;
+use super::speckle::Speckle;
 use super::{Pose6, SceneError, psf};
 use crate::effect::{EffectStack, Optics};
 use hydroline_rigs::Rig;
@@ -50,6 +54,7 @@ pub struct Renderer {
     pub(super) kernel: Vec<f32>,
     pub(super) noise: Noise,
     pub(super) h_centre_m: f64,
+    pub(super) speckle: Option<Speckle>,
 }
 
 /// Laser light of some columns, after the point spread.
@@ -103,6 +108,18 @@ impl Renderer {
         in_range("target scale", optics.target_scale, 0.1, 10.0)?;
         in_range("floor slope", optics.floor_slope, -1.0, 1.0)?;
         in_range("camera tilt [rad]", optics.camera_tilt_rad, -1.6, 3.2)?;
+        for k in optics.distortion {
+            in_range("lens distortion", k, -2.0, 2.0)?;
+        }
+        in_range("n_water", optics.n_water, 1.0, 2.0)?;
+        in_range("port_m", optics.port_m, 0.0, 10.0)?;
+        in_range("n_water of the laser's port", optics.cone_n_water, 1.0, 2.0)?;
+        in_range("sine of the fan's tilt", optics.cone_sin, -0.9, 0.9)?;
+        in_range("haze fraction", optics.haze_fraction, 0.0, 1.0)?;
+        in_range("haze length [m]", optics.haze_length_m, 1e-4, 10.0)?;
+        in_range("speckle contrast", optics.speckle_contrast, 0.0, 10.0)?;
+        in_range("speckle grain [px]", optics.speckle_grain_px, 0.05, 1000.0)?;
+        in_range("attenuation [1/m]", optics.attenuation_pm, 0.0, 1000.0)?;
         for what in optics.camera_m.iter().chain([
             &optics.l_laser_m,
             &optics.sheet_tan_pitch,
@@ -119,6 +136,11 @@ impl Renderer {
             kernel: psf::kernel(camera.noise.blur_px),
             noise: Noise::new(&camera.noise, camera.seed, optics.saturation),
             h_centre_m: rig.mounts.h_centre_m,
+            speckle: Speckle::new(
+                optics.speckle_contrast,
+                optics.speckle_grain_px,
+                camera.seed,
+            ),
             optics,
         })
     }
@@ -133,11 +155,20 @@ impl Renderer {
         self.height_px
     }
 
+    /// Whether rays and sheet are straight, so that everything along a ray is linear in its pixel.
+    pub(super) fn is_straight(&self) -> bool {
+        Lens::is_pinhole(&self.optics) && self.optics.cone_sin == 0.0
+    }
+
     pub(super) fn view(&self, pose: &Pose6) -> View {
         View::new(&self.optics, self.target_origin, pose)
     }
 
-    pub(super) fn light<'a>(&'a self, view: &'a View) -> Light<'a> {
+    pub(super) fn bent_view(&self, pose: &Pose6) -> BentView {
+        BentView::new(&self.optics, self.target_origin, pose)
+    }
+
+    pub(super) fn light<'a, S: Sight>(&'a self, view: &'a S) -> Light<'a, S> {
         Light::new(view, &self.solid, &self.optics, self.shadows)
     }
 
@@ -150,16 +181,31 @@ impl Renderer {
 
     /// One frame into a buffer of width x height bytes (a shorter or longer one is filled as far as it goes).
     pub fn render_into(&self, pose: &Pose6, frame_index: u64, pixels: &mut [u8]) {
-        let strips = self.strips(pose);
+        self.render_frame_into(&FramePoses::from(*pose), frame_index, pixels);
+    }
+
+    /// One frame whose rows may show different times ([`crate::World::frame_poses`]): row-major 8-bit grey levels.
+    pub fn render_frame(&self, poses: &FramePoses, frame_index: u64) -> GreyPixels {
+        let mut pixels = vec![0; self.width_px * self.height_px];
+        self.render_frame_into(poses, frame_index, &mut pixels);
+        GreyPixels(pixels)
+    }
+
+    /// As [`Renderer::render_frame`], into a buffer (see [`Renderer::render_into`]).
+    pub fn render_frame_into(&self, poses: &FramePoses, frame_index: u64, pixels: &mut [u8]) {
+        let fields: Vec<Vec<Strip>> = poses.fields().iter().map(|f| self.strips(f)).collect();
         self.develop(frame_index, pixels, |row, line| {
-            self.lay_strips(&strips, frame_index, row, line)
+            // Two fields: even and odd rows.
+            if let Some(strips) = fields.get(row % fields.len().max(1)) {
+                self.lay_strips(strips, frame_index, row, line);
+            }
         });
     }
 
     /// Laser light alone: grey levels without ambient, noise, rounding or saturation, row-major.
     pub fn render_clean(&self, pose: &Pose6) -> Vec<f32> {
         let mut picture = vec![0.0; self.width_px * self.height_px];
-        for strip in self.strips(pose) {
+        for strip in self.strips(&Field::Still(*pose)) {
             for (i, column) in strip.light.chunks_exact(strip.rows.max(1)).enumerate() {
                 for (j, &light) in column.iter().enumerate() {
                     picture[(strip.first_row + j) * self.width_px + strip.first_column + i] = light;
@@ -200,6 +246,10 @@ impl Renderer {
                 let light = column[at];
                 if light > 0.0 {
                     let c = strip.first_column + i;
+                    let light = match &self.speckle {
+                        Some(speckle) => light * speckle.factor(frame_index, row, c),
+                        None => light,
+                    };
                     if let Some(pixel) = line.get_mut(c) {
                         *pixel = self.noise.pixel(frame_index, row, c, self.width_px, light);
                     }
@@ -208,36 +258,75 @@ impl Renderer {
         }
     }
 
-    fn strips(&self, pose: &Pose6) -> Vec<Strip> {
-        let view = self.view(pose);
-        let light = self.light(&view);
+    fn strips(&self, field: &Field) -> Vec<Strip> {
+        if self.is_straight() {
+            self.strips_by(field, |pose| self.view(pose))
+        } else {
+            self.strips_by(field, |pose| self.bent_view(pose))
+        }
+    }
+
+    fn strips_by<S: Sight>(&self, field: &Field, sight: impl Fn(&Pose6) -> S) -> Vec<Strip> {
+        match field {
+            Field::Still(pose) => {
+                let view = sight(pose);
+                let light = self.light(&view);
+                self.traced(&[&view], &|u, v| light.shade(u, v))
+            }
+            Field::Rows(poses) => {
+                let views: Vec<S> = poses.iter().map(sight).collect();
+                let lights: Vec<Light<'_, S>> = views.iter().map(|v| self.light(v)).collect();
+                let last = views.len().saturating_sub(1);
+                // A ray within a pixel belongs to the pixel's row; the blur's surroundings to the nearest row.
+                let shade =
+                    |u: f64, v: f64| lights[(v.round().max(0.0) as usize).min(last)].shade(u, v);
+                let few = [&views[0], &views[last / 2], &views[last]];
+                self.traced(&few, &shade)
+            }
+        }
+    }
+
+    /// `views`: one, or the first, middle and last of those that `shade` takes.
+    fn traced<S: Sight>(
+        &self,
+        views: &[&S],
+        shade: &(impl Fn(f64, f64) -> (Code, f64) + Sync),
+    ) -> Vec<Strip> {
         let starts: Vec<usize> = (0..self.width_px).step_by(STRIP_PX).collect();
         starts
             .par_iter()
-            .map(|&first| self.strip(&light, first))
+            .map(|&first| self.strip(views, shade, first))
             .collect()
     }
 
     /// Light of the columns `first ..`; the point spread's surroundings are traced too, even outside the image.
-    fn strip(&self, light: &Light<'_>, first: usize) -> Strip {
+    fn strip<S: Sight>(
+        &self,
+        views: &[&S],
+        shade: &impl Fn(f64, f64) -> (Code, f64),
+        first: usize,
+    ) -> Strip {
         let margin = self.kernel.len() / 2;
         let columns = STRIP_PX.min(self.width_px - first);
         let bands: Vec<Vec<Range<i64>>> = (0..columns + 2 * margin)
-            .map(|i| self.bands(light, (first + i) as f64 - margin as f64))
+            .map(|i| self.bands(views, (first + i) as f64 - margin as f64))
             .collect();
         let low = bands.iter().flatten().map(|b| b.start).min().unwrap_or(0);
         let high = bands.iter().flatten().map(|b| b.end).max().unwrap_or(0);
         let (low, high) = (low - margin as i64, high + margin as i64);
         let rows = (high - low).max(0) as usize;
 
-        let shade = |u: f64, v: f64| light.shade(u, v);
+        let hazy = self.optics.haze_fraction > 0.0;
         let mut picture = vec![0.0f32; rows * bands.len()];
         let mut codes = vec![Code::NONE; rows * bands.len()];
         for (i, column) in bands.iter().enumerate() {
             let u = (first + i) as f64 - margin as f64;
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
-                (codes[at], picture[at]) = gauss(&shade, u, row as f64);
+                (codes[at], picture[at]) = gauss(shade, u, row as f64);
+                if hazy {
+                    picture[at] = fine(shade, u, row as f64);
+                }
             }
         }
         let mut refined: Vec<(usize, f32)> = Vec::new();
@@ -246,7 +335,7 @@ impl Renderer {
             for row in column.iter().flat_map(Range::clone) {
                 let at = i * rows + (row - low) as usize;
                 if is_edge(&codes, at, rows) && is_lit(&picture, at, rows) {
-                    refined.push((at, lattice(&shade, u, row as f64)));
+                    refined.push((at, lattice(shade, u, row as f64)));
                 }
             }
         }
@@ -274,10 +363,13 @@ impl Renderer {
     }
 
     /// Rows of column `u` that can see the sheet within reach, disjoint and ascending.
-    fn bands(&self, light: &Light<'_>, u: f64) -> Vec<Range<i64>> {
+    fn bands<S: Sight>(&self, views: &[&S], u: f64) -> Vec<Range<i64>> {
         let margin = (self.kernel.len() / 2) as i64;
         let all = -margin..self.height_px as i64 + margin;
         let reach_m = CUT_SIGMA * self.optics.sheet_sigma_m;
+        let far_m = far_m(&self.optics);
+        // Between the poses of a rolling shutter's first, middle and last row the stripe moves evenly, but not quite.
+        let slack = if views.len() > 1 { 2 } else { 0 };
         let mut bands: Vec<Range<i64>> = Vec::new();
         for (level, (height_m, surface)) in self.solid.levels().enumerate() {
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -289,19 +381,21 @@ impl Renderer {
             ];
             let mut near = false;
             let mut open = false;
-            for (du, off_m) in [
-                (-0.5, -reach_m),
-                (-0.5, reach_m),
-                (0.5, -reach_m),
-                (0.5, reach_m),
-            ] {
-                let Some((row, t)) = light.view.row_of(u + du, height_m, off_m) else {
+            for (view, (du, off_m)) in views.iter().flat_map(|view| {
+                let corners = [
+                    (-0.5, -reach_m),
+                    (-0.5, far_m),
+                    (0.5, -reach_m),
+                    (0.5, far_m),
+                ];
+                corners.map(|corner| (view, corner))
+            }) {
+                let Some((row, t)) = view.row_of(u + du, height_m, off_m) else {
                     open = true;
                     continue;
                 };
-                let at = |f: &super::rays::Form| f.at_eye + t * f.rate(u + du, row);
-                let (x, y) = (at(&light.view.x), at(&light.view.y));
-                near |= self.solid.near(surface, [x, y], 0.005 + 2.0 * reach_m);
+                let [x, y] = view.line(&view.ray(u + du, row)).xy(t);
+                near |= self.solid.near(surface, [x, y], 0.005 + 2.0 * far_m);
                 area = [
                     area[0].min(x),
                     area[1].max(x),
@@ -321,8 +415,11 @@ impl Renderer {
                 // Part of the column looks past this height: no closed form for where the light ends.
                 bands.push(all.clone());
             } else if near && !self.solid.buried(level, area) {
-                let band =
-                    (low.floor() as i64 - 1).max(all.start)..(high.ceil() as i64 + 2).min(all.end);
+                let (low, high) = (
+                    low.floor() as i64 - 1 - slack,
+                    high.ceil() as i64 + 2 + slack,
+                );
+                let band = low.max(all.start)..high.min(all.end);
                 if band.start < band.end {
                     bands.push(band);
                 }
@@ -350,6 +447,17 @@ pub(super) fn gauss(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) ->
         code = code.joined(ray);
     }
     (code, (sum / 4.0) as f32)
+}
+
+/// Mean over a pixel by 2 Gauss points across and 8 midpoints down: the haze jumps where the sheet's middle is.
+fn fine(shade: &impl Fn(f64, f64) -> (Code, f64), u: f64, v: f64) -> f32 {
+    let sum: f64 = (0..8)
+        .flat_map(|i| {
+            let dv = (f64::from(i) + 0.5) / 8.0 - 0.5;
+            [-GAUSS_PX, GAUSS_PX].map(|du| shade(u + du, v + dv).1)
+        })
+        .sum();
+    (sum / 16.0) as f32
 }
 
 /// Mean over a pixel by the Fibonacci lattice.

@@ -1,6 +1,6 @@
 //! Light of the laser sheet at a point, and what one ray sees of it.
 
-use super::rays::View;
+use super::rays::Sight;
 use super::solid::{Line, Solid};
 use crate::effect::Optics;
 
@@ -59,19 +59,34 @@ impl Code {
 }
 
 /// Sheet and scene of one pose.
-pub(super) struct Light<'a> {
-    pub view: &'a View,
+pub(super) struct Light<'a, S> {
+    pub view: &'a S,
     pub solid: &'a Solid,
     pub shadows: bool,
     /// -1 / (2 sigma^2).
     exponent: f64,
     reach_m: f64,
+    /// Forward of the sheet, where haze may reach further.
+    far_m: f64,
     tan_half_fan: f64,
     peak: f64,
+    /// Haze at the sheet \[grey levels\] and -1/length \[1/m\].
+    haze: (f64, f64),
+    attenuation_pm: f64,
 }
 
-impl<'a> Light<'a> {
-    pub fn new(view: &'a View, solid: &'a Solid, optics: &Optics, shadows: bool) -> Self {
+/// Laser light of this many grey levels and less is left away, as [`CUT_SIGMA`] does.
+const CUT_GREY: f64 = 0.01;
+
+/// How far forward of the sheet there is light \[m\].
+pub(super) fn far_m(optics: &Optics) -> f64 {
+    let fades = (optics.haze_fraction * optics.peak / CUT_GREY).ln() * optics.haze_length_m;
+    // Without haze ln(0): `max` takes the sheet's own reach.
+    fades.max(CUT_SIGMA * optics.sheet_sigma_m)
+}
+
+impl<'a, S: Sight> Light<'a, S> {
+    pub fn new(view: &'a S, solid: &'a Solid, optics: &Optics, shadows: bool) -> Self {
         let sigma = optics.sheet_sigma_m;
         Light {
             view,
@@ -79,6 +94,12 @@ impl<'a> Light<'a> {
             shadows,
             exponent: -0.5 / (sigma * sigma),
             reach_m: CUT_SIGMA * sigma,
+            far_m: far_m(optics),
+            haze: (
+                optics.haze_fraction * optics.peak,
+                -1.0 / optics.haze_length_m,
+            ),
+            attenuation_pm: optics.attenuation_pm,
             tan_half_fan: optics.half_fan_rad.tan(),
             peak: optics.peak,
         }
@@ -92,7 +113,7 @@ impl<'a> Light<'a> {
         if !self.shadows {
             return true;
         }
-        let apex = self.view.apex;
+        let apex = self.view.apex();
         let line = Line {
             origin: apex,
             direction: std::array::from_fn(|i| point[i] - apex[i]),
@@ -108,36 +129,50 @@ impl<'a> Light<'a> {
     /// Only heights at which the ray meets the sheet can be lit; usually that is one or none, so visibility is
     /// asked for that one alone. Vertical faces occlude but are not lit (geometry.md).
     pub fn shade(&self, u: f64, v: f64) -> (Code, f64) {
-        let line = self.view.line(u, v);
+        let ray = self.view.ray(u, v);
+        let line = self.view.line(&ray);
         let [.., h0] = line.origin;
         let down = line.direction[2];
         if down >= -1e-9 {
             return (Code::FAR, 0.0);
         }
         let mut dark = Code::FAR;
-        let sheet_rate = self.view.sheet.rate(u, v);
         let per_height = 1.0 / down;
         for level in 0..=self.solid.prisms.len() {
             let prism = self.solid.prisms.get(level);
             let t = (prism.map_or(0.0, |p| p.top_m) - h0) * per_height;
-            let off_m = self.view.sheet.at_eye + t * sheet_rate;
+            let off_m = self.view.off_m(&ray, t);
             // Written so that NaN is far.
-            if !(off_m.abs() <= self.reach_m && t > 0.0) {
+            if !(off_m >= -self.reach_m && off_m <= self.far_m && t > 0.0) {
                 continue;
             }
             dark = Code::hidden(level);
             if !self.solid.sees(&line, level, t) {
                 continue;
             }
-            let at = |form: &super::rays::Form| form.at_eye + t * form.rate(u, v);
+            let [fan_y, fan_z] = self.view.fan(&ray, t);
             let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
-            if !self.reaches(at(&self.view.fan_y), at(&self.view.fan_z), point) {
+            if !self.reaches(fan_y, fan_z, point) {
                 return (Code::hidden(level), 0.0);
             }
             let albedo = prism.map_or(1.0, |p| p.albedo);
-            let light = self.peak * albedo * (off_m * off_m * self.exponent).exp();
+            let mut light = self.peak * albedo * (off_m * off_m * self.exponent).exp();
+            if off_m > 0.0 && self.haze.0 > 0.0 {
+                // Light of the water beside the sheet, not of the surface behind it: no albedo.
+                light += self.haze.0 * (off_m * self.haze.1).exp();
+            }
+            if self.attenuation_pm > 0.0 {
+                let way = distance(point, self.view.apex()) + distance(point, line.origin);
+                light *= (-self.attenuation_pm * way).exp();
+            }
             return (Code::lit(level), light);
         }
         (dark, 0.0)
     }
+}
+
+/// Distance of two points in (x, y, height). On a slope the height's axis leans by it: second order in the slope.
+pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
 }

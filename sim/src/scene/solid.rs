@@ -36,7 +36,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    fn xy(&self, t: f64) -> [f64; 2] {
+    pub fn xy(&self, t: f64) -> [f64; 2] {
         [
             self.origin[0] + t * self.direction[0],
             self.origin[1] + t * self.direction[1],

@@ -3,8 +3,8 @@
 //! Independent of the rasteriser: closed form per column and height, then three tests
 //! (the surface there has that height, the camera sees it, the fan reaches it).
 
-use super::rays::{Form, View};
-use super::sheet::Light;
+use super::frame_poses::FramePoses;
+use super::rays::Sight;
 use super::solid::{Hit, Surface};
 use super::{Pose6, Renderer};
 
@@ -35,8 +35,26 @@ impl Renderer {
     ///
     /// A column may hold no point (outside the fan, hidden) or several (both sides of a step are seen).
     pub fn profile_truth(&self, pose: &Pose6) -> Vec<ColumnTruth> {
-        let view = self.view(pose);
-        let light = self.light(&view);
+        self.profile_truth_frame(&FramePoses::from(*pose))
+    }
+
+    /// As [`Renderer::profile_truth`] for a frame whose rows may show different times.
+    ///
+    /// Interlaced: the mean of both fields, which is where the centre of both together lies.
+    pub fn profile_truth_frame(&self, poses: &FramePoses) -> Vec<ColumnTruth> {
+        if self.is_straight() {
+            self.profile_by(poses, |pose| self.view(pose))
+        } else {
+            self.profile_by(poses, |pose| self.bent_view(pose))
+        }
+    }
+
+    fn profile_by<S: Sight>(
+        &self,
+        poses: &FramePoses,
+        sight: impl Fn(&Pose6) -> S,
+    ) -> Vec<ColumnTruth> {
+        let still = poses.still().map(&sight);
         let mut points = Vec::with_capacity(self.width_px + 16);
         let levels: Vec<(f64, Surface)> = self.solid.levels().collect();
         // A fan that ends just outside the image still cuts the stripe's oblique end inside it:
@@ -45,9 +63,14 @@ impl Renderer {
         for column in -margin..self.width_px as i64 + margin {
             let first = points.len();
             for &(height_m, surface) in &levels {
-                if let Some(point) = self.point(&view, &light, column, height_m, surface) {
-                    points.push((column, point));
-                }
+                let point = match &still {
+                    Some(view) => self.point(view, column, height_m, surface),
+                    None => {
+                        let view = self.sight_at_stripe(poses, &sight, column, height_m);
+                        view.and_then(|v| self.point(&v, column, height_m, surface))
+                    }
+                };
+                points.extend(point.map(|p| (column, p)));
             }
             points[first..].sort_by(|a: &(i64, ColumnTruth), b| a.1.row_px.total_cmp(&b.1.row_px));
         }
@@ -56,10 +79,26 @@ impl Renderer {
         points.into_iter().filter(inside).map(|p| p.1).collect()
     }
 
-    fn point(
+    /// The view of the very row that shows this column's stripe at this height.
+    fn sight_at_stripe<S: Sight>(
         &self,
-        view: &View,
-        light: &Light<'_>,
+        poses: &FramePoses,
+        sight: &impl Fn(&Pose6) -> S,
+        column: i64,
+        height_m: f64,
+    ) -> Option<S> {
+        let mut row = self.height_px as f64 / 2.0;
+        // The stripe moves by some thousandths of a row from one row to the next: a quick fixed point.
+        for _ in 0..6 {
+            let view = sight(&poses.at_row(row));
+            row = view.row_of(column as f64, height_m, 0.0)?.0;
+        }
+        Some(sight(&poses.at_row(row)))
+    }
+
+    fn point<S: Sight>(
+        &self,
+        view: &S,
         column: i64,
         height_m: f64,
         surface: Surface,
@@ -69,15 +108,17 @@ impl Renderer {
         if !(-0.5..=self.height_px as f64 - 0.5).contains(&row_px) {
             return None;
         }
-        let seen = |row: f64| self.solid.first_hit(&view.line(u, row));
+        let seen = |row: f64| self.solid.first_hit(&view.line(&view.ray(u, row)));
         let same = |hit: Option<Hit>| hit.is_some_and(|h| h.surface == surface && !h.face);
         let hit = seen(row_px)?;
         if !same(Some(hit)) || (hit.t - t).abs() > 1e-9 * t {
             return None;
         }
-        let at = |f: &Form| f.at_eye + t * f.rate(u, row_px);
-        let (fan_y, fan_z) = (at(&view.fan_y), at(&view.fan_z));
-        if !light.reaches(fan_y, fan_z, [at(&view.x), at(&view.y), at(&view.height)]) {
+        let ray = view.ray(u, row_px);
+        let line = view.line(&ray);
+        let [fan_y, fan_z] = view.fan(&ray, t);
+        let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
+        if !self.light(view).reaches(fan_y, fan_z, point) {
             return None;
         }
         // Across the sheet's thickness the same surface must be seen, or the stripe's centre is not its middle.

@@ -1,3 +1,4 @@
+use super::super::rays::Sight;
 use super::*;
 use crate::fixture::lshpi_rig;
 use crate::scene::Surface;
@@ -28,7 +29,7 @@ fn brute_force(r: &Renderer, pose: &Pose6, column: usize, row: usize) -> f64 {
     for i in 0..n * n {
         let offset = |k: usize| (k as f64 + 0.5) / n as f64 - 0.5;
         let (u, v) = (column as f64 + offset(i % n), row as f64 + offset(i / n));
-        let line = view.line(u, v);
+        let line = view.line(&view.ray(u, v));
         let Some(hit) = r.solid.first_hit(&line).filter(|h| !h.face) else {
             continue;
         };
