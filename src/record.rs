@@ -448,6 +448,7 @@ fn summary(
     // With these the file's own count closes: logged + dropped = received + leftover + repeated.
     put("frames.leftover", counts.excluded.leftover.to_string());
     put("frames.repeated", counts.excluded.repeated.to_string());
+    put("frames.lost_at_end", counts.lost_at_end.to_string());
     put("source.restarts", counts.restarts.to_string());
     if let Some(stats) = thrusters {
         put("commands.sets", stats.sets.to_string());

@@ -81,4 +81,6 @@ pub struct CaptureCounts {
     pub period_s: f64,
     /// Times the stream was restarted or the device re-opened.
     pub restarts: u64,
+    /// Part of `lost` that no frame is marked with: what fell due between the last frame and the stop.
+    pub lost_at_end: u64,
 }

@@ -11,6 +11,9 @@
 //! and for stamps up to 2.5 periods late on a busy host; a drop in the very moment of such a jam may be counted
 //! wrong by one, and is then mostly seen as a disagreement.
 //!
+//! What was lost is marked on the frame behind it as soon as that comes, and a mark that later frames refute is taken
+//! back by name ([`Note::Retracted`]): marks - retractions + what fell due after the last frame = found losses, always.
+//!
 //! `received + lost - expected` is reported as it is, per second and in total; it is 0 unless the driver's
 //! sequence contradicts its stamps. Only across a pause (stream restarted, device gone) is there a single
 //! witness, the time: both sides then use the same whole number of periods.
@@ -83,9 +86,12 @@ pub enum Note {
         /// Now.
         to: u32,
     },
-    /// Losses told before were none: the frame was late, and those behind it have come.
+    /// Losses marked on an earlier frame were none (it was late, and those behind it have come), or stand elsewhere
+    /// now. Marks minus retractions are the account, at any time.
     Retracted {
-        /// How many.
+        /// Sequence number of the frame that was marked: the last one of that number.
+        sequence: u32,
+        /// How many of its losses are taken back.
         frames: u64,
     },
     /// This frame has the number and the period of the one before.
@@ -117,9 +123,11 @@ struct Mark {
     stamp_ns: u64,
 }
 
-/// From one received frame to the next.
+/// From one received frame to the next, which is marked with [`Self::lost`].
 #[derive(Debug, Clone, Copy)]
 struct Step {
+    /// Number of the frame it leads to.
+    sequence: u32,
     dt_ns: f64,
     sequence_gap: u64,
     /// Missing periods beyond the sequence gap; negative = the sequence claims more than time has room for.
@@ -269,7 +277,10 @@ impl Account {
                     self.tracker.anchor(0.0);
                 }
                 Some(before) => {
-                    self.open.pop_back();
+                    // The pause ends at this frame, so the mark on the leftover stands on it from now on.
+                    if let Some(step) = self.open.pop_back() {
+                        retract(step.sequence, step.lost(), &mut notes);
+                    }
                     let cause = self.start_pause;
                     let loss = self.resume(before, mark, at_ns, cause, &mut notes);
                     return (loss, notes);
@@ -286,39 +297,42 @@ impl Account {
         self.tracker.advance(at_ns, slots);
         let sequence_gap = if renumbered { 0 } else { claimed };
         let mut new = Step {
+            sequence,
             dt_ns,
             sequence_gap,
             time_gap: slots - 1 - sequence_gap as i64,
             pause: None,
             new_period_ns: None,
         };
-        let retracted = self.settle(&mut new);
-        if retracted > 0 {
-            notes.push(Note::Retracted { frames: retracted });
-        }
+        self.settle(&mut new, &mut notes);
+        self.open.push_back(new);
+        // The frame's own gap is told only after the question whether it belongs to a new rate.
+        let time_gap = if self.look_for_new_rate(at_ns, &mut notes) {
+            0
+        } else {
+            new.time_gap
+        };
         let loss = LossBefore {
             sequence_gap: sequence_gap as u32,
-            time_gap: new.time_gap.clamp(0, i64::from(u32::MAX)) as u32,
+            time_gap: time_gap.clamp(0, i64::from(u32::MAX)) as u32,
         };
-        self.open.push_back(new);
-        self.look_for_new_rate(at_ns, &mut notes);
         self.close_steps(&mut notes);
         (loss, notes)
     }
 
-    /// A late frame looks like a loss and the next, on time again, like a surplus: the two cancel.
-    /// Returns how many losses that were told are taken back.
-    fn settle(&mut self, new: &mut Step) -> u64 {
-        let mut retracted = 0;
+    /// A late frame looks like a loss and the next, on time again, like a surplus: the two cancel, and what was marked
+    /// on the late one is taken back.
+    fn settle(&mut self, new: &mut Step, notes: &mut Vec<Note>) {
         for old in self.open.iter_mut().rev().filter(|s| s.pause.is_none()) {
             if new.time_gap.signum() * old.time_gap.signum() == -1 {
                 let both = new.time_gap.abs().min(old.time_gap.abs());
-                retracted += if old.time_gap > 0 { both as u64 } else { 0 };
+                if old.time_gap > 0 {
+                    retract(old.sequence, both as u64, notes);
+                }
                 new.time_gap -= both * new.time_gap.signum();
                 old.time_gap -= both * old.time_gap.signum();
             }
         }
-        retracted
     }
 
     fn resume(
@@ -339,6 +353,7 @@ impl Account {
         };
         self.tracker.anchor(at_ns);
         self.open.push_back(Step {
+            sequence: mark.sequence,
             dt_ns,
             sequence_gap: 0,
             time_gap: 0,
@@ -357,11 +372,11 @@ impl Account {
         }
     }
 
-    /// Eight like intervals that are not the period are a new period, not eight losses.
-    fn look_for_new_rate(&mut self, at_ns: f64, notes: &mut Vec<Note>) {
+    /// Eight like intervals that are not the period are a new period, not eight losses; whether they are.
+    fn look_for_new_rate(&mut self, at_ns: f64, notes: &mut Vec<Note>) -> bool {
         let steady = self.tracker.settled_period_ns();
         if self.open.len() < RATE_STEPS || steady <= 0.0 {
-            return;
+            return false;
         }
         let recent = self.open.len() - RATE_STEPS;
         if self
@@ -370,7 +385,7 @@ impl Account {
             .skip(recent)
             .any(|s| s.pause.is_some() || s.sequence_gap > 0 || s.new_period_ns.is_some())
         {
-            return;
+            return false;
         }
         let intervals = || self.open.iter().skip(recent).map(|s| s.dt_ns);
         let (shortest, longest) = (
@@ -382,9 +397,14 @@ impl Account {
             || longest > RATE_SPREAD * shortest
             || (mean / steady - 1.0).abs() < RATE_STEP
         {
-            return;
+            return false;
         }
-        for step in self.open.iter_mut().skip(recent) {
+        // The newest frame has not been marked yet: nothing to take back there.
+        let newest = self.open.len() - 1;
+        for (i, step) in self.open.iter_mut().enumerate().skip(recent) {
+            if i < newest {
+                retract(step.sequence, step.lost(), notes);
+            }
             step.time_gap = 0;
         }
         if let Some(first) = self.open.get_mut(recent) {
@@ -400,6 +420,7 @@ impl Account {
                 to_period_s: mean / 1e9,
             });
         }
+        true
     }
 
     fn close_steps(&mut self, notes: &mut Vec<Note>) {
@@ -486,6 +507,7 @@ impl Account {
             disagreement: (self.received + end.closed.total()) as i64 - expected as i64,
             period_s: self.period_ns() / 1e9,
             restarts: self.restarts,
+            lost_at_end: tail,
         }
     }
 }
@@ -497,6 +519,13 @@ impl Losses {
             Pause::Restarted => &mut self.restarted,
             Pause::Unplugged => &mut self.unplugged,
         }
+    }
+}
+
+/// Notes that `frames` of the losses marked on a frame were none.
+fn retract(sequence: u32, frames: u64, notes: &mut Vec<Note>) {
+    if frames > 0 {
+        notes.push(Note::Retracted { sequence, frames });
     }
 }
 

@@ -166,6 +166,7 @@ impl<S: Scene> FrameSource for SimCamera<S> {
             .take_while(|index| self.due_ns(*index).saturating_add(period_ns) <= now_ns)
             .count() as u64;
         self.counts.lost.sequence_gap += due;
+        self.counts.lost_at_end += due;
         self.counts.expected = from + due;
         self.filled.clear();
         self.last_delivered = (from + due).checked_sub(1);

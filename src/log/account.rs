@@ -35,6 +35,19 @@ impl FrameLedger {
         }
     }
 
+    /// Takes back losses that were counted with an earlier frame: it was late.
+    pub fn retract(&mut self, frames: u64) {
+        let Some(counted) = self.lost.get_mut("time_gap") else {
+            return;
+        };
+        let back = frames.min(*counted);
+        *counted -= back;
+        self.expected -= back;
+        if *counted == 0 {
+            self.lost.remove("time_gap");
+        }
+    }
+
     /// Sum over all causes.
     pub fn lost_total(&self) -> u64 {
         self.lost.values().sum()

@@ -52,6 +52,9 @@ impl WeakRecorder {
     }
 }
 
+/// The capture's event that takes back losses which a frame before was marked with.
+const GAP_RETRACTED: &str = "camera.gap_retracted";
+
 impl Recorder {
     /// Creates the first file, makes its head durable, and starts the writer thread.
     ///
@@ -109,6 +112,12 @@ impl Recorder {
 
     /// What happened to the daemon.
     pub fn event(&self, event: &Event) {
+        if event.kind == GAP_RETRACTED {
+            let taken_back = event.values.iter().find(|v| v.0 == "frames");
+            let frames = taken_back.map_or(0, |v| v.1 as u64);
+            let queue = &self.shared.queue;
+            queue.with(|_, producers| producers.frames.retract(frames));
+        }
         self.push(Entry::event(event));
     }
 

@@ -129,12 +129,13 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         )
         .with("from", f64::from(*from))
         .with("to", f64::from(*to)),
-        Note::Retracted { frames } => Event::new(
+        Note::Retracted { sequence, frames } => Event::new(
             at_ns,
             Severity::Info,
             "camera.gap_retracted",
-            format!("{frames} frame(s) reported lost by time just before were late, not lost; the account is corrected"),
+            format!("{frames} of the frame(s) marked lost before frame {sequence} were not lost there: it was late, or the rate had changed; the account is corrected"),
         )
+        .with("sequence", f64::from(*sequence))
         .with("frames", *frames as f64),
         Note::Repeated { sequence } => Event::new(
             at_ns,

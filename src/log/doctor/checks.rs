@@ -28,8 +28,11 @@ pub(super) struct Checks {
     pub(super) cut: bool,
     pub(super) damaged: bool,
     pub(super) frames: Frames,
-    pub(super) last_command: Option<(u32, String)>,
-    pub(super) commands_missing: u64,
+    pub(super) last_command: Option<u32>,
+    /// Numbers between two commands that no command has: first and one past the last.
+    pub(super) command_gaps: Vec<(u32, u32)>,
+    /// Sets the daemon says were cut off on their way out: likewise.
+    pub(super) commands_unsent: Vec<(u32, u32)>,
     pub(super) clock_offset_ns: Option<i128>,
     pub(super) clock_steps: u64,
     pub(super) wide_brackets: u64,
@@ -47,6 +50,9 @@ pub(super) struct Frames {
     pub(super) unexplained: u64,
     pub(super) faulty: u64,
     pub(super) short: u64,
+    /// Losses that the frames state, and those that events take back.
+    pub(super) marked: u64,
+    pub(super) retracted: u64,
 }
 
 impl Checks {
@@ -147,12 +153,7 @@ impl Checks {
             }
             Record::Command(c) => self.command(c),
             Record::Clock(pair) => self.clock(pair),
-            Record::Event(event) => {
-                self.step_events += u64::from(event.kind == "clock.step");
-                if messages::event_severity(event) == Severity::Error {
-                    *self.error_events.entry(event.kind.clone()).or_default() += 1;
-                }
-            }
+            Record::Event(event) => self.event(event),
             _ => {}
         }
     }
@@ -161,6 +162,7 @@ impl Checks {
     fn frame_info(&mut self, offset: u64, info: &pb::FrameInfo) {
         let f = &mut self.frames;
         f.infos += 1;
+        f.marked += u64::from(info.sequence_gap_before) + u64::from(info.time_gap_before);
         f.faulty += u64::from(!info.fault.is_empty());
         f.first_index.get_or_insert(info.frame_index);
         let last = f.last.replace((info.sequence, info.frame_index));
@@ -186,12 +188,45 @@ impl Checks {
     }
 
     fn command(&mut self, c: &pb::ThrusterCommand) {
-        let last = self.last_command.replace((c.sequence, c.thruster.clone()));
-        if let Some((sequence, _)) = last
-            && c.sequence > sequence
+        let last = self.last_command.replace(c.sequence);
+        if let Some(last) = last
+            && c.sequence > last.saturating_add(1)
         {
-            self.commands_missing += u64::from(c.sequence - sequence - 1);
+            self.command_gaps.push((last + 1, c.sequence));
         }
+    }
+
+    fn event(&mut self, event: &pb::Event) {
+        let whole = |name: &str| event.values.get(name).map_or(0, |v| *v as u32);
+        match event.kind.as_str() {
+            "clock.step" => self.step_events += 1,
+            "camera.gap_retracted" => self.frames.retracted += u64::from(whole("frames")),
+            "thruster.unsent" => {
+                let first = whole("sequence");
+                let end = first.saturating_add(whole("sets"));
+                self.commands_unsent.push((first, end));
+            }
+            _ => {}
+        }
+        if messages::event_severity(event) == Severity::Error {
+            *self.error_events.entry(event.kind.clone()).or_default() += 1;
+        }
+    }
+
+    /// Command numbers that are neither logged nor named as cut off, and those that are named.
+    pub(super) fn commands_missing(&self) -> (u64, u64) {
+        let (mut missing, mut named) = (0, 0);
+        for (from, to) in &self.command_gaps {
+            let explained: u64 = self
+                .commands_unsent
+                .iter()
+                .map(|(first, end)| u64::from(end.min(to).saturating_sub(*first.max(from))))
+                .sum();
+            let all = u64::from(to - from);
+            named += explained.min(all);
+            missing += all.saturating_sub(explained);
+        }
+        (missing, named)
     }
 
     fn clock(&mut self, pair: &pb::ClockPair) {

@@ -159,11 +159,21 @@ impl Checks {
                 "the disk was too slow or full; see events `log.frames_dropped`, `disk.low`",
             );
         }
-        if self.commands_missing > 0 {
+        let (missing, cut_off) = self.commands_missing();
+        if cut_off > 0 {
             let message = format!(
-                "{} commands are missing by their sequence numbers",
-                self.commands_missing
+                "{cut_off} command numbers were cut off with the link, as event `thruster.unsent` says"
             );
+            self.add(
+                Grade::Note,
+                "command_gap",
+                None,
+                message,
+                "the controller may have got part of them; its watchdog went to neutral",
+            );
+        }
+        if missing > 0 {
+            let message = format!("{missing} commands are missing by their sequence numbers");
             self.add(
                 Grade::Error,
                 "command_gap",
@@ -268,9 +278,11 @@ impl Checks {
             && summary.get("part.last").map(String::as_str) == Some("true");
         if let (Some(logged), true) = (number("frames.logged"), is_only_part) {
             let dropped = sum("frames.dropped.");
-            if logged + dropped != received {
+            // Kept, but with no place in time: a buffer from before the start, a frame handed out twice.
+            let outside = number("frames.leftover").unwrap_or(0) + number("frames.repeated").unwrap_or(0);
+            if logged + dropped != received + outside {
                 let message = format!(
-                    "frames: logged {logged} + dropped {dropped} is not received {received}"
+                    "frames: logged {logged} + dropped {dropped} is not received {received} + leftover and repeated {outside}"
                 );
                 self.add(
                     Grade::Error,
@@ -279,6 +291,19 @@ impl Checks {
                     message,
                     "the log lost count; report it as a bug",
                 );
+            }
+        }
+        // A dropped frame takes its mark along; logs of older daemons do not state what no frame can be marked with.
+        if let (Some(at_end), true) = (number("frames.lost_at_end"), is_only_part)
+            && sum("frames.dropped.") == 0
+        {
+            let (marked, retracted) = (self.frames.marked, self.frames.retracted);
+            if marked + at_end != lost + retracted {
+                let message = format!(
+                    "frames: {marked} marked as lost - {retracted} taken back + {at_end} after the last frame is not lost {lost}"
+                );
+                let next = "the marks on the frames and the account contradict each other; report it as a bug";
+                self.add(Grade::Error, "ledger", None, message, next);
             }
         }
         let derived = sum("derived.dropped.");

@@ -337,6 +337,7 @@ impl Core {
             }
         }
         self.link = None;
+        self.settle_outbox();
         self.abort_plan(NeutralReason::Panic);
         self.shared.set_state(State::Neutral(NeutralReason::Panic));
     }
@@ -349,6 +350,12 @@ impl Drop for Core {
             self.safety
                 .neutral(NeutralReason::Exit, self.clock.monotonic_ns());
             self.send_neutral(NeutralReason::Exit);
+            // With the kernel, if not out; a sink that panics must not do so while another panic unwinds.
+            let _ = catch_unwind(AssertUnwindSafe(|| {
+                while !self.outbox.is_empty() {
+                    self.emit_first();
+                }
+            }));
         }
     }
 }

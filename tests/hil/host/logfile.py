@@ -87,6 +87,8 @@ class Account:
         self.expected = number.get("frames.expected", -1)
         self.lost_by_cause = {k.removeprefix("frames.lost."): v for k, v in number.items() if k.startswith("frames.lost.") and v}
         self.lost = sum(self.lost_by_cause.values())
+        # What fell due after the last frame: no frame can be marked with it.
+        self.lost_at_end = number.get("frames.lost_at_end", -1)
         # Kept and marked, but with no place in time: neither received nor lost. (Void buffers hold nothing to keep.)
         self.outside_time = sum(number.get(f"frames.{k}", 0) for k in ("leftover", "repeated"))
         self.dropped = sum(v for k, v in number.items() if k.startswith("frames.dropped."))

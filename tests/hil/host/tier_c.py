@@ -135,10 +135,15 @@ def serial(report: Report, log: Log, done: dict[str, list[float]], controller_lo
     # While the adapter was out no command can have been echoed.
     out = [t for t in echoes if done["serial_unplug"][0] + 0.2 < t < done["serial_plug"][0]]
     report.equal("c-vivid: echoes while the adapter was out", len(out), 0)
-    numbers = sorted({c.sequence for c in log.of("/thruster/command")})
-    report.equal("c-vivid: command sequence without a hole", numbers, list(range(numbers[0], numbers[-1] + 1)) if numbers else None) \
-        if len(numbers) < 40 else report.check("c-vivid: command sequence without a hole", f"{len(numbers)} numbers over a range of {numbers[-1] - numbers[0] + 1}",
-                                               "equal", len(numbers) == numbers[-1] - numbers[0] + 1)
+    # Every number is a command in the log, or one that an event says was cut off with the line.
+    sent = {c.sequence for c in log.of("/thruster/command")}
+    cut_off = {round(e.values["sequence"]) + k for e in log.events("thruster.unsent") for k in range(round(e.values["sets"]))}
+    numbers = sent | cut_off
+    hole = sorted(set(range(min(numbers), max(numbers) + 1)) - numbers) if numbers else None
+    report.check("c-vivid: command numbers without a hole", f"{len(sent)} sent, cut off {sorted(cut_off)}, missing {hole}", "none missing, none both",
+                 hole == [] and not sent & cut_off)
+    report.check("c-vivid: neutral at the loss is said", [e.message[:40] for e in log.events("thruster.neutral")], "at least one for the lost link",
+                 any("lost" in e.message for e in log.events("thruster.neutral")))
 
 
 def truth_of(path: Path) -> list[tuple[float, str, int]]:

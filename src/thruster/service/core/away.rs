@@ -3,7 +3,7 @@
 use super::{AWAY_NS, Core, Flow, REOPEN_NS};
 use crate::event::Severity;
 use crate::thruster::link::{ThrusterLink, WireLink};
-use crate::thruster::safety::NeutralReason;
+use crate::thruster::safety::{NeutralReason, State};
 use hydroline_rigs::{Link, LinkKind};
 use std::time::Duration;
 
@@ -130,25 +130,38 @@ impl Core {
         self.neutral_open = None;
         self.unechoed_since_ns = None;
         self.unechoed.clear();
+        self.emit_what_left();
+        self.lost(why);
+        self.settle_outbox();
+    }
+
+    fn emit_what_left(&mut self) {
         let now_ns = self.now();
-        // What the model says is out is logged as sent; the rest never left.
         while self.outbox.front().is_some_and(|o| o.out_ns <= now_ns) {
             self.emit_first();
         }
+    }
+
+    /// Nothing more leaves: what the model says is out is logged as sent, the rest is named as cut off. So every
+    /// number stands in the log, as a command or in a `thruster.unsent`.
+    pub(super) fn settle_outbox(&mut self) {
+        self.emit_what_left();
+        let Some(first) = self.outbox.front().map(|o| o.sequence) else {
+            return;
+        };
         let unsent = self.outbox.len();
         self.outbox.clear();
-        self.lost(why);
-        if unsent > 0 {
-            self.event(
-                Severity::Warning,
-                "thruster.unsent",
-                format!("{unsent} sets of commands were cut off on their way out"),
-                &[("sets", unsent as f64)],
-            );
-        }
+        let last = self.sequence;
+        self.event(
+            Severity::Warning,
+            "thruster.unsent",
+            format!("{unsent} sets of commands, numbers {first} to {last}, were cut off on their way out"),
+            &[("sequence", f64::from(first)), ("sets", unsent as f64)],
+        );
     }
 
     pub(super) fn lost(&mut self, why: &str) {
+        let was = self.safety.state();
         if self.safety.lose() {
             self.lost_ns = Some(self.now());
             self.shared.stats(|s| s.losses += 1);
@@ -163,6 +176,15 @@ impl Core {
                 format!("link to the thruster controller lost: {why}; {alone}; we send neutral first when it is back"),
                 &[],
             );
+            if matches!(was, State::Armed | State::Running) {
+                let reason = NeutralReason::Lost;
+                self.event(
+                    Severity::Error,
+                    "thruster.neutral",
+                    format!("thrusters to neutral ({reason}): no command gets through; {alone}"),
+                    &[],
+                );
+            }
         }
     }
 }

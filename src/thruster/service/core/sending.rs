@@ -115,6 +115,12 @@ impl Core {
         let sent = match link.send(sequence, &pulses, neutral) {
             Ok(sent) => sent,
             Err(error) => {
+                // Its number is taken and perhaps half of it is out: it is named with those queued before it.
+                self.outbox.push_back(Outgoing {
+                    sequence,
+                    out_ns: u64::MAX,
+                    records: Vec::new(),
+                });
                 self.lose(&error.to_string());
                 return None;
             }

@@ -180,3 +180,44 @@ fn a_controller_reset_while_running_is_noticed_by_its_next_ack() {
         .collect();
     assert!(stamps.windows(2).all(|w| w[0] >= w[1]));
 }
+
+/// Every number is in the log: as a command, or named in a `thruster.unsent`.
+fn numbers_without_a_hole(b: &Bench) -> Result<(), String> {
+    let mut all: Vec<u32> = b.commands().iter().map(|c| c.sequence).collect();
+    for event in b.events("thruster.unsent") {
+        let of = |name| event.values.iter().find(|v| v.0 == name).unwrap().1 as u32;
+        all.extend(of("sequence")..of("sequence") + of("sets"));
+    }
+    all.sort_unstable();
+    all.dedup();
+    match all.windows(2).find(|w| w[1] != w[0] + 1) {
+        Some(hole) => Err(format!("nothing between {} and {}", hole[0], hole[1])),
+        None => Ok(()),
+    }
+}
+
+#[test]
+fn a_set_cut_off_by_the_unplugging_keeps_its_number_in_the_log() {
+    for kind in KINDS {
+        let mut cut_off = 0;
+        // Over a whole period of 20 ms, so that the line breaks before, in and behind a write.
+        for late_ms in 0..20 {
+            let mut b = bench(kind, |_| {});
+            b.plan(60.0, constant(10.0));
+            b.run_ms(500 + late_ms);
+            assert!(b.running());
+            b.cable.unplug();
+            b.run_ms(1000);
+            b.cable.replug();
+            b.run_ms(500);
+            assert!(b.commands().last().unwrap().cause == "lost", "{kind:?}");
+            assert_eq!(numbers_without_a_hole(&b), Ok(()), "{kind:?}, {late_ms} ms");
+            cut_off += b.events("thruster.unsent").len();
+            // The abort to neutral is said, not only the loss.
+            let neutral = b.events("thruster.neutral");
+            assert_eq!(neutral.len(), 1, "{kind:?}: {neutral:?}");
+            assert!(neutral[0].message.contains("lost"), "{}", neutral[0].message);
+        }
+        assert!(cut_off > 0, "{kind:?}: no unplugging met a command: this test tests nothing");
+    }
+}
