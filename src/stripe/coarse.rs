@@ -6,6 +6,7 @@
 //! candidate where it is a local maximum down the column.
 
 use crate::frame::GreyImage;
+use wide::u8x16;
 
 /// Rows per block.
 pub(super) const BLOCK_ROWS: usize = 4;
@@ -48,7 +49,19 @@ impl Spots {
 
     /// Adds a spot below all earlier ones of its column; of spots closer than two blocks
     /// (one stripe seen twice) and of too many, the weaker goes.
+    #[inline(always)]
     fn push(&mut self, column: usize, spot: Spot) {
+        if let (Some(slots), Some(count @ 0)) =
+            (self.slots.get_mut(column), self.counts.get_mut(column))
+        {
+            slots[0] = spot;
+            *count = 1;
+        } else {
+            self.push_another(column, spot);
+        }
+    }
+
+    fn push_another(&mut self, column: usize, spot: Spot) {
         let count = usize::from(self.counts[column]);
         let slots = &mut self.slots[column];
         if let Some(last) = slots[..count].last_mut()
@@ -112,8 +125,23 @@ pub(super) fn search(
     scratch: &mut CoarseScratch,
     spots: &mut Spots,
 ) {
+    // The same twice: lines of a length known to the compiler need no loops.
+    match tile.to.saturating_sub(tile.from) {
+        TILE_COLUMNS => search_lines(image, tile, TILE_COLUMNS, threshold, scratch, spots),
+        width => search_lines(image, tile, width, threshold, scratch, spots),
+    }
+}
+
+#[inline(always)]
+fn search_lines(
+    image: &GreyImage,
+    tile: Tile,
+    width: usize,
+    threshold: u8,
+    scratch: &mut CoarseScratch,
+    spots: &mut Spots,
+) {
     let blocks = image.height_px / BLOCK_ROWS;
-    let width = tile.to.saturating_sub(tile.from);
     if blocks == 0 || width == 0 || tile.first > tile.last || tile.last >= blocks {
         return;
     }
@@ -133,13 +161,12 @@ pub(super) fn search(
         &scratch.blocks[block * width..][..width]
     };
     for c in &mut scratch.contrast {
-        c.clear();
-        c.resize(width, 0);
+        c.resize(width.max(c.len()), 0);
     }
     let [before, here, after] = &mut scratch.contrast;
     let fill = |out: &mut [u8], block: usize| {
         contrast_line(
-            out,
+            &mut out[..width],
             [
                 line(block.saturating_sub(2)),
                 line(block),
@@ -150,6 +177,8 @@ pub(super) fn search(
     };
     if tile.first > 0 {
         fill(before, tile.first - 1);
+    } else {
+        before.fill(0);
     }
     fill(here, tile.first);
     for block in tile.first..=tile.last {
@@ -158,20 +187,16 @@ pub(super) fn search(
         } else {
             after.fill(0);
         }
-        for_each_peak(before, here, after, threshold, |column, contrast| {
-            let b = [
-                line(block.saturating_sub(1))[column],
-                line(block)[column],
-                line(block + 1)[column],
-                line(block + 2)[column],
-            ];
-            spots.push(
-                tile.from + column,
-                Spot {
-                    row_px: centre_of_blocks(block, b),
-                    contrast,
-                },
-            );
+        let near = [
+            line(block.saturating_sub(1)),
+            line(block),
+            line(block + 1),
+            line(block + 2),
+        ];
+        let lines = [&before[..width], &here[..width], &after[..width]];
+        for_each_peak(lines, threshold, |column, contrast| {
+            let row_px = centre_of_blocks(block, near.map(|line| line[column]));
+            spots.push(tile.from + column, Spot { row_px, contrast });
         });
         std::mem::swap(before, here);
         std::mem::swap(here, after);
@@ -191,41 +216,52 @@ fn contrast_line(out: &mut [u8], [above, upper, lower, below]: [&[u8]; 4]) {
 }
 
 /// Calls `found` for every column whose contrast is a maximum of the three and over the threshold.
+#[inline(always)]
 fn for_each_peak(
-    before: &[u8],
-    here: &[u8],
-    after: &[u8],
+    [before, here, after]: [&[u8]; 3],
     threshold: u8,
     mut found: impl FnMut(usize, u8),
 ) {
     const CHUNK: usize = 16;
-    let peak = |b: u8, h: u8, a: u8| (h >= threshold) & (h >= b) & (h > a);
+    let least = u8x16::splat(threshold);
     let chunks = here
         .chunks(CHUNK)
         .zip(before.chunks(CHUNK))
         .zip(after.chunks(CHUNK));
     for (index, ((h, b), a)) in chunks.enumerate() {
-        // Most chunks hold nothing: one branch for sixteen columns.
-        let brightest = h.iter().fold(0, |m: u8, v| m.max(*v));
-        if brightest < threshold {
-            continue;
-        }
-        for (i, ((h, b), a)) in h.iter().zip(b).zip(a).enumerate() {
-            if peak(*b, *h, *a) {
-                found(index * CHUNK + i, *h);
+        let [hs, bs, as_] = [h, b, a].map(|line| {
+            line.first_chunk().copied().map_or_else(
+                || {
+                    let mut padded = [0; CHUNK];
+                    padded[..line.len()].copy_from_slice(line);
+                    u8x16::new(padded)
+                },
+                u8x16::new,
+            )
+        });
+        let over = hs.max(least).simd_eq(hs) & hs.max(bs).simd_eq(hs);
+        let mut peaks = (over & !hs.max(as_).simd_eq(as_)).to_bitmask();
+        while peaks != 0 {
+            let i = peaks.trailing_zeros() as usize;
+            peaks &= peaks - 1;
+            if let Some(contrast) = h.get(i) {
+                found(index * CHUNK + i, *contrast);
             }
         }
     }
 }
 
 /// Centre of gravity of four blocks above the darker of the outer two \[px\].
+#[inline(always)]
 fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
-    let floor = b[0].min(b[3]);
-    let [p, q, r, s] = b.map(|v| f32::from(v.saturating_sub(floor)));
+    let floor = i32::from(b[0].min(b[3]));
+    // Neither inner block is darker than both outer ones where the contrast is over a threshold;
+    // if rounding makes one so, it counts as nothing.
+    let [p, q, r, s] = b.map(|v| (i32::from(v) - floor).max(0));
     let blocks = BLOCK_ROWS as f32;
-    let offset = (-p + r + 2.0 * s) / (p + q + r + s).max(1.0);
+    let offset = (r + 2 * s - p) as f32 / (p + q + r + s).max(1) as f32;
     // Middle of block `second`: its first row + 1.5.
-    (second as f32 + offset) * blocks + 0.5 * (blocks - 1.0)
+    (second as i32 as f32 + offset) * blocks + 0.5 * (blocks - 1.0)
 }
 
 #[cfg(test)]

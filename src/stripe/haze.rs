@@ -7,10 +7,11 @@
 //! slope (uneven light) and the haze, on either side and with several lengths.
 
 use super::fit::{Fit, HazeShape};
-use super::kernel::{Kernel, PHASES, phase_offset};
+use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
+use wide::f32x4;
 
 /// Farthest pixel looked at \[px\].
 const REACH_PX: usize = 56;
@@ -144,13 +145,20 @@ fn surroundings(
         let background = (16.0 * fit.background) as i32;
         let clip = (16.0 * (4.0 * noise_sd + 0.25 * fit.peak.min(255.0))) as i32;
         let offset = first + REACH_PX - middle;
-        let lines = image.pixels[first * image.width_px..(last + 1) * image.width_px]
-            .chunks_exact(image.width_px);
-        for ((line, sum), count) in lines.zip(&mut sums[offset..]).zip(&mut counts[offset..]) {
+        let rows = last + 1 - first;
+        // Pixels first, sums after: those then go eight at a time.
+        let mut pixels = [0i32; SIZE];
+        let mut place = first * image.width_px + column;
+        for pixel in &mut pixels[..rows] {
+            *pixel = image.pixels.get(place).map_or(0, |p| i32::from(*p));
+            place += image.width_px;
+        }
+        let (sums, counts) = (&mut sums[offset..], &mut counts[offset..]);
+        for ((pixel, sum), count) in pixels[..rows].iter().zip(sums).zip(counts) {
             // Particles, ghosts and other segments are brighter than haze can be.
-            let above = 16 * i32::from(line[*column]) - background;
+            let above = 16 * pixel - background;
             let kept = i32::from(above.abs() <= clip);
-            *sum += above * kept;
+            *sum += above & -kept;
             *count += kept;
         }
         widths.push(fit.sigma_px);
@@ -216,20 +224,16 @@ fn fit_level(samples: &[(isize, f64, f64)], shape: &[f64]) -> Option<LevelFit> {
 impl Haze {
     /// This haze under the taps of a kernel.
     pub fn shape(&self, kernel: &Kernel) -> HazeShape {
-        let stride = kernel.stride;
-        let mut shape = vec![0.0f32; PHASES * stride];
+        let mut shape = Vec::with_capacity(PHASES * kernel.stride / LANES);
         let mut solved = Vec::with_capacity(PHASES);
         for (p, phase) in kernel.phases.iter().enumerate() {
-            let line = &mut shape[p * stride..(p + 1) * stride];
+            let mut line = vec![0.0f32; kernel.stride];
             for (k, h) in line.iter_mut().enumerate().take(kernel.taps()) {
-                *h = haze_over_pixel(
-                    k as f64 - kernel.half as f64 - phase_offset(p),
-                    self.length_px,
-                ) as f32;
+                let distance_px = k as f64 - kernel.half as f64 - phase_offset(p);
+                *h = haze_over_pixel(distance_px, self.length_px) as f32;
             }
-            // The same integer weights as the fit's, on the haze in 1/1024 grey levels.
-            let fine: Vec<i16> = line.iter().map(|h| (h * 1024.0).round() as i16).collect();
-            solved.push([0, 1, 2, 3].map(|i| phase.solve_line(i, &fine) / 1024.0));
+            solved.push(f32x4::new([0, 1, 2, 3].map(|i| phase.solve_line(i, &line))));
+            shape.extend(line.as_chunks().0.iter().map(parted));
         }
         HazeShape {
             length_px: self.length_px,

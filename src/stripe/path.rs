@@ -39,12 +39,21 @@ pub(super) fn choose<'a>(
     let mut values = [f32::NEG_INFINITY; MAX_PER_COLUMN];
     let mut none_value = 0.0f32;
     let mut previous: &[Spot] = &[];
-    for column in 0..columns {
+    let per_contrast = 1.0 / typical;
+    scratch.back.extend((0..columns).map(|column| {
         let here = spots.column(column);
         let mut back = [NONE; MAX_PER_COLUMN + 1];
-        let mut next = [f32::NEG_INFINITY; MAX_PER_COLUMN];
+        let from_none = none_value - 0.5 * step_cost;
+        let mut best = none_value;
+        for (m, value) in values.iter().enumerate().take(previous.len()) {
+            if value - 0.5 * step_cost > best {
+                best = value - 0.5 * step_cost;
+                back[MAX_PER_COLUMN] = m as u8;
+            }
+        }
+        let mut next = values;
         for (k, spot) in here.iter().enumerate() {
-            let mut value = none_value - 0.5 * step_cost;
+            let mut value = from_none;
             for (m, from) in previous.iter().enumerate() {
                 let jump = (spot.row_px - from.row_px).abs() - FREE_JUMP_PX;
                 let via = values[m] - (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost);
@@ -53,18 +62,13 @@ pub(super) fn choose<'a>(
                     back[k] = m as u8;
                 }
             }
-            next[k] = value + (f32::from(spot.contrast) / typical).min(REWARD_MAX);
+            next[k] = value + (f32::from(spot.contrast) * per_contrast).min(REWARD_MAX);
         }
-        for (m, value) in values.iter().enumerate().take(previous.len()) {
-            if value - 0.5 * step_cost > none_value {
-                none_value = value - 0.5 * step_cost;
-                back[MAX_PER_COLUMN] = m as u8;
-            }
-        }
-        scratch.back.push(back);
+        none_value = best;
         values = next;
         previous = here;
-    }
+        back
+    }));
     let mut state = NONE;
     let mut value = none_value;
     for (m, v) in values.iter().enumerate().take(previous.len()) {
