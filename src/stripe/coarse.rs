@@ -14,6 +14,8 @@ pub(super) const BLOCK_ROWS: usize = 4;
 pub(super) const MAX_PER_COLUMN: usize = 6;
 /// Columns handled together when searching a band.
 pub(super) const TILE_COLUMNS: usize = 32;
+/// Columns compared at once; lines of the search are padded to a multiple of it.
+const CHUNK: usize = 16;
 
 /// A place where a stripe may be.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -146,27 +148,28 @@ fn search_lines(
         return;
     }
     // The local maximum needs the contrast of one block more, the contrast two and three more.
+    let stride = width.next_multiple_of(CHUNK);
     let low = tile.first.saturating_sub(3);
     let high = (tile.last + 4).min(blocks - 1);
     scratch
         .blocks
-        .resize(((high - low + 1) * width).max(scratch.blocks.len()), 0);
-    for (block, out) in (low..=high).zip(scratch.blocks.chunks_exact_mut(width)) {
+        .resize(((high - low + 1) * stride).max(scratch.blocks.len()), 0);
+    for (block, out) in (low..=high).zip(scratch.blocks.chunks_exact_mut(stride)) {
         let start = block * BLOCK_ROWS * image.width_px + tile.from;
         let row = |i: usize| &image.pixels[start + i * image.width_px..][..width];
-        average_rows(out, [row(0), row(1), row(2), row(3)]);
+        average_rows(&mut out[..width], [row(0), row(1), row(2), row(3)]);
     }
     let line = |block: usize| {
         let block = block.clamp(low, high) - low;
-        &scratch.blocks[block * width..][..width]
+        &scratch.blocks[block * stride..][..stride]
     };
     for c in &mut scratch.contrast {
-        c.resize(width.max(c.len()), 0);
+        c.resize(stride.max(c.len()), 0);
     }
     let [before, here, after] = &mut scratch.contrast;
     let fill = |out: &mut [u8], block: usize| {
         contrast_line(
-            &mut out[..width],
+            &mut out[..stride],
             [
                 line(block.saturating_sub(2)),
                 line(block),
@@ -193,8 +196,8 @@ fn search_lines(
             line(block + 1),
             line(block + 2),
         ];
-        let lines = [&before[..width], &here[..width], &after[..width]];
-        for_each_peak(lines, threshold, |column, contrast| {
+        let lines = [&before[..stride], &here[..stride], &after[..stride]];
+        for_each_peak(lines, width, threshold, |column, contrast| {
             let row_px = centre_of_blocks(block, near.map(|line| line[column]));
             spots.push(tile.from + column, Spot { row_px, contrast });
         });
@@ -216,36 +219,21 @@ fn contrast_line(out: &mut [u8], [above, upper, lower, below]: [&[u8]; 4]) {
 }
 
 /// Calls `found` for every column whose contrast is a maximum of the three and over the threshold.
+/// The lines are whole vectors; of what lies beyond `width` nothing is said.
 #[inline(always)]
-fn for_each_peak(
-    [before, here, after]: [&[u8]; 3],
-    threshold: u8,
-    mut found: impl FnMut(usize, u8),
-) {
-    const CHUNK: usize = 16;
+fn for_each_peak(lines: [&[u8]; 3], width: usize, threshold: u8, mut found: impl FnMut(usize, u8)) {
     let least = u8x16::splat(threshold);
-    let chunks = here
-        .chunks(CHUNK)
-        .zip(before.chunks(CHUNK))
-        .zip(after.chunks(CHUNK));
-    for (index, ((h, b), a)) in chunks.enumerate() {
-        let [hs, bs, as_] = [h, b, a].map(|line| {
-            line.first_chunk().copied().map_or_else(
-                || {
-                    let mut padded = [0; CHUNK];
-                    padded[..line.len()].copy_from_slice(line);
-                    u8x16::new(padded)
-                },
-                u8x16::new,
-            )
-        });
+    let [before, here, after] = lines.map(|line| line.as_chunks::<CHUNK>().0);
+    for (index, ((h, b), a)) in here.iter().zip(before).zip(after).enumerate() {
+        let [hs, bs, as_] = [h, b, a].map(|line| u8x16::new(*line));
         let over = hs.max(least).simd_eq(hs) & hs.max(bs).simd_eq(hs);
         let mut peaks = (over & !hs.max(as_).simd_eq(as_)).to_bitmask();
         while peaks != 0 {
-            let i = peaks.trailing_zeros() as usize;
+            let i = peaks.trailing_zeros() as usize % CHUNK;
             peaks &= peaks - 1;
-            if let Some(contrast) = h.get(i) {
-                found(index * CHUNK + i, *contrast);
+            let column = index * CHUNK + i;
+            if column < width {
+                found(column, h[i]);
             }
         }
     }

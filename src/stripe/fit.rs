@@ -4,7 +4,7 @@ use super::clipped;
 use super::kernel::{Kernel, LANES, Lanes, split, widened};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
-use wide::{f32x4, i16x8};
+use wide::{f32x4, i16x8, i32x8};
 
 /// Rows held per column: the widest kernel plus room to move.
 pub(super) const WINDOW_ROWS: usize = 96;
@@ -127,37 +127,51 @@ impl Window {
     /// more that lie between those rows: side by side, so that a line of the image is found once
     /// for all. `false`, and nothing read, where the rows are too far apart or near a border.
     #[inline]
-    pub fn load_together<const N: usize>(
-        windows: &mut [Self; N],
+    pub fn load_together(
+        windows: &mut [Self; 4],
         image: &GreyImage,
         column: usize,
-        rows_px: [f64; N],
+        rows_px: [f64; 4],
         rows: usize,
     ) -> bool {
-        let (low, high) = rows_px.iter().fold((f64::MAX, 0.0f64), |(low, high), r| {
-            (low.min(*r), high.max(*r))
-        });
+        let [a, b, c, d] = rows_px;
+        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
         let start = ((low + 0.5).max(0.0) as usize).wrapping_sub(rows / 2);
         let rows = rows + (high - low + 1.0) as usize;
-        let fits = rows <= WINDOW_ROWS
+        let whole = rows.next_multiple_of(LANES);
+        let fits = whole <= WINDOW_ROWS
             && high - low < MAX_SPREAD_PX
             && start < image.height_px
-            && rows <= image.height_px - start
-            && column + N <= image.width_px;
+            && whole <= image.height_px - start
+            && column + 4 <= image.width_px;
         if !fits {
             return false;
         }
         let mut place = start * image.width_px + column;
-        for k in 0..rows {
-            let line = image
-                .pixels
-                .get(place..)
-                .and_then(|rest| rest.first_chunk::<N>());
-            let line = line.copied().unwrap_or([0; N]);
-            for (window, pixel) in windows.iter_mut().zip(line) {
-                window.values[k] = i16::from(pixel);
+        for chunk in 0..whole / LANES {
+            // Four pixels a row, then parted by column: byte k of each row goes to window k.
+            let mut lines = [0i32; LANES];
+            for line in &mut lines {
+                let pixels = image
+                    .pixels
+                    .get(place..)
+                    .and_then(|rest| rest.first_chunk());
+                *line = i32::from_le_bytes(pixels.copied().unwrap_or_default());
+                place += image.width_px;
             }
-            place += image.width_px;
+            let lines = i32x8::new(lines);
+            let byte = i32x8::splat(0xff);
+            let columns = [
+                lines & byte,
+                (lines >> 8) & byte,
+                (lines >> 16) & byte,
+                (lines >> 24) & byte,
+            ];
+            for (window, column) in windows.iter_mut().zip(columns) {
+                if let Some(to) = window.values.as_chunks_mut::<LANES>().0.get_mut(chunk) {
+                    *to = i16x8::from_i32x8_saturate(column).to_array();
+                }
+            }
         }
         for window in windows {
             window.start = start as i64;

@@ -40,20 +40,21 @@ impl Extractor {
         profile.points.reserve(self.tracks.len());
         let mut next = 0;
         for column in 0..image.width_px {
-            let track = self
+            let own = self
                 .tracks
                 .get(next)
                 .filter(|t| t.column == column)
-                .copied();
+                .map(|t| (t.spot, t.fit.row_px));
             let index = next.min(self.tracks.len().saturating_sub(1));
             let pooled = self.pooled_variance.get(index).map_or(floor, |v| v[0]);
             let sigma = self.pooled_shape.get(index).map_or(2.0, |s| s[0]);
-            let on_path = usize::from(track.is_some());
+            let on_path = usize::from(own.is_some());
             let rival = self.spots.column(column).len() > on_path && {
-                let own = track.map(|t| (t.spot, t.fit.row_px));
                 self.report_rivals(image, column, own, sigma, pooled, &mut profile.candidates)
             };
-            if let Some(track) = track {
+            if own.is_some()
+                && let Some(track) = self.tracks.get(next)
+            {
                 let mut bits = 0;
                 bits |= if track.fit.saturated {
                     quality::SATURATED

@@ -12,7 +12,7 @@ const COLUMNS_AHEAD: usize = 4;
 /// Of so many groups of [`COLUMNS_AHEAD`] clipped columns one is fitted twice, the rest once.
 const CLIPPED_GROUPS: usize = 3;
 /// Columns from which the first idea of the stripe's width is taken.
-const WIDTH_SAMPLES: usize = 49;
+const WIDTH_SAMPLES: usize = 25;
 /// Rows loaded for it.
 pub(super) const WIDTH_ROWS: usize = 64;
 /// Mismatch of a kernel's width that is not worth a second fit: it costs 0.4 % of the bound.
@@ -69,12 +69,11 @@ impl Extractor {
             }
             for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&near) {
                 let row_px = f64::from(self.spots.column(column)[spot].row_px);
-                let like =
-                    near.filter(|_| number % CLIPPED_GROUPS != 0 && window.clipped(saturation));
-                let mut found = match like {
-                    Some(row_px) => like_the_last(&self.tracks, row_px),
-                    None => near.and_then(|near| fit::fit(window, kernel, near, known)),
-                };
+                let mut found = near
+                    .filter(|_| number % CLIPPED_GROUPS != 0)
+                    .and_then(|near| like_the_last(&self.tracks, near))
+                    .filter(|_| window.clipped(saturation))
+                    .or_else(|| near.and_then(|near| fit::fit(window, kernel, near, known)));
                 if found.is_none() {
                     if near.is_some() {
                         window.load(image, column, row_px, rows);
@@ -231,14 +230,27 @@ impl Extractor {
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
         let mut windows = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut kept = 0;
+        let tolerance_px = WIDTH_TOLERANCE * first_sigma_px;
+        // With nothing new to tell it, a second fit would only repeat the first.
+        let again = |track: &Track, pooled: &[f64; 2]| {
+            haze.is_some()
+                || track.fit.saturated
+                || (pooled[0] - first_sigma_px).abs() >= tolerance_px
+        };
+        // Neighbours share their pooled width, and with it the kernel.
+        let mut known_index = (f64::NAN, 0);
         for start in (0..self.tracks.len()).step_by(COLUMNS_AHEAD) {
             let group = start..(start + COLUMNS_AHEAD).min(self.tracks.len());
-            // With nothing new to tell it, a second fit would only repeat the first.
-            let again = |track: &Track, pooled: &[f64; 2]| {
-                haze.is_some()
-                    || track.fit.saturated
-                    || (pooled[0] / first_sigma_px - 1.0).abs() >= WIDTH_TOLERANCE
-            };
+            let mut news = self.tracks[group.clone()]
+                .iter()
+                .zip(&self.pooled_shape[group.clone()]);
+            if !news.any(|(track, pooled)| again(track, pooled)) {
+                for i in group {
+                    let fit = self.tracks[i].fit;
+                    kept = self.keep(kept, i, fit, noise_sd);
+                }
+                continue;
+            }
             let mut places = [(0, 0); COLUMNS_AHEAD];
             let mut near = [None; COLUMNS_AHEAD];
             let mut widest = 0.0f64;
@@ -249,7 +261,10 @@ impl Extractor {
                 widest = widest.max(pooled[0]);
             }
             let together = near[0].is_some() && {
-                let rows = fit::rows_near(self.kernels.get(self.kernels.index(widest)));
+                if known_index.0 != widest {
+                    known_index = (widest, self.kernels.index(widest));
+                }
+                let rows = fit::rows_near(self.kernels.get(known_index.1));
                 load_group(&mut windows, image, &places[..group.len()], near, rows)
             };
             for (k, i) in group.enumerate() {
@@ -258,7 +273,11 @@ impl Extractor {
                     kept = self.keep(kept, i, track.fit, noise_sd);
                     continue;
                 }
-                let index = self.kernels.index(self.pooled_shape[i][0]);
+                let width_px = self.pooled_shape[i][0];
+                if known_index.0 != width_px {
+                    known_index = (width_px, self.kernels.index(width_px));
+                }
+                let index = known_index.1;
                 let kernel = self.kernels.get(index);
                 let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
                     Some(found) => found,
@@ -270,12 +289,11 @@ impl Extractor {
                 let shape = shape
                     .zip(haze)
                     .map(|(s, h)| (&shapes[s].1, h.fraction as f32));
-                let [sigma_px, _] = self.pooled_shape[i];
                 let known = Known {
                     saturation,
                     haze: shape,
                     width: Some(width_prior(
-                        sigma_px,
+                        width_px,
                         noise_sd,
                         track.fit.peak,
                         POOLED_WIDTH_SD,
