@@ -150,16 +150,22 @@ impl Window {
         let mut place = start * image.width_px + column;
         for chunk in 0..whole / LANES {
             // Four pixels a row, then parted by column: byte k of each row goes to window k.
-            let mut lines = [0i32; LANES];
-            for line in &mut lines {
-                let pixels = image
-                    .pixels
-                    .get(place..)
-                    .and_then(|rest| rest.first_chunk());
-                *line = i32::from_le_bytes(pixels.copied().unwrap_or_default());
-                place += image.width_px;
-            }
-            let lines = i32x8::new(lines);
+            let line = |k: usize| {
+                let from = place + k * image.width_px;
+                let pixels = image.pixels.get(from..).and_then(|rest| rest.first_chunk());
+                i32::from_le_bytes(pixels.copied().unwrap_or_default())
+            };
+            let lines = i32x8::new([
+                line(0),
+                line(1),
+                line(2),
+                line(3),
+                line(4),
+                line(5),
+                line(6),
+                line(7),
+            ]);
+            place += LANES * image.width_px;
             let byte = i32x8::splat(0xff);
             let columns = [
                 lines & byte,

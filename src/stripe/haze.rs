@@ -11,7 +11,7 @@ use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
-use wide::{f32x4, i16x8, i32x4};
+use wide::{f32x4, i16x8, i32x4, u8x16};
 
 /// Farthest pixel looked at \[px\].
 const REACH_PX: usize = 56;
@@ -219,13 +219,19 @@ fn add_group(
     let mut place = first * image.width_px + start;
     let places = sums[offset..].iter_mut().zip(&mut counts[offset..]);
     for (sum, count) in places.take(rows) {
-        let pixels = image
-            .pixels
-            .get(place..)
-            .and_then(|rest| rest.first_chunk::<LANES>());
-        let Some(pixels) = pixels else { break };
+        let Some(rest) = image.pixels.get(place..) else {
+            break;
+        };
+        // Sixteen bytes for the sake of eight; lanes beyond the image keep nothing.
+        let pixels = rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut padded = [0; 2 * LANES];
+            for (to, from) in padded.iter_mut().zip(rest) {
+                *to = *from;
+            }
+            padded
+        });
         // Particles, ghosts and other segments are brighter than haze can be.
-        let light: i16x8 = i16x8::new(pixels.map(i16::from)) << 4;
+        let light: i16x8 = i16x8::from_u8x16_low(u8x16::new(pixels)) << 4;
         let above = light - background;
         let kept = !above.max(-above).simd_gt(clip);
         *sum += (above & kept).dot(i16x8::ONE);
