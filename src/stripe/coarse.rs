@@ -6,6 +6,7 @@
 //! candidate where it is a local maximum down the column.
 
 use crate::frame::GreyImage;
+use wide::u8x16;
 
 /// Rows per block.
 pub(super) const BLOCK_ROWS: usize = 4;
@@ -13,6 +14,8 @@ pub(super) const BLOCK_ROWS: usize = 4;
 pub(super) const MAX_PER_COLUMN: usize = 6;
 /// Columns handled together when searching a band.
 pub(super) const TILE_COLUMNS: usize = 32;
+/// Columns compared at once; lines of the search are padded to a multiple of it.
+const CHUNK: usize = 16;
 
 /// A place where a stripe may be.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,7 +51,19 @@ impl Spots {
 
     /// Adds a spot below all earlier ones of its column; of spots closer than two blocks
     /// (one stripe seen twice) and of too many, the weaker goes.
+    #[inline(always)]
     fn push(&mut self, column: usize, spot: Spot) {
+        if let (Some(slots), Some(count @ 0)) =
+            (self.slots.get_mut(column), self.counts.get_mut(column))
+        {
+            slots[0] = spot;
+            *count = 1;
+        } else {
+            self.push_another(column, spot);
+        }
+    }
+
+    fn push_another(&mut self, column: usize, spot: Spot) {
         let count = usize::from(self.counts[column]);
         let slots = &mut self.slots[column];
         if let Some(last) = slots[..count].last_mut()
@@ -112,34 +127,49 @@ pub(super) fn search(
     scratch: &mut CoarseScratch,
     spots: &mut Spots,
 ) {
+    // The same twice: lines of a length known to the compiler need no loops.
+    match tile.to.saturating_sub(tile.from) {
+        TILE_COLUMNS => search_lines(image, tile, TILE_COLUMNS, threshold, scratch, spots),
+        width => search_lines(image, tile, width, threshold, scratch, spots),
+    }
+}
+
+#[inline(always)]
+fn search_lines(
+    image: &GreyImage,
+    tile: Tile,
+    width: usize,
+    threshold: u8,
+    scratch: &mut CoarseScratch,
+    spots: &mut Spots,
+) {
     let blocks = image.height_px / BLOCK_ROWS;
-    let width = tile.to.saturating_sub(tile.from);
     if blocks == 0 || width == 0 || tile.first > tile.last || tile.last >= blocks {
         return;
     }
     // The local maximum needs the contrast of one block more, the contrast two and three more.
+    let stride = width.next_multiple_of(CHUNK);
     let low = tile.first.saturating_sub(3);
     let high = (tile.last + 4).min(blocks - 1);
     scratch
         .blocks
-        .resize(((high - low + 1) * width).max(scratch.blocks.len()), 0);
-    for (block, out) in (low..=high).zip(scratch.blocks.chunks_exact_mut(width)) {
+        .resize(((high - low + 1) * stride).max(scratch.blocks.len()), 0);
+    for (block, out) in (low..=high).zip(scratch.blocks.chunks_exact_mut(stride)) {
         let start = block * BLOCK_ROWS * image.width_px + tile.from;
         let row = |i: usize| &image.pixels[start + i * image.width_px..][..width];
-        average_rows(out, [row(0), row(1), row(2), row(3)]);
+        average_rows(&mut out[..width], [row(0), row(1), row(2), row(3)]);
     }
     let line = |block: usize| {
         let block = block.clamp(low, high) - low;
-        &scratch.blocks[block * width..][..width]
+        &scratch.blocks[block * stride..][..stride]
     };
     for c in &mut scratch.contrast {
-        c.clear();
-        c.resize(width, 0);
+        c.resize(stride.max(c.len()), 0);
     }
     let [before, here, after] = &mut scratch.contrast;
     let fill = |out: &mut [u8], block: usize| {
         contrast_line(
-            out,
+            &mut out[..stride],
             [
                 line(block.saturating_sub(2)),
                 line(block),
@@ -150,6 +180,8 @@ pub(super) fn search(
     };
     if tile.first > 0 {
         fill(before, tile.first - 1);
+    } else {
+        before.fill(0);
     }
     fill(here, tile.first);
     for block in tile.first..=tile.last {
@@ -158,20 +190,16 @@ pub(super) fn search(
         } else {
             after.fill(0);
         }
-        for_each_peak(before, here, after, threshold, |column, contrast| {
-            let b = [
-                line(block.saturating_sub(1))[column],
-                line(block)[column],
-                line(block + 1)[column],
-                line(block + 2)[column],
-            ];
-            spots.push(
-                tile.from + column,
-                Spot {
-                    row_px: centre_of_blocks(block, b),
-                    contrast,
-                },
-            );
+        let near = [
+            line(block.saturating_sub(1)),
+            line(block),
+            line(block + 1),
+            line(block + 2),
+        ];
+        let lines = [&before[..stride], &here[..stride], &after[..stride]];
+        for_each_peak(lines, width, threshold, |column, contrast| {
+            let row_px = centre_of_blocks(block, near.map(|line| line[column]));
+            spots.push(tile.from + column, Spot { row_px, contrast });
         });
         std::mem::swap(before, here);
         std::mem::swap(here, after);
@@ -191,41 +219,37 @@ fn contrast_line(out: &mut [u8], [above, upper, lower, below]: [&[u8]; 4]) {
 }
 
 /// Calls `found` for every column whose contrast is a maximum of the three and over the threshold.
-fn for_each_peak(
-    before: &[u8],
-    here: &[u8],
-    after: &[u8],
-    threshold: u8,
-    mut found: impl FnMut(usize, u8),
-) {
-    const CHUNK: usize = 16;
-    let peak = |b: u8, h: u8, a: u8| (h >= threshold) & (h >= b) & (h > a);
-    let chunks = here
-        .chunks(CHUNK)
-        .zip(before.chunks(CHUNK))
-        .zip(after.chunks(CHUNK));
-    for (index, ((h, b), a)) in chunks.enumerate() {
-        // Most chunks hold nothing: one branch for sixteen columns.
-        let brightest = h.iter().fold(0, |m: u8, v| m.max(*v));
-        if brightest < threshold {
-            continue;
-        }
-        for (i, ((h, b), a)) in h.iter().zip(b).zip(a).enumerate() {
-            if peak(*b, *h, *a) {
-                found(index * CHUNK + i, *h);
+/// The lines are whole vectors; of what lies beyond `width` nothing is said.
+#[inline(always)]
+fn for_each_peak(lines: [&[u8]; 3], width: usize, threshold: u8, mut found: impl FnMut(usize, u8)) {
+    let least = u8x16::splat(threshold);
+    let [before, here, after] = lines.map(|line| line.as_chunks::<CHUNK>().0);
+    for (index, ((h, b), a)) in here.iter().zip(before).zip(after).enumerate() {
+        let [hs, bs, as_] = [h, b, a].map(|line| u8x16::new(*line));
+        let over = hs.max(least).simd_eq(hs) & hs.max(bs).simd_eq(hs);
+        let mut peaks = (over & !hs.max(as_).simd_eq(as_)).to_bitmask();
+        while peaks != 0 {
+            let i = peaks.trailing_zeros() as usize % CHUNK;
+            peaks &= peaks - 1;
+            let column = index * CHUNK + i;
+            if column < width {
+                found(column, h[i]);
             }
         }
     }
 }
 
 /// Centre of gravity of four blocks above the darker of the outer two \[px\].
+#[inline(always)]
 fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
-    let floor = b[0].min(b[3]);
-    let [p, q, r, s] = b.map(|v| f32::from(v.saturating_sub(floor)));
+    let floor = i32::from(b[0].min(b[3]));
+    // Neither inner block is darker than both outer ones where the contrast is over a threshold;
+    // if rounding makes one so, it counts as nothing.
+    let [p, q, r, s] = b.map(|v| (i32::from(v) - floor).max(0));
     let blocks = BLOCK_ROWS as f32;
-    let offset = (-p + r + 2.0 * s) / (p + q + r + s).max(1.0);
+    let offset = (r + 2 * s - p) as f32 / (p + q + r + s).max(1) as f32;
     // Middle of block `second`: its first row + 1.5.
-    (second as f32 + offset) * blocks + 0.5 * (blocks - 1.0)
+    (second as i32 as f32 + offset) * blocks + 0.5 * (blocks - 1.0)
 }
 
 #[cfg(test)]

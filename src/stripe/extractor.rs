@@ -1,7 +1,6 @@
 //! The whole way from a grey frame to its profile.
 
 use super::band::{Band, MIN_SHARE_FOUND};
-use super::clipped::GaussTable;
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::Fit;
 use super::haze::HazeTable;
@@ -20,16 +19,19 @@ const MIN_ROWS: usize = 16;
 pub struct Extractor {
     pub(super) config: ExtractorConfig,
     pub(super) kernels: KernelTable,
-    pub(super) gauss: GaussTable,
     pub(super) haze: HazeTable,
     pub(super) coarse: CoarseScratch,
     pub(super) spots: Spots,
     pub(super) path: PathScratch,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,
-    pub(super) pooled_sigma: Vec<f64>,
-    pub(super) pooled_peak: Vec<f64>,
-    pub(super) pooled_variance: Vec<f64>,
+    /// Width and height pooled over each column's neighbours.
+    pub(super) pooled_shape: Vec<[f64; 2]>,
+    pub(super) shape_sums: Vec<([f64; 2], f64)>,
+    /// Variance pooled over them: at first, and without columns far noisier than that.
+    pub(super) first_variance: Vec<[f64; 1]>,
+    pub(super) pooled_variance: Vec<[f64; 1]>,
+    pub(super) variance_sums: Vec<([f64; 1], f64)>,
     pub(super) order: Vec<f64>,
 }
 
@@ -48,16 +50,17 @@ impl Extractor {
         Self {
             config,
             kernels: KernelTable::new(),
-            gauss: GaussTable::new(),
             haze: HazeTable::new(),
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
             tracks: Vec::new(),
             stretches: Vec::new(),
-            pooled_sigma: Vec::new(),
-            pooled_peak: Vec::new(),
+            pooled_shape: Vec::new(),
+            shape_sums: Vec::new(),
+            first_variance: Vec::new(),
             pooled_variance: Vec::new(),
+            variance_sums: Vec::new(),
             order: Vec::new(),
         }
     }

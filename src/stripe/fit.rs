@@ -1,17 +1,18 @@
 //! Fit of one column: row, height, width and background of the stripe near a given row.
 
-use super::clipped::{self, GaussTable};
-use super::kernel::{Kernel, LANES, split};
+use super::clipped;
+use super::kernel::{Kernel, LANES, Lanes, split, widened};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
+use wide::{f32x4, i16x8, i32x8};
 
 /// Rows held per column: the widest kernel plus room to move.
 pub(super) const WINDOW_ROWS: usize = 96;
 /// Farthest a fit may wander from the coarse candidate \[px\].
 const MAX_WANDER_PX: f64 = 6.0;
 const MAX_ITERATIONS: usize = 6;
-/// A step below this stays inside the linearisation of the phase it was taken at \[px\].
-const SMALL_STEP_PX: f64 = 0.07;
+/// Farthest apart that rows of neighbouring columns are read together \[px\].
+const MAX_SPREAD_PX: f64 = 8.0;
 
 /// What one column says.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,10 +39,10 @@ pub(super) struct Fit {
 pub(super) struct HazeShape {
     /// Decay length \[px\], positive = above the stripe.
     pub length_px: f64,
-    /// `shape[phase * stride + tap]`.
-    pub shape: Vec<f32>,
+    /// The haze at the taps of each phase, one phase after another.
+    pub shape: Vec<Lanes>,
     /// `kernel.solve * shape` per phase.
-    pub solved: Vec<[f32; 4]>,
+    pub solved: Vec<f32x4>,
 }
 
 /// What is known of the width beforehand, for columns whose clipped pixels leave it open.
@@ -62,6 +63,8 @@ pub(super) struct Known<'a> {
     pub haze: Option<(&'a HazeShape, f32)>,
     /// Width of the neighbourhood; used for clipped columns only.
     pub width: Option<WidthPrior>,
+    /// The fit is to be repeated: a rough one will do where columns are clipped.
+    pub first: bool,
 }
 
 impl Known<'_> {
@@ -71,6 +74,7 @@ impl Known<'_> {
             saturation,
             haze: None,
             width: None,
+            first: false,
         }
     }
 }
@@ -87,7 +91,6 @@ impl HazeShape {
 pub(super) struct Window {
     start: i64,
     rows: usize,
-    brightest: i16,
     values: [i16; WINDOW_ROWS],
 }
 
@@ -97,7 +100,6 @@ impl Window {
         Self {
             start: 0,
             rows: 0,
-            brightest: 0,
             values: [0; WINDOW_ROWS],
         }
     }
@@ -110,17 +112,78 @@ impl Window {
         let start = ((row_px + 0.5).max(0.0) as usize)
             .saturating_sub(rows / 2)
             .min(last_start);
-        let width = image.width_px;
-        let lines = image.pixels[start * width..(start + rows) * width].chunks_exact(width.max(1));
-        let mut brightest = 0;
-        for (v, line) in self.values.iter_mut().zip(lines) {
-            let pixel = line[column];
-            *v = i16::from(pixel);
-            brightest = brightest.max(pixel);
+        let width = image.width_px.max(1);
+        let mut place = start * width + column;
+        for v in &mut self.values[..rows] {
+            // One comparison a row: an iterator over rows makes three of it.
+            *v = image.pixels.get(place).map_or(0, |pixel| i16::from(*pixel));
+            place += width;
         }
-        self.brightest = i16::from(brightest);
         self.start = start as i64;
         self.rows = rows;
+    }
+
+    /// Reads `rows` rows around `rows_px[i]` of column `column + i` into window `i`, and the few
+    /// more that lie between those rows: side by side, so that a line of the image is found once
+    /// for all. `false`, and nothing read, where the rows are too far apart or near a border.
+    #[inline]
+    pub fn load_together(
+        windows: &mut [Self; 4],
+        image: &GreyImage,
+        column: usize,
+        rows_px: [f64; 4],
+        rows: usize,
+    ) -> bool {
+        let [a, b, c, d] = rows_px;
+        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        let start = ((low + 0.5).max(0.0) as usize).wrapping_sub(rows / 2);
+        let rows = rows + (high - low + 1.0) as usize;
+        let whole = rows.next_multiple_of(LANES);
+        let fits = whole <= WINDOW_ROWS
+            && high - low < MAX_SPREAD_PX
+            && start < image.height_px
+            && whole <= image.height_px - start
+            && column + 4 <= image.width_px;
+        if !fits {
+            return false;
+        }
+        let mut place = start * image.width_px + column;
+        for chunk in 0..whole / LANES {
+            // Four pixels a row, then parted by column: byte k of each row goes to window k.
+            let line = |k: usize| {
+                let from = place + k * image.width_px;
+                let pixels = image.pixels.get(from..).and_then(|rest| rest.first_chunk());
+                i32::from_le_bytes(pixels.copied().unwrap_or_default())
+            };
+            let lines = i32x8::new([
+                line(0),
+                line(1),
+                line(2),
+                line(3),
+                line(4),
+                line(5),
+                line(6),
+                line(7),
+            ]);
+            place += LANES * image.width_px;
+            let byte = i32x8::splat(0xff);
+            let columns = [
+                lines & byte,
+                (lines >> 8) & byte,
+                (lines >> 16) & byte,
+                (lines >> 24) & byte,
+            ];
+            for (window, column) in windows.iter_mut().zip(columns) {
+                if let Some(to) = window.values.as_chunks_mut::<LANES>().0.get_mut(chunk) {
+                    *to = i16x8::from_i32x8_saturate(column).to_array();
+                }
+            }
+        }
+        for window in windows {
+            window.start = start as i64;
+            window.rows = rows;
+        }
+        true
     }
 
     /// The pixels read.
@@ -134,8 +197,14 @@ impl Window {
     }
 
     /// Whether a pixel is clipped.
+    #[inline]
     pub fn clipped(&self, saturation: u8) -> bool {
-        self.brightest >= i16::from(saturation)
+        let (chunks, rest) = self.values().as_chunks::<LANES>();
+        let brightest = chunks
+            .iter()
+            .fold(i16x8::ZERO, |m, v| m.max(i16x8::new(*v)));
+        let level = i16::from(saturation) - 1;
+        brightest.simd_gt(i16x8::splat(level)).any() || rest.iter().any(|v| *v > level)
     }
 
     /// The pixels under a kernel centred on `row`, with the kernel's padding; `None` where the
@@ -153,7 +222,7 @@ impl Window {
 
 /// Rows to load where the row is known to a pixel.
 pub(super) fn rows_near(kernel: &Kernel) -> usize {
-    kernel.stride + 4
+    kernel.stride + 1
 }
 
 /// Rows to load for a kernel so that a fit can move as far as it may.
@@ -162,27 +231,42 @@ pub(super) fn rows_needed(kernel: &Kernel) -> usize {
 }
 
 /// Fits one column from `start_px`.
-pub(super) fn fit(
+pub(super) fn fit(window: &Window, kernel: &Kernel, start_px: f64, known: Known) -> Option<Fit> {
+    if window.clipped(known.saturation) {
+        return clipped::fit(window, kernel, start_px, MAX_WANDER_PX, known);
+    }
+    // Lengths known to the compiler leave straight lines of vector instructions.
+    match kernel.stride / LANES {
+        2 => fit_taps::<2>(window, kernel, start_px, known.haze),
+        3 => fit_taps::<3>(window, kernel, start_px, known.haze),
+        4 => fit_taps::<4>(window, kernel, start_px, known.haze),
+        5 => fit_taps::<5>(window, kernel, start_px, known.haze),
+        6 => fit_taps::<6>(window, kernel, start_px, known.haze),
+        _ => fit_taps::<7>(window, kernel, start_px, known.haze),
+    }
+}
+
+/// The fit with a kernel of `C` times [`LANES`] taps; `None` also where it has another length.
+fn fit_taps<const C: usize>(
     window: &Window,
     kernel: &Kernel,
-    gauss: &GaussTable,
     start_px: f64,
-    known: Known,
+    haze: Option<(&HazeShape, f32)>,
 ) -> Option<Fit> {
-    if window.clipped(known.saturation) {
-        return clipped::fit(window, kernel, gauss, start_px, MAX_WANDER_PX, known);
-    }
     let mut row_px = start_px;
     for iteration in 0..MAX_ITERATIONS {
         let (whole, phase, at) = split(row_px);
-        let y = window.under(kernel, whole)?;
-        let weights = &kernel.phases[phase];
-        let (mut a, mut adc) = (weights.solve_line(1, y), weights.solve_line(2, y));
-        if let Some((shape, level)) = known.haze {
-            let of_peak = level * a;
-            a -= of_peak * shape.solved[phase][1];
-            adc -= of_peak * shape.solved[phase][2];
+        let y = window.under(kernel, whole)?.as_chunks::<LANES>().0;
+        let y = y.first_chunk::<C>()?.map(i16x8::new);
+        let weights = kernel.phases.get(phase)?;
+        let mut solution = weights.solution(&y)?;
+        let mut hazed = None;
+        if let Some((shape, level)) = haze {
+            let of_peak = f32x4::splat(level * solution.to_array()[1]);
+            solution -= of_peak * *shape.solved.get(phase)?;
+            hazed = Some((of_peak, shape.shape.as_chunks::<C>().0.get(phase)?));
         }
+        let [b, a, adc, ads] = solution.to_array();
         if a <= 0.0 {
             return None;
         }
@@ -191,69 +275,39 @@ pub(super) fn fit(
         if (row_px - start_px).abs() > MAX_WANDER_PX {
             return None;
         }
-        // Between two phases a noisy column may step to and fro: after three steps allow more,
-        // at 0.28 px still linear to 0.005 px for the narrowest stripe.
-        let small = SMALL_STEP_PX * iteration.saturating_sub(1).max(1) as f64;
-        if step.abs() <= small {
-            return Some(Fit {
-                row_px,
-                ..finish(y, kernel, phase, known.haze, a, adc)
-            });
+        // Between two phases a noisy column may step to and fro: after three steps allow more.
+        if step.abs() > kernel.linear_px * iteration.saturating_sub(1).max(1) as f64 {
+            continue;
         }
+        let [of_b, of_a, of_adc, of_ads] = [b, a, adc, ads].map(f32x4::splat);
+        let design = weights.design.first_chunk::<C>()?;
+        let mut square = [f32x4::ZERO; 2];
+        let mut last = f32x4::ZERO;
+        for (k, (y, [p, pc, ps])) in y.iter().zip(design).enumerate() {
+            for (half, y) in widened(*y).into_iter().enumerate() {
+                let model = (of_b + of_a * p[half]) + (of_adc * pc[half] + of_ads * ps[half]);
+                let mut r = y - model;
+                if let Some((of_peak, shape)) = hazed {
+                    r -= of_peak * shape[k][half];
+                }
+                square[half] += r * r;
+                last = r;
+            }
+        }
+        // The one tap of padding, last in its vector, is no pixel of this fit.
+        let padding = last.to_array()[3];
+        let sum = (square[0] + square[1]).reduce_add() - padding * padding;
+        return Some(Fit {
+            row_px,
+            peak: f64::from(a),
+            background: f64::from(b),
+            sigma_px: kernel.sigma_px + f64::from(ads / a),
+            variance: f64::from(sum.max(0.0)) / (kernel.taps() as f64 - 4.0),
+            row_variance: weights.row_variance,
+            saturated: false,
+        });
     }
     None
-}
-
-/// Height, width, background and residual once the row is found.
-fn finish(
-    y: &[i16],
-    kernel: &Kernel,
-    phase: usize,
-    haze: Option<(&HazeShape, f32)>,
-    a: f32,
-    adc: f32,
-) -> Fit {
-    let stride = kernel.stride;
-    let weights = &kernel.phases[phase];
-    let (mut b, mut ads) = (weights.solve_line(0, y), weights.solve_line(3, y));
-    let mut left = [0.0f32; WINDOW_ROWS];
-    let left = &mut left[..stride];
-    for (l, y) in left.iter_mut().zip(y) {
-        *l = f32::from(*y);
-    }
-    if let Some((shape, level)) = haze {
-        let of_peak = level * a;
-        b -= of_peak * shape.solved[phase][0];
-        ads -= of_peak * shape.solved[phase][3];
-        for (l, h) in left.iter_mut().zip(&shape.shape[phase * stride..]) {
-            *l -= of_peak * h;
-        }
-    }
-    let (p, rest) = weights.design.split_at(stride);
-    let (pc, ps) = rest.split_at(stride);
-    let mut square = [0.0f32; LANES];
-    let design = p
-        .chunks_exact(LANES)
-        .zip(pc.chunks_exact(LANES))
-        .zip(ps.chunks_exact(LANES));
-    for (l, ((p, pc), ps)) in left.chunks_exact(LANES).zip(design) {
-        for i in 0..LANES {
-            let r = l[i] - (b + a * p[i] + adc * pc[i] + ads * ps[i]);
-            square[i] += r * r;
-        }
-    }
-    // The one tap of padding, last in its vector, is no pixel of this fit.
-    let padding = left[stride - 1] - b;
-    let sum: f32 = square.iter().sum::<f32>() - padding * padding;
-    Fit {
-        row_px: 0.0,
-        peak: f64::from(a),
-        background: f64::from(b),
-        sigma_px: kernel.sigma_px + f64::from(ads) / f64::from(a),
-        variance: f64::from(sum.max(0.0)) / (kernel.taps() as f64 - 4.0),
-        row_variance: weights.row_variance,
-        saturated: false,
-    }
 }
 
 /// Row of the brightest place within 4 px of `row_px`, smoothed over three \[px\].

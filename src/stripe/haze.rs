@@ -7,10 +7,11 @@
 //! slope (uneven light) and the haze, on either side and with several lengths.
 
 use super::fit::{Fit, HazeShape};
-use super::kernel::{Kernel, PHASES, phase_offset};
+use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
 use super::synthetic::haze_over_pixel;
 use crate::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
+use wide::{f32x4, i16x8, i32x4, u8x16};
 
 /// Farthest pixel looked at \[px\].
 const REACH_PX: usize = 56;
@@ -18,6 +19,8 @@ const SIZE: usize = 2 * REACH_PX + 1;
 /// Columns looked at first, and all in all where the first show a sign of haze.
 const FIRST_COLUMNS: usize = 80;
 const MAX_COLUMNS: usize = 360;
+/// Farthest that the stripe may be from a group's first column to another \[px\].
+const MAX_LEAD_PX: f64 = 8.0;
 /// Decay lengths tried \[px\].
 const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:
@@ -43,7 +46,7 @@ pub(super) struct Haze {
 /// Shapes of the haze tried, by distance from the stripe.
 #[derive(Debug, Clone)]
 pub(super) struct HazeTable {
-    shapes: Vec<(f64, Vec<f64>)>,
+    shapes: Vec<(f64, [f64; SIZE])>,
 }
 
 /// Mean light beside the stripe, aligned on it, in units of the peak.
@@ -58,7 +61,7 @@ impl HazeTable {
     pub fn new() -> Self {
         let shape = |length: f64| {
             let at = |i: usize| haze_over_pixel(i as f64 - REACH_PX as f64, length);
-            (length, (0..SIZE).map(at).collect())
+            (length, std::array::from_fn(at))
         };
         Self {
             shapes: LENGTHS_PX
@@ -98,10 +101,13 @@ impl HazeTable {
     /// Best side and length. Noise in units of one pixel's over the peak: the larger of what the
     /// camera gives and what the best fit leaves, so that uneven light does not pass for haze.
     fn fit(&self, light: &Surroundings, noise_sd: f64) -> Option<Haze> {
+        let common = Common::of(&light.samples);
         let fits: Vec<(f64, LevelFit)> = self
             .shapes
             .iter()
-            .filter_map(|(length, shape)| Some((*length, fit_level(&light.samples, shape)?)))
+            .filter_map(|(length, shape)| {
+                Some((*length, fit_level(&light.samples, &common, shape)?))
+            })
             // A lack of light on one side is an excess on the other.
             .filter(|f| f.1.fraction > 0.0)
             .collect();
@@ -125,59 +131,114 @@ impl HazeTable {
     }
 }
 
-/// Gathers the light beside the stripe from at most `most` columns.
+/// Gathers the light beside the stripe from about `most` columns, eight neighbours at a time.
 fn surroundings(
     image: &GreyImage,
     columns: &[(usize, &Fit)],
     most: usize,
     noise_sd: f64,
 ) -> Option<Surroundings> {
-    let mut sums = [0i32; SIZE];
-    let mut counts = [0i32; SIZE];
-    let mut widths = Vec::with_capacity(most);
-    let (mut peaks, mut used) = (0.0, 0.0);
-    for (column, fit) in columns.iter().step_by(columns.len().div_ceil(most).max(1)) {
-        let middle = (fit.row_px + 0.5) as usize;
-        let first = middle.saturating_sub(REACH_PX);
-        let last = (middle + REACH_PX).min(image.height_px - 1);
-        // In sixteenths of a grey level.
-        let background = (16.0 * fit.background) as i32;
-        let clip = (16.0 * (4.0 * noise_sd + 0.25 * fit.peak.min(255.0))) as i32;
-        let offset = first + REACH_PX - middle;
-        let lines = image.pixels[first * image.width_px..(last + 1) * image.width_px]
-            .chunks_exact(image.width_px);
-        for ((line, sum), count) in lines.zip(&mut sums[offset..]).zip(&mut counts[offset..]) {
-            // Particles, ghosts and other segments are brighter than haze can be.
-            let above = 16 * i32::from(line[*column]) - background;
-            let kept = i32::from(above.abs() <= clip);
-            *sum += above * kept;
-            *count += kept;
+    // A group adds 8 x 16 x 255 at most to a row's sum: 32 bits hold 65 000 groups.
+    let mut sums = [i32x4::ZERO; SIZE];
+    let mut counts = [i16x8::ZERO; SIZE];
+    let mut widths = Vec::with_capacity(most + LANES);
+    let (mut peaks, mut seen, mut used, mut spread_px) = (0.0, 0, 0, 0.0f64);
+    let mut rest = columns;
+    while let Some((first, lead)) = rest.first().copied() {
+        let near = |(column, fit): &&(usize, &Fit)| {
+            column - first < LANES && (fit.row_px - lead.row_px).abs() < MAX_LEAD_PX
+        };
+        let length = rest.iter().take(LANES).take_while(near).count().max(1);
+        let (group, after) = rest.split_at(length);
+        rest = after;
+        // As many as wanted, evenly from all of them.
+        if used * columns.len() <= seen * most {
+            used += length;
+            peaks += group.iter().map(|(_, fit)| fit.peak).sum::<f64>();
+            widths.extend(group.iter().map(|(_, fit)| fit.sigma_px));
+            spread_px = spread_px.max(add_group(image, group, noise_sd, &mut sums, &mut counts));
         }
-        widths.push(fit.sigma_px);
-        peaks += fit.peak;
-        used += 1.0;
+        seen += length;
     }
-    if used < 8.0 {
+    if used < 8 {
         return None;
     }
     let middle = widths.len() / 2;
     let width = *widths.select_nth_unstable_by(middle, f64::total_cmp).1;
     // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
-    let guard = (4.5 * width + 2.0) as isize;
-    let mean_peak = peaks / used;
-    let samples: Vec<(isize, f64, f64)> = (0..SIZE)
-        .map(|i| {
+    let guard = (4.5 * width + 2.0 + 0.5 * spread_px) as isize;
+    let mean_peak = peaks / used as f64;
+    let samples: Vec<(isize, f64, f64)> = sums
+        .iter()
+        .zip(&counts)
+        .enumerate()
+        .map(|(i, (sum, count))| {
             (
                 i as isize - REACH_PX as isize,
-                f64::from(sums[i]) / 16.0,
-                f64::from(counts[i]),
+                f64::from(sum.reduce_add()) / 16.0,
+                f64::from(count.dot(i16x8::ONE).reduce_add()),
             )
         })
-        .filter(|(d, _, count)| d.abs() > guard && *count > 0.5 * used)
+        .filter(|(d, _, count)| d.abs() > guard && *count > 0.5 * used as f64)
         .map(|(d, sum, count)| (d, sum / (count * mean_peak), count))
         .collect();
     let above = samples.iter().filter(|s| s.0 < 0).count();
     (above >= 6 && samples.len() - above >= 6).then_some(Surroundings { samples, mean_peak })
+}
+
+/// Adds what lies around one group of columns, aligned on the middle of their stripe; returns how
+/// far its rows are apart \[px\]. Next to the decay of haze (20 px or more) that blurs nothing.
+fn add_group(
+    image: &GreyImage,
+    group: &[(usize, &Fit)],
+    noise_sd: f64,
+    sums: &mut [i32x4; SIZE],
+    counts: &mut [i16x8; SIZE],
+) -> f64 {
+    let start = group.first().map_or(0, |(column, _)| *column);
+    let start = start.min(image.width_px.saturating_sub(LANES));
+    // In sixteenths of a grey level. A lane without a column keeps nothing.
+    let (mut background, mut clip) = ([0i16; LANES], [-1i16; LANES]);
+    let (mut low, mut high) = (f64::MAX, 0.0f64);
+    for (column, fit) in group {
+        if let (Some(background), Some(clip)) = (
+            background.get_mut(column - start),
+            clip.get_mut(column - start),
+        ) {
+            *background = (16.0 * fit.background) as i16;
+            *clip = (16.0 * (4.0 * noise_sd + 0.25 * fit.peak.min(255.0))) as i16;
+        }
+        low = low.min(fit.row_px);
+        high = high.max(fit.row_px);
+    }
+    let (background, clip) = (i16x8::new(background), i16x8::new(clip));
+    let middle = (0.5 * (low + high) + 0.5) as usize;
+    let first = middle.saturating_sub(REACH_PX);
+    let offset = first + REACH_PX - middle;
+    let rows = (middle + REACH_PX + 1).min(image.height_px) - first;
+    let mut place = first * image.width_px + start;
+    let places = sums[offset..].iter_mut().zip(&mut counts[offset..]);
+    for (sum, count) in places.take(rows) {
+        let Some(rest) = image.pixels.get(place..) else {
+            break;
+        };
+        // Sixteen bytes for the sake of eight; lanes beyond the image keep nothing.
+        let pixels = rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut padded = [0; 2 * LANES];
+            for (to, from) in padded.iter_mut().zip(rest) {
+                *to = *from;
+            }
+            padded
+        });
+        // Particles, ghosts and other segments are brighter than haze can be.
+        let light: i16x8 = i16x8::from_u8x16_low(u8x16::new(pixels)) << 4;
+        let above = light - background;
+        let kept = !above.max(-above).simd_gt(clip);
+        *sum += (above & kept).dot(i16x8::ONE);
+        *count -= kept;
+        place += image.width_px;
+    }
+    high - low
 }
 
 /// A haze level for one length and side.
@@ -187,49 +248,76 @@ struct LevelFit {
     chi2: f64,
 }
 
-/// Weighted fit of constant, slope and haze.
-fn fit_level(samples: &[(isize, f64, f64)], shape: &[f64]) -> Option<LevelFit> {
-    let design = |d: isize| {
-        let shape = shape[(d + REACH_PX as isize) as usize];
-        Vector3::new(1.0, d as f64 / REACH_PX as f64, shape)
-    };
-    let mut n = Matrix3::<f64>::zeros();
-    let mut r = Vector3::<f64>::zeros();
-    for &(d, value, weight) in samples {
-        let x = design(d);
-        n.ger(weight, &x, &x, 1.0);
-        r.axpy(weight * value, &x, 1.0);
+/// What the fits of all shapes share: sums of weight w times products of 1, the distance x (in
+/// units of the reach) and the light v.
+#[derive(Default)]
+struct Common {
+    w: f64,
+    wx: f64,
+    wxx: f64,
+    wv: f64,
+    wxv: f64,
+    wvv: f64,
+}
+
+impl Common {
+    fn of(samples: &[(isize, f64, f64)]) -> Self {
+        let mut sums = Self::default();
+        for &(d, v, w) in samples {
+            let x = d as f64 / REACH_PX as f64;
+            sums.w += w;
+            sums.wx += w * x;
+            sums.wxx += w * x * x;
+            sums.wv += w * v;
+            sums.wxv += w * x * v;
+            sums.wvv += w * v * v;
+        }
+        sums
     }
+}
+
+/// Weighted fit of constant, slope and haze.
+fn fit_level(
+    samples: &[(isize, f64, f64)],
+    common: &Common,
+    shape: &[f64; SIZE],
+) -> Option<LevelFit> {
+    let [mut wh, mut wxh, mut whh, mut whv] = [0.0; 4];
+    for &(d, v, w) in samples {
+        let h = *shape.get((d + REACH_PX as isize) as usize)?;
+        let weighted = w * h;
+        wh += weighted;
+        wxh += weighted * (d as f64 / REACH_PX as f64);
+        whh += weighted * h;
+        whv += weighted * v;
+    }
+    let n = Matrix3::new(
+        common.w, common.wx, wh, common.wx, common.wxx, wxh, wh, wxh, whh,
+    );
+    let right = Vector3::new(common.wv, common.wxv, whv);
     let covariance = n.try_inverse()?;
-    let s = covariance * r;
-    let chi2 = samples
-        .iter()
-        .map(|&(d, value, weight)| weight * (value - design(d).dot(&s)).powi(2))
-        .sum();
+    let s = covariance * right;
     Some(LevelFit {
         fraction: s[2],
         unit_variance: covariance[(2, 2)],
-        chi2,
+        // At the minimum the sum of squares has lost the solution times the right side.
+        chi2: (common.wvv - s.dot(&right)).max(0.0),
     })
 }
 
 impl Haze {
     /// This haze under the taps of a kernel.
     pub fn shape(&self, kernel: &Kernel) -> HazeShape {
-        let stride = kernel.stride;
-        let mut shape = vec![0.0f32; PHASES * stride];
+        let mut shape = Vec::with_capacity(PHASES * kernel.stride / LANES);
         let mut solved = Vec::with_capacity(PHASES);
         for (p, phase) in kernel.phases.iter().enumerate() {
-            let line = &mut shape[p * stride..(p + 1) * stride];
+            let mut line = vec![0.0f32; kernel.stride];
             for (k, h) in line.iter_mut().enumerate().take(kernel.taps()) {
-                *h = haze_over_pixel(
-                    k as f64 - kernel.half as f64 - phase_offset(p),
-                    self.length_px,
-                ) as f32;
+                let distance_px = k as f64 - kernel.half as f64 - phase_offset(p);
+                *h = haze_over_pixel(distance_px, self.length_px) as f32;
             }
-            // The same integer weights as the fit's, on the haze in 1/1024 grey levels.
-            let fine: Vec<i16> = line.iter().map(|h| (h * 1024.0).round() as i16).collect();
-            solved.push([0, 1, 2, 3].map(|i| phase.solve_line(i, &fine) / 1024.0));
+            solved.push(f32x4::new([0, 1, 2, 3].map(|i| phase.solve_line(i, &line))));
+            shape.extend(line.as_chunks().0.iter().map(parted));
         }
         HazeShape {
             length_px: self.length_px,

@@ -9,6 +9,7 @@
 //! crossing reaches the Cramer-Rao bound (Blais and Rioux 1986; notes of issue 2, 3.1).
 
 use nalgebra::{Matrix4, Vector4};
+use wide::{f32x4, i16x8, i32x4};
 
 /// Sub-pixel positions per pixel at which kernels are tabulated: the linearisation error
 /// of a Gaussian, dc^3 / 4 s^2, stays below 1e-4 px at dc = 1/16 px, s = 0.7 px.
@@ -36,6 +37,9 @@ pub(super) struct Kernel {
     pub half: usize,
     /// Taps, padded with zeros to a multiple of [`LANES`].
     pub stride: usize,
+    /// Farthest a row may lie from the phase it was fitted at \[px\]: the linearisation's error
+    /// dc^3 / 4 s^2 is then 2.5e-4 px at most, a fortieth of the best bound there is.
+    pub linear_px: f64,
     /// One set per phase.
     pub phases: Vec<Phase>,
 }
@@ -43,23 +47,49 @@ pub(super) struct Kernel {
 /// Kernels of one width and one sub-pixel position.
 #[derive(Debug, Clone)]
 pub(super) struct Phase {
-    /// Least-squares weights of (b, A, A dc, A ds), one after another, `stride` each, as
-    /// integers: `pmaddwd` multiplies and adds eight of them at once, in any order exactly.
-    pub solve: Vec<i16>,
+    /// Least-squares weights of (b, A, A dc, A ds) for each [`LANES`] taps, as integers:
+    /// `pmaddwd` multiplies and adds eight of them at once.
+    pub solve: Vec<[i16x8; 4]>,
     /// What one unit of each line's dot product is worth.
-    pub scale: [f32; 4],
-    /// Design columns P, dP/dc, dP/ds, one after another, `stride` each.
-    pub design: Vec<f32>,
+    pub scale: f32x4,
+    /// Design columns P, dP/dc, dP/ds for each [`LANES`] taps.
+    pub design: Vec<[Lanes; 3]>,
     /// Variance of (A dc) for unit noise: sd(c) = noise / A * sqrt of this.
     pub row_variance: f64,
 }
 
-/// Integer row and phase nearest to `row_px`, and that phase's exact position.
+/// Eight numbers, those at even places and those at odd ones: as `pmaddwd` widens them.
+pub(super) type Lanes = [f32x4; 2];
+
+/// Parts eight numbers by even and odd place.
+pub(super) fn parted(v: &[f32; LANES]) -> Lanes {
+    [0, 1].map(|odd| f32x4::new([0, 2, 4, 6].map(|i| v[i + odd])))
+}
+
+/// The same for pixels.
+#[inline(always)]
+pub(super) fn widened(y: i16x8) -> Lanes {
+    const EVEN: i16x8 = i16x8::new([1, 0, 1, 0, 1, 0, 1, 0]);
+    const ODD: i16x8 = i16x8::new([0, 1, 0, 1, 0, 1, 0, 1]);
+    [EVEN, ODD].map(|pick| f32x4::from_i32x4(y.dot(pick)))
+}
+
+/// Integer row and phase nearest to `row_px` (beyond +-1e8: any), and that phase's exact position.
+#[inline(always)]
 pub(super) fn split(row_px: f64) -> (i64, usize, f64) {
-    // Rows are never negative; a cast instead of `floor`, a library call on baseline x86-64.
-    let whole = (row_px + 0.5) as i64 as f64;
-    let phase = (((row_px - whole + 0.5) * PHASES as f64) as usize).min(PHASES - 1);
-    (whole as i64, phase, whole + phase_offset(phase))
+    // Adding this leaves the rounded number in the low bits of the mantissa: `floor` and the
+    // checked casts cost more than the dot products.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    const STEPS: f64 = PHASES as f64;
+    let rounded = row_px * STEPS + (0.5 * STEPS - 0.5) + ROUND;
+    let steps = rounded.to_bits() as i32;
+    let at = (rounded - ROUND + 0.5) / STEPS - 0.5;
+    let whole = steps.div_euclid(PHASES as i32);
+    (
+        i64::from(whole),
+        steps.rem_euclid(PHASES as i32) as usize,
+        at,
+    )
 }
 
 /// Sub-pixel offset of a phase from its pixel's centre \[px\].
@@ -106,6 +136,7 @@ impl Kernel {
             sigma_px,
             half,
             stride,
+            linear_px: 0.1 * sigma_px.powf(2.0 / 3.0),
             phases,
         }
     }
@@ -128,12 +159,12 @@ impl Phase {
         // Full rank for every width on the grid; zeros (height 0, hence no point) otherwise.
         let covariance = normal.try_inverse().unwrap_or_else(Matrix4::zeros);
         let weights: Vec<Vector4<f64>> = rows.iter().map(|x| covariance * x).collect();
-        let mut solve = vec![0i16; 4 * stride];
+        let mut solve = vec![[i16x8::ZERO; 4]; stride / LANES];
         let mut scale = [0.0; 4];
         for i in 0..4 {
             let largest = weights.iter().fold(0.0f64, |m, w| m.max(w[i].abs()));
             let unit = (largest / FULL_SCALE).max(f64::MIN_POSITIVE);
-            let line = &mut solve[i * stride..][..rows.len()];
+            let mut line = vec![0i16; stride];
             for (to, w) in line.iter_mut().zip(&weights) {
                 *to = (w[i] / unit).round() as i16;
             }
@@ -142,20 +173,38 @@ impl Phase {
                 let sum: i32 = line.iter().map(|w| i32::from(*w)).sum();
                 line[half] = (i32::from(line[half]) - sum) as i16;
             }
+            for (to, from) in solve.iter_mut().zip(line.as_chunks().0) {
+                to[i] = i16x8::new(*from);
+            }
             scale[i] = unit as f32;
         }
-        let mut design = vec![0.0; 3 * stride];
-        for (k, x) in rows.iter().enumerate() {
-            for i in 0..3 {
-                design[i * stride + k] = x[i + 1] as f32;
+        let mut design = vec![[[f32x4::ZERO; 2]; 3]; stride / LANES];
+        for (to, from) in design.iter_mut().zip(rows.chunks(LANES)) {
+            for (i, to) in to.iter_mut().enumerate() {
+                let column = |k: usize| from.get(k).map_or(0.0, |x| x[i + 1] as f32);
+                *to = parted(&std::array::from_fn(column));
             }
         }
         Self {
             solve,
-            scale,
+            scale: f32x4::new(scale),
             design,
             row_variance: covariance[(2, 2)],
         }
+    }
+
+    /// The solution (b, A, A dc, A ds) for `C` times [`LANES`] pixels; `None` for another length.
+    #[inline(always)]
+    pub fn solution<const C: usize>(&self, y: &[i16x8; C]) -> Option<f32x4> {
+        let weights = self.solve.first_chunk::<C>()?;
+        let mut sums = [i32x4::ZERO; 4];
+        for (y, lines) in y.iter().zip(weights) {
+            for (sum, line) in sums.iter_mut().zip(lines) {
+                *sum += y.dot(*line);
+            }
+        }
+        let [p, q, r, s] = f32x4::transpose(sums.map(f32x4::from_i32x4));
+        Some(self.scale * ((p + q) + (r + s)))
     }
 }
 
@@ -189,22 +238,12 @@ impl KernelTable {
 }
 
 impl Phase {
-    /// Line `i` of the solution for the pixels `y` (at least `stride` of them).
-    #[inline]
-    pub fn solve_line(&self, i: usize, y: &[i16]) -> f32 {
-        let stride = self.solve.len() / 4;
-        let line = &self.solve[i * stride..(i + 1) * stride];
-        self.scale[i] * dot(&y[..stride], line) as f32
+    /// Line `i` of the solution for any numbers under the taps.
+    pub fn solve_line(&self, i: usize, y: &[f32]) -> f32 {
+        let lines = self.solve.iter().flat_map(|lines| lines[i].to_array());
+        let sum: f32 = lines.zip(y).map(|(w, y)| f32::from(w) * y).sum();
+        self.scale.to_array()[i] * sum
     }
-}
-
-/// Exact dot product; the order of additions does not matter, so it vectorises to `pmaddwd`.
-#[inline]
-fn dot(a: &[i16], b: &[i16]) -> i32 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| i32::from(*a) * i32::from(*b))
-        .sum()
 }
 
 #[cfg(test)]
@@ -226,8 +265,9 @@ mod tests {
                         (200.0 + 1000.0 * profile(d, true_sigma)[0]).round() as i16
                     })
                     .collect();
+                let fine: Vec<f32> = y.iter().map(|v| f32::from(*v)).collect();
                 let [b, a, adc, ads] =
-                    [0, 1, 2, 3].map(|i| kernel.phases[phase].solve_line(i, &y) / 10.0);
+                    [0, 1, 2, 3].map(|i| kernel.phases[phase].solve_line(i, &fine) / 10.0);
                 assert!(
                     (f64::from(adc / a) - 0.03).abs() < 0.003,
                     "{true_sigma} {phase}"

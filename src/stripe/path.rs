@@ -21,7 +21,6 @@ const NONE: u8 = u8::MAX;
 #[derive(Debug, Clone, Default)]
 pub(super) struct PathScratch {
     back: Vec<[u8; MAX_PER_COLUMN + 1]>,
-    best: Vec<u8>,
     chosen: Vec<u8>,
 }
 
@@ -32,39 +31,59 @@ pub(super) fn choose<'a>(
     step_cost: f32,
     scratch: &'a mut PathScratch,
 ) -> impl Iterator<Item = Option<usize>> + use<'a> {
-    let typical = typical_contrast(spots, columns, &mut scratch.best);
+    let typical = typical_contrast(spots, columns);
     scratch.back.clear();
     scratch.chosen.clear();
     scratch.chosen.resize(columns, NONE);
     let mut values = [f32::NEG_INFINITY; MAX_PER_COLUMN];
     let mut none_value = 0.0f32;
     let mut previous: &[Spot] = &[];
-    for column in 0..columns {
+    let per_contrast = 1.0 / typical;
+    scratch.back.extend((0..columns).map(|column| {
         let here = spots.column(column);
         let mut back = [NONE; MAX_PER_COLUMN + 1];
-        let mut next = [f32::NEG_INFINITY; MAX_PER_COLUMN];
+        let from_none = none_value - 0.5 * step_cost;
+        let mut best = none_value;
+        // Most columns have one candidate, and so has the column before.
+        if let ([spot], [from]) = (here, previous) {
+            if values[0] - 0.5 * step_cost > best {
+                best = values[0] - 0.5 * step_cost;
+                back[MAX_PER_COLUMN] = 0;
+            }
+            let via = values[0] - jump_cost(spot, from, step_cost);
+            let mut value = from_none;
+            if via > value {
+                value = via;
+                back[0] = 0;
+            }
+            values[0] = value + reward(spot, per_contrast);
+            none_value = best;
+            previous = here;
+            return back;
+        }
+        for (m, value) in values.iter().enumerate().take(previous.len()) {
+            if value - 0.5 * step_cost > best {
+                best = value - 0.5 * step_cost;
+                back[MAX_PER_COLUMN] = m as u8;
+            }
+        }
+        let mut next = values;
         for (k, spot) in here.iter().enumerate() {
-            let mut value = none_value - 0.5 * step_cost;
+            let mut value = from_none;
             for (m, from) in previous.iter().enumerate() {
-                let jump = (spot.row_px - from.row_px).abs() - FREE_JUMP_PX;
-                let via = values[m] - (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost);
+                let via = values[m] - jump_cost(spot, from, step_cost);
                 if via > value {
                     value = via;
                     back[k] = m as u8;
                 }
             }
-            next[k] = value + (f32::from(spot.contrast) / typical).min(REWARD_MAX);
+            next[k] = value + reward(spot, per_contrast);
         }
-        for (m, value) in values.iter().enumerate().take(previous.len()) {
-            if value - 0.5 * step_cost > none_value {
-                none_value = value - 0.5 * step_cost;
-                back[MAX_PER_COLUMN] = m as u8;
-            }
-        }
-        scratch.back.push(back);
+        none_value = best;
         values = next;
         previous = here;
-    }
+        back
+    }));
     let mut state = NONE;
     let mut value = none_value;
     for (m, v) in values.iter().enumerate().take(previous.len()) {
@@ -85,12 +104,33 @@ pub(super) fn choose<'a>(
 }
 
 /// Median over columns of each column's best contrast; 1 where there is none.
-fn typical_contrast(spots: &Spots, columns: usize, best: &mut Vec<u8>) -> f32 {
-    best.clear();
-    best.extend((0..columns).filter_map(|c| spots.column(c).iter().map(|s| s.contrast).max()));
-    if best.is_empty() {
-        return 1.0;
+fn typical_contrast(spots: &Spots, columns: usize) -> f32 {
+    let mut histogram = [0u32; 256];
+    let mut total = 0;
+    for column in 0..columns {
+        let spots = spots.column(column);
+        if let Some(best) = spots.iter().map(|s| s.contrast).max() {
+            histogram[usize::from(best)] += 1;
+            total += 1;
+        }
     }
-    let middle = best.len() / 2;
-    f32::from(*best.select_nth_unstable(middle).1).max(1.0)
+    let mut seen = 0;
+    let median = histogram.iter().position(|count| {
+        seen += count;
+        seen > total / 2
+    });
+    median.map_or(1.0, |contrast| contrast as f32).max(1.0)
+}
+
+/// Price of going from one candidate to another in the next column.
+#[inline(always)]
+fn jump_cost(to: &Spot, from: &Spot, step_cost: f32) -> f32 {
+    let jump = (to.row_px - from.row_px).abs() - FREE_JUMP_PX;
+    (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost)
+}
+
+/// What a candidate is worth.
+#[inline(always)]
+fn reward(spot: &Spot, per_contrast: f32) -> f32 {
+    (f32::from(spot.contrast) * per_contrast).min(REWARD_MAX)
 }

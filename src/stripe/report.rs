@@ -18,36 +18,43 @@ impl Extractor {
         let reach = self.config.pool_reach_columns;
         let floor = noise::ROUNDING_SD * noise::ROUNDING_SD;
         let tracks = &self.tracks;
-        let variance = |i: usize| Some(tracks[i].fit.variance);
-        segments::pooled(&self.stretches, reach, floor, variance, &mut self.order);
-        // Once more without columns that are far noisier than their neighbours (particles).
-        let first = &self.order;
-        let sound = |i: usize| Some(tracks[i].fit.variance).filter(|v| *v <= 3.0 * first[i]);
         segments::pooled(
             &self.stretches,
             reach,
-            floor,
-            sound,
+            [floor],
+            |i| Some([tracks[i].fit.variance]),
+            &mut self.variance_sums,
+            &mut self.first_variance,
+        );
+        // Once more without columns that are far noisier than their neighbours (particles).
+        let first = &self.first_variance;
+        segments::pooled(
+            &self.stretches,
+            reach,
+            [floor],
+            |i| Some([tracks[i].fit.variance]).filter(|[v]| *v <= 3.0 * first[i][0]),
+            &mut self.variance_sums,
             &mut self.pooled_variance,
         );
         let mut window = Window::new();
         profile.points.reserve(self.tracks.len());
         let mut next = 0;
         for column in 0..image.width_px {
-            let track = self
+            let own = self
                 .tracks
                 .get(next)
                 .filter(|t| t.column == column)
-                .copied();
+                .map(|t| (t.spot, t.fit.row_px));
             let index = next.min(self.tracks.len().saturating_sub(1));
-            let pooled = self.pooled_variance.get(index).copied().unwrap_or(floor);
-            let sigma = self.pooled_sigma.get(index).copied().unwrap_or(2.0);
-            let on_path = usize::from(track.is_some());
+            let pooled = self.pooled_variance.get(index).map_or(floor, |v| v[0]);
+            let sigma = self.pooled_shape.get(index).map_or(2.0, |s| s[0]);
+            let on_path = usize::from(own.is_some());
             let rival = self.spots.column(column).len() > on_path && {
-                let own = track.map(|t| (t.spot, t.fit.row_px));
                 self.report_rivals(image, column, own, sigma, pooled, &mut profile.candidates)
             };
-            if let Some(track) = track {
+            if own.is_some()
+                && let Some(track) = self.tracks.get(next)
+            {
                 let mut bits = 0;
                 bits |= if track.fit.saturated {
                     quality::SATURATED
@@ -102,7 +109,7 @@ impl Extractor {
             let row_px = f64::from(spot.row_px);
             window.load(image, column, row_px, fit::rows_needed(kernel));
             let start = fit::brightest(&window, row_px);
-            let Some(other) = fit::fit(&window, kernel, &self.gauss, start, known) else {
+            let Some(other) = fit::fit(&window, kernel, start, known) else {
                 continue;
             };
             let apart = own.map_or(f64::INFINITY, |(_, row)| (row - other.row_px).abs());

@@ -29,37 +29,52 @@ pub(super) fn split(points: impl Iterator<Item = (usize, f64)>, out: &mut Vec<Ra
     }
 }
 
-/// Mean of `values` within `reach` places, inside each stretch; `None` values do not count.
-/// Places without any counted neighbour get `fallback`.
-pub(super) fn pooled(
+/// Places that share one mean: next to the reach of a mean, its middle may be this coarse.
+const GROUP: usize = 8;
+
+/// Means of `N` values within about `reach` places, inside each stretch, one for every eight
+/// places; `None` values do not count. Places without any counted neighbour get `fallback`.
+pub(super) fn pooled<const N: usize>(
     stretches: &[Range<usize>],
     reach: usize,
-    fallback: f64,
-    value: impl Fn(usize) -> Option<f64>,
-    out: &mut Vec<f64>,
+    fallback: [f64; N],
+    value: impl Fn(usize) -> Option<[f64; N]>,
+    scratch: &mut Vec<([f64; N], f64)>,
+    out: &mut Vec<[f64; N]>,
 ) {
+    let zero = ([0.0; N], 0.0);
+    let add = |sum: &mut ([f64; N], f64), values: [f64; N], count: f64| {
+        for (s, v) in sum.0.iter_mut().zip(values) {
+            *s += v;
+        }
+        sum.1 += count;
+    };
     out.clear();
     for stretch in stretches {
-        // Running sums restart in each stretch: sums of small numbers, no drift.
-        let mut sum = 0.0;
-        let mut count = 0.0;
-        let (mut low, mut high) = (stretch.start, stretch.start);
-        for i in stretch.clone() {
-            while high < (i + reach + 1).min(stretch.end) {
-                if let Some(v) = value(high) {
-                    sum += v;
-                    count += 1.0;
+        scratch.clear();
+        for start in stretch.clone().step_by(GROUP) {
+            let mut sum = zero;
+            for i in start..(start + GROUP).min(stretch.end) {
+                if let Some(values) = value(i) {
+                    add(&mut sum, values, 1.0);
                 }
-                high += 1;
             }
-            while low + reach < i {
-                if let Some(v) = value(low) {
-                    sum -= v;
-                    count -= 1.0;
-                }
-                low += 1;
+            scratch.push(sum);
+        }
+        let groups = reach.div_ceil(GROUP);
+        for group in 0..scratch.len() {
+            let mut sum = zero;
+            for (values, count) in
+                &scratch[group.saturating_sub(groups)..(group + groups + 1).min(scratch.len())]
+            {
+                add(&mut sum, *values, *count);
             }
-            out.push(if count > 0.5 { sum / count } else { fallback });
+            let mean = match sum {
+                (values, count) if count > 0.5 => values.map(|v| v / count),
+                _ => fallback,
+            };
+            let places = GROUP.min(stretch.len() - group * GROUP);
+            out.extend(std::iter::repeat_n(mean, places));
         }
     }
 }
@@ -87,9 +102,27 @@ mod tests {
 
     #[test]
     fn means_stay_inside_their_stretch() {
-        let values = [Some(1.0), Some(3.0), None, Some(10.0), Some(20.0)];
-        let mut out = Vec::new();
-        pooled(&[0..3, 3..5], 1, -1.0, |i| values[i], &mut out);
-        assert_eq!(out, [2.0, 2.0, 3.0, 15.0, 15.0]);
+        let values = [Some(1.0), Some(3.0), None, Some(10.0), Some(20.0), None];
+        let value = |i: usize| {
+            values
+                .get(i)
+                .map_or(Some([1.0, 9.0]), |v| v.map(|v| [v, 2.0 * v]))
+        };
+        let (mut scratch, mut out) = (Vec::new(), Vec::new());
+        let stretches = [0..3, 3..5, 5..6, 6..26];
+        pooled(&stretches, 1, [-1.0, -2.0], value, &mut scratch, &mut out);
+        assert_eq!(out.len(), 26);
+        let expected = [2.0, 2.0, 2.0, 15.0, 15.0, -1.0].map(|v| [v, 2.0 * v]);
+        assert_eq!(out[..6], expected);
+        assert!(out[6..].iter().all(|v| *v == [1.0, 9.0]));
+    }
+
+    #[test]
+    fn means_reach_into_the_neighbouring_groups_and_no_farther() {
+        let value = |i: usize| Some([i as f64]);
+        let (mut scratch, mut out) = (Vec::new(), Vec::new());
+        pooled(&[0..40], GROUP, [0.0], value, &mut scratch, &mut out);
+        // Mean of 8..32 in the middle group, of 0..16 in the first.
+        assert_eq!((out[16], out[23], out[0]), ([19.5], [19.5], [7.5]));
     }
 }

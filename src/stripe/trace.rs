@@ -9,8 +9,10 @@ use crate::frame::GreyImage;
 
 /// Columns read ahead of their fits; [`predicted`] reaches back as far.
 const COLUMNS_AHEAD: usize = 4;
+/// Of so many groups of [`COLUMNS_AHEAD`] clipped columns one is fitted twice, the rest once.
+const CLIPPED_GROUPS: usize = 3;
 /// Columns from which the first idea of the stripe's width is taken.
-const WIDTH_SAMPLES: usize = 49;
+const WIDTH_SAMPLES: usize = 25;
 /// Rows loaded for it.
 pub(super) const WIDTH_ROWS: usize = 64;
 /// Mismatch of a kernel's width that is not worth a second fit: it costs 0.4 % of the bound.
@@ -43,29 +45,35 @@ impl Extractor {
         let prior = width_prior(width, noise_sd, CLIPPED_PEAK, FIRST_WIDTH_SD);
         let known = Known {
             width: Some(prior),
+            first: true,
             ..Known::clipping_at(saturation)
         };
         let mut ahead = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut near = [None; COLUMNS_AHEAD];
-        for group in chosen.chunks(COLUMNS_AHEAD) {
+        for (number, group) in chosen.chunks(COLUMNS_AHEAD).enumerate() {
             // Pixels first, fits after: a vector load right behind the byte-wise stores it
             // covers would wait for them.
-            for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&mut near) {
+            for (&(column, spot), near) in group.iter().zip(&mut near) {
                 let row_px = f64::from(self.spots.column(column)[spot].row_px);
                 *near = predicted(&self.tracks, column).filter(|p| (p - row_px).abs() < 2.0);
-                match *near {
-                    Some(row_px) => window.load(image, column, row_px, fit::rows_near(kernel)),
-                    None => window.load(image, column, row_px, rows),
+            }
+            let near_rows = fit::rows_near(kernel);
+            if !load_group(&mut ahead, image, group, near, near_rows) {
+                for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(near) {
+                    let row_px = f64::from(self.spots.column(column)[spot].row_px);
+                    match near {
+                        Some(row_px) => window.load(image, column, row_px, near_rows),
+                        None => window.load(image, column, row_px, rows),
+                    }
                 }
             }
             for ((&(column, spot), window), near) in group.iter().zip(&mut ahead).zip(&near) {
                 let row_px = f64::from(self.spots.column(column)[spot].row_px);
-                let mut found = None;
-                if let Some(near) = near
-                    && !window.clipped(saturation)
-                {
-                    found = fit::fit(window, kernel, &self.gauss, *near, known);
-                }
+                let mut found = near
+                    .filter(|_| number % CLIPPED_GROUPS != 0)
+                    .and_then(|near| like_the_last(&self.tracks, near))
+                    .filter(|_| window.clipped(saturation))
+                    .or_else(|| near.and_then(|near| fit::fit(window, kernel, near, known)));
                 if found.is_none() {
                     if near.is_some() {
                         window.load(image, column, row_px, rows);
@@ -76,7 +84,7 @@ impl Extractor {
                     } else {
                         fit::brightest(window, row_px)
                     };
-                    found = fit::fit(window, kernel, &self.gauss, start, known);
+                    found = fit::fit(window, kernel, start, known);
                 }
                 if let Some(fit) = found
                     && fit.peak >= 0.5 * self.config.min_peak
@@ -126,7 +134,6 @@ impl Extractor {
                 && let Some(fit) = fit::fit(
                     window,
                     kernel,
-                    &self.gauss,
                     fit::brightest(window, row_px),
                     Known::clipping_at(saturation),
                 )
@@ -183,25 +190,17 @@ impl Extractor {
     fn pool_widths(&mut self, fallback: f64) {
         let tracks = &self.tracks;
         let plausible = |i: usize| {
-            let fit = tracks[i].fit;
-            (!tracks[i].near_step && fit.sigma_px > 0.4 * fallback && fit.sigma_px < 2.5 * fallback)
-                .then_some(fit)
+            let Track { fit, near_step, .. } = &tracks[i];
+            (!near_step && fit.sigma_px > 0.4 * fallback && fit.sigma_px < 2.5 * fallback)
+                .then_some([fit.sigma_px, fit.peak])
         };
-        let reach = self.config.pool_reach_columns;
-        let sigma = |i: usize| plausible(i).map(|f| f.sigma_px);
         segments::pooled(
             &self.stretches,
-            reach,
-            fallback,
-            sigma,
-            &mut self.pooled_sigma,
-        );
-        segments::pooled(
-            &self.stretches,
-            reach,
-            0.0,
-            |i| plausible(i).map(|f| f.peak),
-            &mut self.pooled_peak,
+            self.config.pool_reach_columns,
+            [fallback, 0.0],
+            plausible,
+            &mut self.shape_sums,
+            &mut self.pooled_shape,
         );
     }
 
@@ -229,70 +228,114 @@ impl Extractor {
     ) {
         let saturation = self.config.saturation_level;
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
+        let mut windows = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut kept = 0;
-        for i in 0..self.tracks.len() {
-            let track = self.tracks[i];
-            let mismatch = (self.pooled_sigma[i] / first_sigma_px - 1.0).abs();
-            // With nothing new to tell it, a second fit would only repeat the first.
-            if haze.is_none() && !track.fit.saturated && mismatch < WIDTH_TOLERANCE {
-                kept = self.keep(kept, i, track.fit, noise_sd);
+        let tolerance_px = WIDTH_TOLERANCE * first_sigma_px;
+        // With nothing new to tell it, a second fit would only repeat the first.
+        let again = |track: &Track, pooled: &[f64; 2]| {
+            haze.is_some()
+                || track.fit.saturated
+                || (pooled[0] - first_sigma_px).abs() >= tolerance_px
+        };
+        // Neighbours share their pooled width, and with it the kernel.
+        let mut known_index = (f64::NAN, 0);
+        for start in (0..self.tracks.len()).step_by(COLUMNS_AHEAD) {
+            let group = start..(start + COLUMNS_AHEAD).min(self.tracks.len());
+            let mut news = self.tracks[group.clone()]
+                .iter()
+                .zip(&self.pooled_shape[group.clone()]);
+            if !news.any(|(track, pooled)| again(track, pooled)) {
+                for i in group {
+                    let fit = self.tracks[i].fit;
+                    kept = self.keep(kept, i, fit, noise_sd);
+                }
                 continue;
             }
-            let index = self.kernels.index(self.pooled_sigma[i]);
-            let kernel = self.kernels.get(index);
-            let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
-                Some(found) => found,
-                None => {
-                    shapes.push((index, h.shape(kernel)));
-                    shapes.len() - 1
+            let mut places = [(0, 0); COLUMNS_AHEAD];
+            let mut near = [None; COLUMNS_AHEAD];
+            let mut widest = 0.0f64;
+            for (k, i) in group.clone().enumerate() {
+                let (track, pooled) = (&self.tracks[i], &self.pooled_shape[i]);
+                places[k] = (track.column, 0);
+                near[k] = again(track, pooled).then_some(track.fit.row_px);
+                widest = widest.max(pooled[0]);
+            }
+            let together = near[0].is_some() && {
+                if known_index.0 != widest {
+                    known_index = (widest, self.kernels.index(widest));
                 }
-            });
-            let shape = shape
-                .zip(haze)
-                .map(|(s, h)| (&shapes[s].1, h.fraction as f32));
-            window.load(
-                image,
-                track.column,
-                track.fit.row_px,
-                fit::rows_needed(kernel),
-            );
-            let width = width_prior(
-                self.pooled_sigma[i],
-                noise_sd,
-                track.fit.peak,
-                POOLED_WIDTH_SD,
-            );
-            let known = Known {
-                saturation,
-                haze: shape,
-                width: Some(width),
+                let rows = fit::rows_near(self.kernels.get(known_index.1));
+                load_group(&mut windows, image, &places[..group.len()], near, rows)
             };
-            if let Some(fit) = fit::fit(window, kernel, &self.gauss, track.fit.row_px, known) {
-                kept = self.keep(kept, i, fit, noise_sd);
+            for (k, i) in group.enumerate() {
+                let track = self.tracks[i];
+                if near[k].is_none() {
+                    kept = self.keep(kept, i, track.fit, noise_sd);
+                    continue;
+                }
+                let width_px = self.pooled_shape[i][0];
+                if known_index.0 != width_px {
+                    known_index = (width_px, self.kernels.index(width_px));
+                }
+                let index = known_index.1;
+                let kernel = self.kernels.get(index);
+                let shape = haze.map(|h| match shapes.iter().position(|s| s.0 == index) {
+                    Some(found) => found,
+                    None => {
+                        shapes.push((index, h.shape(kernel)));
+                        shapes.len() - 1
+                    }
+                });
+                let shape = shape
+                    .zip(haze)
+                    .map(|(s, h)| (&shapes[s].1, h.fraction as f32));
+                let known = Known {
+                    saturation,
+                    haze: shape,
+                    width: Some(width_prior(
+                        width_px,
+                        noise_sd,
+                        track.fit.peak,
+                        POOLED_WIDTH_SD,
+                    )),
+                    first: false,
+                };
+                let (column, row_px) = (track.column, track.fit.row_px);
+                let mut found = None;
+                if together {
+                    found = fit::fit(&windows[k], kernel, row_px, known);
+                }
+                if found.is_none() {
+                    window.load(image, column, row_px, fit::rows_needed(kernel));
+                    found = fit::fit(window, kernel, row_px, known);
+                }
+                if let Some(fit) = found {
+                    kept = self.keep(kept, i, fit, noise_sd);
+                }
             }
         }
         self.tracks.truncate(kept);
-        self.pooled_sigma.truncate(kept);
+        self.pooled_shape.truncate(kept);
     }
 
     /// Moves track `i` with its final fit to place `kept` if it looks like a stripe; returns the
     /// next place.
     fn keep(&mut self, kept: usize, i: usize, fit: Fit, noise_sd: f64) -> usize {
-        if !self.is_stripe(&fit, self.pooled_sigma[i]) {
+        if !self.is_stripe(&fit, self.pooled_shape[i][0]) {
             return kept;
         }
         // A profile cut by a step, or two on top of each other: too low, or of another width
         // (whose sd is about that of the row).
-        let off = (fit.sigma_px - self.pooled_sigma[i]).abs();
+        let off = (fit.sigma_px - self.pooled_shape[i][0]).abs();
         let cut = !fit.saturated
-            && (fit.peak < 0.75 * self.pooled_peak[i]
+            && (fit.peak < 0.75 * self.pooled_shape[i][1]
                 || off > 0.06 * fit.sigma_px && {
                     let noise = fit.variance.sqrt().min(2.0 * noise_sd);
                     off > 4.5 * noise * fit.row_variance.sqrt() / fit.peak
                 });
         if kept != i {
             self.tracks[kept] = self.tracks[i];
-            self.pooled_sigma[kept] = self.pooled_sigma[i];
+            self.pooled_shape[kept] = self.pooled_shape[i];
         }
         let track = &mut self.tracks[kept];
         track.fit = fit;
@@ -328,6 +371,35 @@ fn predicted(tracks: &[Track], column: usize) -> Option<f64> {
     let (near, far) = (at(COLUMNS_AHEAD)?, at(3 * COLUMNS_AHEAD)?);
     let course = near - far;
     (course.abs() < 16.0).then_some(near + 0.5 * course)
+}
+
+/// Stands in for the first fit of a clipped column, which only finds a region's width and is
+/// costly: what was found four columns before, at this row, if that was clipped too.
+fn like_the_last(tracks: &[Track], row_px: f64) -> Option<Fit> {
+    let place = tracks.len().checked_sub(COLUMNS_AHEAD)?;
+    let fit = tracks.get(place)?.fit;
+    fit.saturated.then_some(Fit { row_px, ..fit })
+}
+
+/// Loads a whole group of neighbouring columns at once, if it is one and every row is known.
+#[inline]
+fn load_group(
+    windows: &mut [Window; COLUMNS_AHEAD],
+    image: &GreyImage,
+    group: &[(usize, usize)],
+    near: [Option<f64>; COLUMNS_AHEAD],
+    rows: usize,
+) -> bool {
+    let (Some(&(first, _)), Some(&(last, _))) = (group.first(), group.last()) else {
+        return false;
+    };
+    if group.len() != COLUMNS_AHEAD || last - first + 1 != COLUMNS_AHEAD {
+        return false;
+    }
+    let [Some(a), Some(b), Some(c), Some(d)] = near else {
+        return false;
+    };
+    Window::load_together(windows, image, first, [a, b, c, d], rows)
 }
 
 fn width_prior(sigma_px: f64, noise_sd: f64, peak: f64, relative_sd: f64) -> WidthPrior {
