@@ -36,6 +36,7 @@ pub(crate) mod testing;
 mod time;
 mod topic;
 pub mod trace;
+mod unfinished;
 mod writer;
 
 pub use account::{Counts, FrameLedger, LogOutcome, SummaryInput};
@@ -47,9 +48,10 @@ pub use reader::{LogMessage, LogReader, Record};
 pub use recorder::{Recorder, WeakRecorder};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use sink::{FileSink, LogSink, free_bytes};
-pub use space::{bytes_per_frame, bytes_per_s};
+pub use space::{bytes_per_frame, bytes_per_s, writable_folder};
 pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
+pub use unfinished::Unfinished;
 pub use writer::LogWriter;
 
 /// What can go wrong with a log.
@@ -132,6 +134,12 @@ pub enum LogError {
         /// The system's words.
         source: std::io::Error,
     },
+    /// A file without a byte in it.
+    #[error("{}: is empty (0 bytes): nothing was recorded, or the recording was killed before its head was on the disk", path.display())]
+    Empty {
+        /// File.
+        path: PathBuf,
+    },
     /// Not an MCAP file.
     #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
     NotMcap {
@@ -151,10 +159,18 @@ pub enum LogError {
         damage: records::Damage,
     },
     /// The new file is there already.
-    #[error("{}: exists already; recover writes a new file and replaces none: choose another --out", path.display())]
+    #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away (NAME.part is what an interrupted attempt left: it can go)", path.display())]
     OutputExists {
         /// The file.
         path: PathBuf,
+    },
+    /// The folder holds something already.
+    #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
+    NotEmpty {
+        /// The folder.
+        path: PathBuf,
+        /// One of them.
+        found: String,
     },
     /// A file beside the log cannot be written.
     #[error("{}: cannot be written: {reason}", path.display())]
@@ -189,6 +205,16 @@ pub enum LogError {
 }
 
 impl LogError {
+    /// For a file that begins with `found` instead of the magic.
+    fn no_log(path: &std::path::Path, found: Vec<u8>) -> Self {
+        let path = path.to_owned();
+        if found.is_empty() {
+            LogError::Empty { path }
+        } else {
+            LogError::NotMcap { path, found }
+        }
+    }
+
     /// Everything that is in the file is sound, only its end is missing: a tool that can do with
     /// a part may go on with what it has read.
     pub fn is_missing_end(&self) -> bool {

@@ -9,6 +9,7 @@ pub mod floor;
 pub mod glance;
 pub mod keys;
 pub mod limits;
+mod manager;
 pub mod newest;
 pub mod preflight;
 mod session;
@@ -274,6 +275,7 @@ pub fn run(
 
     // Neutral before anything else is taken down; shutdown() waits until the echo confirms it.
     shutdown.raise(stop.clone());
+    manager::stopping(&stop.to_string());
     let thrusters = service.map(ThrusterService::shutdown);
     if let Ok(signals) = crate::signals::listen() {
         signals.detach_all();
@@ -347,7 +349,7 @@ fn start_service(
     let to = shared.clone();
     let sink: Sink = Box::new(move |record| match record {
         LinkRecord::Command(command) => {
-            to.tracker.command(&command, &to.clock.triple());
+            to.tracker.command(&command);
             to.recorder.command(&pb::ThrusterCommand {
                 timestamp: Some(timestamp(command.timestamp_ns)),
                 sequence: command.sequence,
@@ -388,12 +390,14 @@ fn loads(
         move |t_s: f64| match setpoint(&rig, &allocation, &plan, t_s) {
             Ok(set) => PlannedLoad {
                 thrust_n: set.thrust_n,
+                pulses_us: Some(set.pulses_us),
                 plan_step: set.plan_step,
             },
             Err(error) => {
                 tracing::error!("{error}");
                 PlannedLoad {
                     thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
+                    pulses_us: None,
                     plan_step: 0,
                 }
             }

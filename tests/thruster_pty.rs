@@ -104,6 +104,7 @@ impl Bench {
         let start_ns = SystemClock.monotonic_ns() + 10_000_000;
         let load = |t_s: f64| PlannedLoad {
             thrust_n: vec![5.0 + t_s, 5.0 - t_s],
+            pulses_us: None,
             plan_step: 1,
         };
         service.run_plan(start_ns, seconds, Box::new(load)).unwrap();
@@ -326,6 +327,7 @@ fn a_missed_deadline_is_neutral() {
             }
             PlannedLoad {
                 thrust_n: vec![5.0, 5.0],
+                pulses_us: None,
                 plan_step: 1,
             }
         };

@@ -4,8 +4,8 @@
 //!
 //! * **found losses** = gaps in the driver's sequence + missing periods seen frame by frame against a
 //!   tracked grid ([`tracker`]) + whole periods of a pause;
-//! * **expected** = periods in each second by time alone ([`expected`]); it never sees a sequence number
-//!   or the tracker's decisions.
+//! * **expected** = periods in each second by time alone ([`expected`]); it hears of the found losses only where time
+//!   is undecided between two numbers.
 //!
 //! Measured limits (property tests): exact for jitter up to 5 % of the period (rms) with a fifth of the frames lost,
 //! and for stamps up to 2.5 periods late on a busy host; a drop in the very moment of such a jam may be counted
@@ -535,7 +535,7 @@ fn feed(expected: &mut Expected, step: &Step) {
     }
     match step.pause {
         Some((_, lost)) => expected.pause(lost + 1),
-        None => expected.interval(step.dt_ns),
+        None => expected.interval(step.dt_ns, 1 + step.lost()),
     }
 }
 

@@ -152,6 +152,9 @@ impl Default for Patience {
     }
 }
 
+/// Behind a buffer without a frame this part of the patience is enough: the driver has given up on the stream.
+const AFTER_VOID: u64 = 2;
+
 /// Who has a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
@@ -190,6 +193,7 @@ pub struct BufferQueue {
     failures: u32,
     freezes: u32,
     voids: usize,
+    last_void_ns: u64,
     refusals: u32,
     spurious: u32,
 }
@@ -213,6 +217,7 @@ impl BufferQueue {
             failures: 0,
             freezes: 0,
             voids: 0,
+            last_void_ns: 0,
             refusals: 0,
             spurious: 0,
         }
@@ -348,8 +353,17 @@ impl BufferQueue {
     fn frozen_at_ns(&self) -> u64 {
         // Each restart that brought nothing doubles the patience with the next.
         let patience = self.patience.frozen_after.as_nanos() as u64;
-        self.alive_ns
-            .saturating_add(patience << self.freezes.min(2))
+        let frozen_ns = self
+            .alive_ns
+            .saturating_add(patience << self.freezes.min(2));
+        self.given_up_at_ns()
+            .map_or(frozen_ns, |given_up_ns| given_up_ns.min(frozen_ns))
+    }
+
+    /// When the silence after a buffer without a frame has lasted long enough to mean something.
+    fn given_up_at_ns(&self) -> Option<u64> {
+        let patience = self.patience.frozen_after.as_nanos() as u64 / AFTER_VOID;
+        (self.voids > 0).then(|| self.last_void_ns.saturating_add(patience))
     }
 
     fn check_frozen(&mut self, now_ns: u64) -> Option<Notice> {
@@ -357,6 +371,9 @@ impl BufferQueue {
             || !matches!(self.phase, Phase::Streaming { .. } | Phase::Idling { .. })
         {
             return None;
+        }
+        if self.given_up_at_ns().is_some_and(|at_ns| now_ns >= at_ns) {
+            return Some(self.voided());
         }
         self.freezes = self.freezes.saturating_add(1);
         self.phase = Phase::Stopping { then_rest_ns: 0 };
@@ -410,15 +427,21 @@ impl BufferQueue {
             return None;
         }
         self.voids += 1;
+        self.last_void_ns = now_ns;
         if self.voids < self.owners.len() {
+            // Of the buffers that it gave back some may have held frames; what follows will tell.
             return None;
         }
-        // The driver has given up on this stream (EPIPE on the bulk endpoint): silence follows.
-        self.failures += 1;
+        Some(self.voided())
+    }
+
+    /// The driver has given up on this stream (EPIPE on the bulk endpoint): only a new start helps.
+    fn voided(&mut self) -> Notice {
+        self.failures = self.failures.saturating_add(1);
         self.phase = Phase::Stopping {
             then_rest_ns: self.back_off_ns(),
         };
-        Some(Notice::Voided)
+        Notice::Voided
     }
 
     fn back_off_ns(&self) -> u64 {

@@ -6,7 +6,7 @@ use crate::analysis::Analyst;
 use crate::capture::{Captured, FrameSource};
 use crate::clock::{Clock, SystemClock};
 use crate::frame::Frame;
-use crate::log::{bytes_per_s, free_bytes};
+use crate::log::{bytes_per_s, free_bytes, writable_folder};
 use crate::record::glance::Gatherer;
 use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_rigs::Rig;
@@ -24,7 +24,7 @@ pub struct Args {
     #[arg(long, value_name = "RIG")]
     rig: String,
     /// Ends after this time; default: until Ctrl-C
-    #[arg(long = "for", value_parser = inputs::duration, value_name = "TIME")]
+    #[arg(long = "for", value_parser = inputs::some_duration, allow_hyphen_values = true, value_name = "TIME")]
     length: Option<Duration>,
     /// Writes the last frame with its stripe drawn in (green; yellow near steps, red saturated, blue other candidates) here, at the end
     #[arg(long, value_name = "PNG")]
@@ -42,6 +42,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(png) = &args.png {
         inputs::new_file("--png", png)?;
     }
+    writable_folder(&args.disk).map_err(|words| CliError::Config(format!("--disk {words}")))?;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let mut rigged = rigging::open(&rig, &clock, false)?;
     let stop = crate::signals::listen().map_err(CliError::run)?;
@@ -80,7 +81,10 @@ fn watch(
                 gatherer.frame(&frame.meta);
                 newest = Some(frame);
             }
-            Captured::Event(event) => eprintln!("hydroline: {}", event.message),
+            Captured::Event(event) => {
+                gatherer.event(&event);
+                eprintln!("hydroline: {}", event.message);
+            }
             Captured::Nothing => {}
             Captured::Finished => return Ok(newest),
         }

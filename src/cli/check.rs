@@ -3,7 +3,7 @@
 use super::{CliError, Outcome, inputs, rigging};
 use crate::capture::Captured;
 use crate::clock::{Clock, SystemClock};
-use crate::log::{bytes_per_s, free_bytes};
+use crate::log::{bytes_per_s, free_bytes, writable_folder};
 use crate::thruster::ports::Roots;
 use hydroline_rigs::{LinkPort, Rig};
 use serde::Serialize;
@@ -187,6 +187,7 @@ fn clock() -> Finding {
 fn disk(rig: &Rig, args: &Args) -> Finding {
     let bytes_per_s = bytes_per_s(&rig.camera);
     let look = || {
+        writable_folder(&args.disk)?;
         let free = free_bytes(&args.disk).ok_or_else(|| {
             format!(
                 "{}: cannot be asked for its free space; does the folder exist?",

@@ -2,7 +2,7 @@
 
 use super::{CliError, Outcome, inputs};
 use crate::frame::GreyImage;
-use crate::stripe::{Extractor, ExtractorConfig, Profile, annotate, write_csv};
+use crate::stripe::{Extractor, ExtractorConfig, Profile, StripePoint, annotate, write_csv};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +15,9 @@ pub struct Args {
     /// headed by a '# file' line. Without it a summary line per image
     #[arg(long)]
     csv: bool,
+    /// Prints one JSON object with every image's figures and points
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
     /// Writes the image with its stripe drawn in (green; yellow near steps, red saturated, blue other candidates) here; one image only
     #[arg(long, value_name = "PNG")]
     annotate: Option<PathBuf>,
@@ -39,6 +42,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let mut extractor = Extractor::new(config);
     let mut failed = 0;
     let mut stdout = std::io::stdout().lock();
+    let mut objects = Vec::new();
     for path in &args.images {
         let image = match load(path) {
             Ok(image) => image,
@@ -49,7 +53,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             }
         };
         let profile = extractor.extract(&image);
-        let written = if args.csv {
+        let written = if args.json {
+            objects.push(object(path, &profile));
+            Ok(())
+        } else if args.csv {
             csv(&mut stdout, args, path, &profile)
         } else {
             summary(&mut stdout, path, &profile)
@@ -63,6 +70,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 .save(out)
                 .map_err(|e| CliError::Run(format!("{}: {e}", out.display())))?;
         }
+    }
+    if args.json {
+        writeln!(stdout, "{}", serde_json::json!({ "images": objects }))
+            .map_err(|e| CliError::Run(format!("stdout: {e}")))?;
     }
     match failed {
         0 => Ok(Outcome::Done),
@@ -90,6 +101,26 @@ fn csv(out: &mut impl Write, args: &Args, path: &Path, profile: &Profile) -> std
         writeln!(out, "# {}", path.display())?;
     }
     write_csv(profile, out)
+}
+
+/// One image's figures, and its points as columns of numbers.
+fn object(path: &Path, profile: &Profile) -> serde_json::Value {
+    let column =
+        |value: fn(&StripePoint) -> f64| -> Vec<f64> { profile.points.iter().map(value).collect() };
+    serde_json::json!({
+        "image": path,
+        "width_px": profile.size_px.0,
+        "height_px": profile.size_px.1,
+        "noise_sd": profile.noise_sd,
+        "haze_level": profile.haze_level,
+        "fault": profile.fault.as_ref().map(ToString::to_string),
+        "column_px": column(|p| p.column_px),
+        "row_px": column(|p| p.row_px),
+        "peak": column(|p| p.peak),
+        "sd_px": column(|p| p.sd_px),
+        "sigma_px": column(|p| p.sigma_px),
+        "quality": profile.points.iter().map(|p| p.quality).collect::<Vec<_>>(),
+    })
 }
 
 fn summary(out: &mut impl Write, path: &Path, profile: &Profile) -> std::io::Result<()> {

@@ -60,7 +60,10 @@ pub struct ExportArgs {
 /// A file that is not there or not a log is a bad argument; damage inside is a failed run.
 fn failed(error: LogError) -> CliError {
     match error {
-        LogError::NotMcap { .. } | LogError::OutputExists { .. } => CliError::config(error),
+        LogError::NotMcap { .. }
+        | LogError::Empty { .. }
+        | LogError::OutputExists { .. }
+        | LogError::NotEmpty { .. } => CliError::config(error),
         other => CliError::run(other),
     }
 }

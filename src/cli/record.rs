@@ -8,7 +8,8 @@ use crate::calibrate::{Setup, medium};
 use crate::clock::{Clock, SystemClock};
 use crate::log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use crate::record::{
-    self, Conditions, Job, Parts, Report, SessionInput, Status, preflight::preflight,
+    self, Conditions, Job, Parts, Report, SessionInput, Status,
+    preflight::{Preflight, Repeats, preflight_runs},
 };
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
@@ -25,7 +26,11 @@ use std::time::{Duration, Instant};
 While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly.
 A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
 
+With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that;
+with --return-to-start you bring it back by hand, and Enter starts the next run.
+
   hydroline record --rig lshpi --plan surge-4n --dry-run
+  hydroline record --rig lshpi --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
@@ -44,8 +49,11 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
     runs: u32,
     /// Pause between runs, so that the water comes to rest
-    #[arg(long, value_parser = inputs::duration, default_value = "0s", value_name = "TIME")]
+    #[arg(long, value_parser = inputs::duration, allow_hyphen_values = true, default_value = "0s", value_name = "TIME")]
     settle: Duration,
+    /// Waits before each further run until the vehicle has been brought back to the rig's start (Enter)
+    #[arg(long)]
+    return_to_start: bool,
     /// Leaves the thrusters alone: no line is opened
     #[arg(long, conflicts_with = "plan")]
     no_thrusters: bool,
@@ -72,7 +80,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Longest wait for the first good frame and the controller
-    #[arg(long, value_parser = inputs::duration, default_value = "10s", value_name = "TIME")]
+    #[arg(long, value_parser = inputs::some_duration, allow_hyphen_values = true, default_value = "10s", value_name = "TIME")]
     ready_within: Duration,
     /// Log to write
     #[arg(long, value_name = "LOG.mcap", required_unless_present = "dry_run")]
@@ -96,9 +104,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     conditions.n_water().map_err(CliError::Config)?;
     let calibrate = args.making.setup(&rig, &conditions)?;
     let calibration = args.using.load()?;
-    if let Some(plan) = &plan {
-        check_plan(&rig, plan, args)?;
-    }
+    let check = plan
+        .as_ref()
+        .map(|plan| check_plan(&rig, plan, args))
+        .transpose()?;
     if args.dry_run {
         if plan.is_none() {
             eprintln!(
@@ -126,8 +135,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         out: calibration_out,
     };
     let mut reports = Vec::new();
+    let rigs = run_rigs(&rig, check.as_ref(), args.runs);
     let result = record_all(
-        &rig,
+        &rigs,
         plan.as_ref(),
         args,
         &conditions,
@@ -149,9 +159,23 @@ struct Calibrating {
     out: Option<PathBuf>,
 }
 
+/// The rig of each run: its start is where the vehicle will be then.
+fn run_rigs(rig: &Rig, check: Option<&Preflight>, runs: u32) -> Vec<Rig> {
+    let starts = check.map_or(&[][..], |c| &c.starts);
+    (0..runs as usize)
+        .map(|k| {
+            let mut rig = rig.clone();
+            if let Some(start) = starts.get(k) {
+                rig.tank.start_pose = start.pose;
+            }
+            rig
+        })
+        .collect()
+}
+
 /// Run after run; a run that fails or is stopped is the last one.
 fn record_all(
-    rig: &Rig,
+    rigs: &[Rig],
     plan: Option<&Plan>,
     args: &Args,
     conditions: &Conditions,
@@ -160,7 +184,7 @@ fn record_all(
     reports: &mut Vec<serde_json::Value>,
 ) -> Result<Outcome, CliError> {
     let mut outcome = Outcome::Done;
-    for (k, out) in outs.iter().enumerate() {
+    for (k, (out, rig)) in outs.iter().zip(rigs).enumerate() {
         let run = (k as u32 + 1, args.runs);
         let recording = Recording {
             rig,
@@ -210,9 +234,14 @@ fn record_all(
             StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
             StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
         }
-        if run.0 < run.1 && !settle(args.settle)? {
+        if run.0 == run.1 {
+            break;
+        }
+        let go_on = settle(args.settle)?
+            && (!args.return_to_start || brought_back(rig.tank.start_pose, run)?);
+        if !go_on {
             eprintln!(
-                "hydroline: stopped while settling; {} of {} runs are recorded",
+                "hydroline: stopped between runs; {} of {} runs are recorded",
                 run.0, run.1
             );
             return Ok(outcome);
@@ -258,20 +287,44 @@ fn lossy(report: &Report, before: Outcome) -> Outcome {
     }
 }
 
-/// Simulates the plan; shows it on --dry-run, refuses a bad one always.
-fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<(), CliError> {
-    let report = preflight(rig, plan).map_err(CliError::config)?;
+/// How the runs follow each other, for the simulation before them.
+fn repeats(plan: &Plan, args: &Args) -> Repeats {
+    let length_s = args
+        .length
+        .map_or_else(|| plan.duration_s() + AROUND_PLAN_S, |l| l.as_secs_f64());
+    let in_sequence = args.runs > 1 && !args.return_to_start;
+    Repeats {
+        runs: if in_sequence { args.runs } else { 1 },
+        // Closing one log and opening the next takes a second or two more: the vehicle is then only calmer.
+        cycle_s: if in_sequence {
+            length_s + args.settle.as_secs_f64()
+        } else {
+            0.0
+        },
+        active_s: length_s,
+    }
+}
+
+/// Simulates the plan, all runs of it; shows it on --dry-run, refuses a bad one always.
+fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError> {
+    let report = preflight_runs(rig, plan, repeats(plan, args)).map_err(CliError::config)?;
     if args.dry_run {
         if args.json {
             outln!("{}", serde_json::json!(report));
         } else {
             out!("{report}");
+            if args.return_to_start && args.runs > 1 {
+                outln!(
+                    "{} runs, each from the rig's start: you bring the vehicle back, Enter starts the next",
+                    args.runs
+                );
+            }
         }
     }
     match report.violations.first() {
-        None => Ok(()),
+        None => Ok(report),
         Some(first) => Err(CliError::Config(format!(
-            "plan '{}' is refused: at {:.2} s {}{}; --dry-run shows the whole check, change the plan or the rig's start and limits",
+            "plan '{}' is refused: at {:.2} s {}{}; --dry-run shows the whole check, change the plan or the rig's start and limits{}",
             plan.name,
             first.at_s,
             first.what,
@@ -279,6 +332,11 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<(), CliError> {
                 format!(" (and {} more)", report.violations.len() - 1)
             } else {
                 String::new()
+            },
+            if report.runs > 1 {
+                ", or bring the vehicle back between the runs (--return-to-start)"
+            } else {
+                ""
             },
         ))),
     }
@@ -315,6 +373,36 @@ fn settle(pause: Duration) -> Result<bool, CliError> {
     }
 }
 
+/// Waits until someone at the tank says that the vehicle is back at the start; false when that will not be.
+fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
+    let signals = crate::signals::listen().map_err(CliError::run)?;
+    let [x, y, z, _, _, psi] = start;
+    eprintln!(
+        "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Ctrl-C ends",
+        psi.to_degrees(),
+        run.0 + 1,
+        run.1
+    );
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        // End of input (no terminal, nobody there): nobody has brought anything back.
+        let here = std::io::stdin().read_line(&mut line).is_ok_and(|n| n > 0);
+        tell.send(here).ok();
+    });
+    loop {
+        match told.recv_timeout(Duration::from_millis(50)) {
+            Ok(here) => return Ok(here),
+            Err(_) if signals.heard().is_some() => return Ok(false),
+            Err(_) => {}
+        }
+    }
+}
+
+/// Recorded around a plan \[s\]: half a second of lead and one second after it, so that the log shows rest, motion and
+/// the beginning of coasting.
+const AROUND_PLAN_S: f64 = 1.5;
+
 /// One run: everything opened, recorded, closed.
 pub(super) struct Recording<'a> {
     pub rig: &'a Rig,
@@ -348,10 +436,9 @@ impl Recording<'_> {
     }
 
     fn length(&self) -> Option<Duration> {
-        // A second before the plan (lead) and one after it, so that the log shows rest, motion and coasting's begin.
         let plan = self
             .plan
-            .map(|p| Duration::from_secs_f64(p.duration_s() + 1.5));
+            .map(|p| Duration::from_secs_f64(p.duration_s() + AROUND_PLAN_S));
         self.length.or(plan)
     }
 

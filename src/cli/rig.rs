@@ -18,6 +18,9 @@ pub enum Command {
     Show {
         /// File or built-in name
         rig: String,
+        /// Prints one JSON object instead of TOML
+        #[arg(long)]
+        json: bool,
     },
     /// Names of the built-in rigs and plans
     List,
@@ -39,7 +42,12 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
                 out.display()
             );
         }
-        Command::Show { rig } => out!("{}", inputs::rig(rig)?.effective_toml),
+        Command::Show { rig, json: false } => out!("{}", inputs::rig(rig)?.effective_toml),
+        Command::Show { rig, json: true } => {
+            let text = inputs::rig(rig)?.effective_toml;
+            let table: toml::Table = toml::from_str(&text).map_err(CliError::config)?;
+            outln!("{}", serde_json::json!(table));
+        }
         Command::List => {
             for name in Rig::builtin_names() {
                 outln!("rig  {name}");

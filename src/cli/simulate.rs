@@ -2,6 +2,7 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
+use crate::log::Unfinished;
 use crate::record::preflight::preflight;
 use crate::simulate::{Options, simulate};
 use hydroline_rigs::{Board, Plan, Rig};
@@ -23,13 +24,13 @@ pub struct Args {
     #[arg(long)]
     motion_only: bool,
     /// With --motion-only: noise of the position, standard deviation [m]
-    #[arg(long, value_parser = inputs::not_negative, default_value = "0.00015", value_name = "M")]
+    #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, default_value = "0.00015", value_name = "M")]
     position_noise_m: f64,
     /// With --motion-only: noise of the attitude, standard deviation [rad]
-    #[arg(long, value_parser = inputs::not_negative, default_value = "0.000175", value_name = "RAD")]
+    #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, default_value = "0.000175", value_name = "RAD")]
     attitude_noise_rad: f64,
     /// Goes on after the plan's last step (coasting)
-    #[arg(long, value_parser = inputs::duration, default_value = "0s", value_name = "TIME")]
+    #[arg(long, value_parser = inputs::duration, allow_hyphen_values = true, default_value = "0s", value_name = "TIME")]
     tail: Duration,
     /// Calibration board standing in the sheet instead of the tank, file or built-in name
     #[arg(long, value_name = "BOARD", conflicts_with = "motion_only")]
@@ -46,6 +47,9 @@ pub struct Args {
     /// Free text for the log
     #[arg(long)]
     note: Option<String>,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
     /// Log to write
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
@@ -69,19 +73,27 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     warn(&rig, &plan)?;
     let length_s = plan.duration_s() + options.tail_s;
     let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
-    // Under another name until it is whole, so that Ctrl-C leaves no half log behind that looks like a whole one.
-    let mut part = args.out.clone().into_os_string();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    inputs::new_file("the unfinished", &part)?;
-    let result = simulate(&rig, &plan, &part, &options, &mut |done, _| {
+    // Ctrl-C leaves no half log behind that looks like a whole one.
+    let unfinished = Unfinished::begin(&args.out).map_err(CliError::config)?;
+    let result = simulate(&rig, &plan, unfinished.path(), &options, &mut |done, _| {
         bar.set_position(done)
     });
     bar.finish_and_clear();
-    result.map_err(CliError::run)?;
-    std::fs::rename(&part, &args.out)
-        .map_err(|e| CliError::Run(format!("{}: {e}", args.out.display())))?;
-    outln!("{}", args.out.display());
+    let outcome = result.map_err(CliError::run)?;
+    unfinished.finish().map_err(CliError::run)?;
+    if args.json {
+        outln!(
+            "{}",
+            serde_json::json!({
+                "log": args.out,
+                "length_s": length_s,
+                "messages": outcome.counts.messages,
+                "bytes": outcome.counts.bytes,
+            })
+        );
+    } else {
+        outln!("{}", args.out.display());
+    }
     Ok(Outcome::Done)
 }
 

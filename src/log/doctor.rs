@@ -52,6 +52,8 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// No finding worse than a note.
     pub sound: bool,
+    /// Of a recording that broke off and was recovered: frames known to be missing.
+    pub recovered_lost: Option<u64>,
 }
 
 /// Examines a log. Damage is a finding, not an error.
@@ -82,12 +84,18 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
     }
     let mut findings = checks.conclude(&scan.learnt);
     findings.sort_by_key(|f| std::cmp::Reverse(f.grade));
+    let recovered_lost = scan
+        .learnt
+        .metadata
+        .get("summary")
+        .and_then(conclude::recovered_lost);
     let sound = findings.iter().all(|f| f.grade == Grade::Note);
     Ok(Diagnosis {
         path: path.to_owned(),
         messages: scan.learnt.messages,
         findings,
         sound,
+        recovered_lost,
     })
 }
 
@@ -103,9 +111,17 @@ impl Diagnosis {
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = if self.sound { "sound" } else { "NOT sound" };
+        let recovered = self.recovered_lost.map_or_else(String::new, |lost| {
+            format!("recovered, {lost} frames lost; ")
+        });
+        let empty = if self.messages == 0 {
+            " (nothing was recorded)"
+        } else {
+            ""
+        };
         writeln!(
             f,
-            "{}: {} messages, {verdict}",
+            "{}: {} messages{empty}, {recovered}{verdict}",
             self.path.display(),
             self.messages
         )?;

@@ -33,16 +33,69 @@ pub struct Exported {
     pub frames_skipped: u64,
 }
 
-/// Writes the tables and frames of `log` into the directory `into`, which is made if need be.
+/// Where the files are made before they all get their places: what is interrupted stays in there.
+const UNFINISHED: &str = "unfinished.part";
+
+/// Writes the tables and frames of `log` into the directory `into`, which has to be empty or is made.
+///
+/// The files appear in it when all of them are whole; an interrupted export leaves only the folder `unfinished.part`.
 ///
 /// # Errors
-/// Damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
+/// [`LogError::NotEmpty`]; damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
 pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
+    let output = |path: &Path, e: std::io::Error| LogError::Output {
+        path: path.to_owned(),
+        reason: e.to_string(),
+    };
+    // A file that is no log makes no folder.
+    let reader = LogReader::open(log)?;
+    let existed = into.exists();
+    std::fs::create_dir_all(into).map_err(|e| output(into, e))?;
+    let mut found = std::fs::read_dir(into).map_err(|e| output(into, e))?;
+    if let Some(Ok(entry)) = found.next() {
+        return Err(LogError::NotEmpty {
+            path: into.to_owned(),
+            found: entry.file_name().to_string_lossy().into_owned(),
+        });
+    }
+    let part = into.join(UNFINISHED);
+    std::fs::create_dir(&part).map_err(|e| output(&part, e))?;
+    let done = write_all(reader, &part, options).and_then(|done| settle(done, &part, into));
+    if done.is_err() {
+        // All in it was made by this call.
+        std::fs::remove_dir_all(&part).ok();
+        if !existed {
+            std::fs::remove_dir(into).ok();
+        }
+    }
+    done
+}
+
+/// Moves the whole files from `part` to their places.
+fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogError> {
+    let moved = || -> std::io::Result<()> {
+        for entry in std::fs::read_dir(part)? {
+            let entry = entry?;
+            std::fs::rename(entry.path(), into.join(entry.file_name()))?;
+        }
+        std::fs::remove_dir(part)
+    };
+    moved().map_err(|e| LogError::Output {
+        path: into.to_owned(),
+        reason: e.to_string(),
+    })?;
+    let rows = std::mem::take(&mut done.rows).into_iter();
+    done.rows = rows
+        .map(|(path, n)| (into.join(path.file_name().unwrap_or_default()), n))
+        .collect();
+    Ok(done)
+}
+
+fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
     let output = |path: &Path, reason: String| LogError::Output {
         path: path.to_owned(),
         reason,
     };
-    std::fs::create_dir_all(into).map_err(|e| output(into, e.to_string()))?;
     let mut tables = Tables {
         into,
         open: BTreeMap::new(),
@@ -50,7 +103,7 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     };
     let mut done = Exported::default();
     let mut row = String::new();
-    for message in LogReader::open(log)? {
+    for message in reader {
         let message = message?;
         if let (Record::Frame(frame), true) = (&message.record, options.frames) {
             match save(frame, into) {

@@ -105,10 +105,7 @@ impl<R: BufRead> LogReader<R> {
     pub fn from_source(name: &Path, source: R) -> Result<Self, LogError> {
         match Scan::new(source) {
             Ok(Ok(scan)) => Ok(Self::over(name, scan)),
-            Ok(Err(found)) => Err(LogError::NotMcap {
-                path: name.to_owned(),
-                found,
-            }),
+            Ok(Err(found)) => Err(LogError::no_log(name, found)),
             Err(source) => Err(LogError::Read {
                 path: name.to_owned(),
                 source,

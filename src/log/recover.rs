@@ -2,9 +2,11 @@
 //!
 //! The original is opened for reading only. What is sound is copied: closed chunks whose checksum
 //! holds, records outside chunks, and, from a chunk in which the file ends, every message whose
-//! last byte was still decompressed. The new file is then read again and compared.
+//! last byte was still decompressed. The new file is then read again and compared. A recording that never wrote its
+//! closing summary gets one of what was kept, marked `recovered`.
 
 mod copy;
+mod ledger;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,7 +22,9 @@ use super::part::MetadataMap;
 use super::reader::decode;
 use super::records::{self, ChunkRecord};
 use super::scan::{self, FileScan, Step};
+use super::unfinished::Unfinished;
 use copy::{Copy, Digest};
+use ledger::Ledger;
 
 /// What was recovered and what was not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -63,28 +67,20 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
     };
     let scan = scan::open(input)?;
     let input_bytes = std::fs::metadata(input).map_err(read)?.len();
+    // Half a recovery is worse than none: it gets its name when it has been read back.
+    let unfinished = Unfinished::begin(output)?;
     let file = OpenOptions::new()
         .write(true)
         .create_new(true)
-        .open(output)
-        .map_err(|e| match e.kind() {
-            std::io::ErrorKind::AlreadyExists => LogError::OutputExists {
-                path: output.to_owned(),
-            },
-            _ => LogError::Output {
-                path: output.to_owned(),
-                reason: e.to_string(),
-            },
+        .open(unfinished.path())
+        .map_err(|e| LogError::Output {
+            path: output.to_owned(),
+            reason: e.to_string(),
         })?;
-    let result = copy_all(scan, input, output, file, input_bytes).and_then(|(recovery, digest)| {
-        verify(output, recovery.messages_total, digest)?;
-        Ok(recovery)
-    });
-    if result.is_err() {
-        // Made by this call, so nobody else's; half a recovery is worse than none.
-        std::fs::remove_file(output).ok();
-    }
-    result
+    let (recovery, digest) = copy_all(scan, input, output, file, input_bytes)?;
+    verify(unfinished.path(), recovery.messages_total, digest)?;
+    unfinished.finish()?;
+    Ok(recovery)
 }
 
 fn copy_all(
@@ -124,6 +120,7 @@ fn copy_all(
         writer,
         channels,
         digest: Digest::default(),
+        ledger: Ledger::default(),
         messages,
         total: 0,
     };
@@ -176,6 +173,11 @@ fn copy_all(
         note.insert(format!("damage.{n:03}"), format!("byte {offset}: {text}"));
     }
     copy.metadata("recovered", note).map_err(out)?;
+    let ours = scan.learnt.metadata.contains_key("rig");
+    if ours && !scan.learnt.metadata.contains_key("summary") {
+        let summary = copy.ledger.summary(&copy.messages);
+        copy.metadata("summary", summary).map_err(out)?;
+    }
     copy.writer.finish().map_err(out)?;
     let io = |e: std::io::Error| LogError::Output {
         path: output.to_owned(),

@@ -79,10 +79,7 @@ pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
     let file = File::open(path).map_err(read)?;
     match Scan::new(BufReader::with_capacity(1 << 18, file)).map_err(read)? {
         Ok(scan) => Ok(scan),
-        Err(found) => Err(LogError::NotMcap {
-            path: path.to_owned(),
-            found,
-        }),
+        Err(found) => Err(LogError::no_log(path, found)),
     }
 }
 

@@ -1,6 +1,40 @@
 //! How much room a recording takes, in one place for everything that tells or checks it.
 
 use hydroline_rigs::{Camera, PixelFormat};
+use std::path::Path;
+
+/// Whether a log can be made in the folder `dir`; if not, why, with what to do.
+///
+/// # Errors
+/// Words.
+pub fn writable_folder(dir: &Path) -> Result<(), String> {
+    let shown = dir.display();
+    match std::fs::metadata(dir) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            return Err(format!("{shown}: there is no such folder; create it first"));
+        }
+        Err(e) => return Err(format!("{shown}: {e}; name another folder")),
+        Ok(found) if !found.is_dir() => {
+            return Err(format!("{shown}: is a file, not a folder; name the folder"));
+        }
+        Ok(_) => {}
+    }
+    // Tried, not asked for: rights alone do not tell of a disk that is mounted read-only.
+    let trial = dir.join(format!(".hydroline-trial-{}", std::process::id()));
+    let made = std::fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(&trial);
+    match made {
+        Ok(_) => {
+            std::fs::remove_file(&trial).ok();
+            Ok(())
+        }
+        Err(why) => Err(format!(
+            "{shown}: cannot be written to ({why}); name another folder or give yourself the right"
+        )),
+    }
+}
 
 /// Bytes of one frame \[byte\], at most: as it comes from the camera, since what compression saves
 /// is not promised. GREY 1 byte/px, YUYV 4:2:2 2 byte/px (V4L2), MJPG at most 0.5 byte/px (4 bits
@@ -22,6 +56,20 @@ pub fn bytes_per_s(camera: &Camera) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_that_takes_no_log_is_told_with_the_cure() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(writable_folder(dir.path()), Ok(()));
+        let missing = writable_folder(&dir.path().join("nowhere")).unwrap_err();
+        assert!(missing.contains("create it first"), "{missing}");
+        let file = dir.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        assert!(writable_folder(&file).unwrap_err().contains("not a folder"));
+        // /proc is a file system that takes no new files, not even from root.
+        let refused = writable_folder(Path::new("/proc")).unwrap_err();
+        assert!(refused.contains("cannot be written"), "{refused}");
+    }
 
     #[test]
     fn a_format_takes_what_v4l2_says() {

@@ -524,3 +524,133 @@ fn every_part_holds_the_calibrations_and_says_that_its_ledger_runs_on() {
         assert_eq!(summary.contains_key("frames_so_far.received"), !last);
     }
 }
+
+#[test]
+fn a_recording_that_broke_off_is_recovered_with_a_summary_of_what_is_left() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = dir.path().join("whole.mcap");
+    let mut log = FileRecorder::create(&whole, false, head(), offline()).unwrap();
+    for i in 0..40u32 {
+        let mut frame = grey_frame(i + u32::from(i >= 10), 72, 58);
+        // One lost by number before the 10th, one by time before the 20th that was only late.
+        frame.meta.lost_before.sequence_gap = u32::from(i == 10);
+        frame.meta.lost_before.time_gap = u32::from(i == 20);
+        let at_ns = T0_NS + u64::from(i) * 40_000_000;
+        log.write(at_ns, &Entry::frame(&frame, u64::from(i)))
+            .unwrap();
+        if i == 21 {
+            let event = Event::new(at_ns, Severity::Info, "camera.gap_retracted", "late")
+                .with("sequence", 21.0)
+                .with("frames", 1.0);
+            log.write(at_ns, &Entry::event(&event)).unwrap();
+        }
+    }
+    log.finish(&SummaryInput::clean("plan done")).unwrap();
+    // Killed: the end with its summary was never written.
+    let mut bytes = std::fs::read(&whole).unwrap();
+    let summary = bytes.windows(9).position(|w| w == b"stop.clea").unwrap();
+    bytes.truncate(summary - 40);
+    let (cut, mended) = (dir.path().join("cut.mcap"), dir.path().join("mended.mcap"));
+    std::fs::write(&cut, bytes).unwrap();
+    assert!(!doctor::doctor(&cut).unwrap().sound);
+    recover::recover(&cut, &mended).unwrap();
+    assert!(!dir.path().join("mended.mcap.part").exists());
+
+    let diagnosis = doctor::doctor(&mended).unwrap();
+    assert_eq!(diagnosis.recovered_lost, Some(1), "{diagnosis}");
+    assert!(diagnosis.sound, "{diagnosis}");
+    assert!(
+        diagnosis.to_string().contains("recovered, 1 frames lost"),
+        "{diagnosis}"
+    );
+    let map = &info::info(&mended).unwrap().metadata["summary"];
+    for (key, value) in [
+        ("recovered", "true"),
+        ("stop.clean", "false"),
+        ("frames.logged", "40"),
+        ("frames.received", "40"),
+        ("frames.expected", "41"),
+        ("frames.lost.sequence_gap", "1"),
+    ] {
+        assert_eq!(map.get(key).map(String::as_str), Some(value), "{key}");
+    }
+    assert!(!map.contains_key("frames.lost.time_gap"));
+}
+
+#[test]
+fn an_export_goes_into_an_empty_folder_whole_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let mut log = FileRecorder::create(&path, false, head(), offline()).unwrap();
+    for i in 0..3 {
+        let frame = Entry::frame(&grey_frame(i, 72, 58), u64::from(i));
+        log.write(T0_NS + u64::from(i), &frame).unwrap();
+    }
+    log.finish(&SummaryInput::clean("plan done")).unwrap();
+    let options = export::ExportOptions {
+        tables: true,
+        frames: true,
+    };
+    let into = dir.path().join("tables");
+    let exported = export::export(&path, &into, options).unwrap();
+    assert_eq!(
+        (exported.frames, exported.rows[&into.join("frames.csv")]),
+        (3, 3)
+    );
+    // 3 PNG and the table, nothing else.
+    assert_eq!(std::fs::read_dir(&into).unwrap().count(), 4);
+    // What is there is neither mixed with nor replaced.
+    let before = std::fs::metadata(into.join("frames.csv"))
+        .unwrap()
+        .modified()
+        .unwrap();
+    let refused = export::export(&path, &into, options).unwrap_err();
+    assert!(matches!(refused, LogError::NotEmpty { .. }), "{refused}");
+    let after = std::fs::metadata(into.join("frames.csv"))
+        .unwrap()
+        .modified()
+        .unwrap();
+    assert_eq!(before, after);
+    // A log that breaks off in the middle leaves no folder behind.
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    let cut = dir.path().join("cut.mcap");
+    std::fs::write(&cut, bytes).unwrap();
+    let half = dir.path().join("half");
+    assert!(export::export(&cut, &half, options).is_err());
+    assert!(!half.exists());
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("empty.mcap");
+    std::fs::write(&path, b"").unwrap();
+    let words = doctor::doctor(&path).unwrap_err().to_string();
+    assert!(words.contains("empty (0 bytes)"), "{words}");
+}
+
+#[test]
+fn command_numbers_are_missing_only_where_nobody_names_them() {
+    use doctor::Grade::{Error, Note};
+    let with = |unsent: Option<(f64, f64)>| {
+        let mut entries = vec![Entry::command(&command(1)), Entry::command(&command(2))];
+        if let Some((first, sets)) = unsent {
+            let event = Event::new(T0_NS, Severity::Warning, "thruster.unsent", "cut off")
+                .with("sequence", first)
+                .with("sets", sets);
+            entries.push(Entry::event(&event));
+        }
+        entries.push(Entry::command(&command(5)));
+        examined(&entries, &SummaryInput::clean("plan done"))
+    };
+    let silent = with(None);
+    assert!(silent.found("command_gap", Error), "{silent}");
+    let named = with(Some((3.0, 2.0)));
+    assert!(
+        named.found("command_gap", Note) && !named.found("command_gap", Error),
+        "{named}"
+    );
+    // One of the two is named, the other is missing.
+    assert!(with(Some((3.0, 1.0))).found("command_gap", Error));
+}

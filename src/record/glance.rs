@@ -49,6 +49,14 @@ impl Gatherer {
         self.faulty += u64::from(meta.fault.is_some());
     }
 
+    /// Losses that were marked on an earlier frame may turn out to be none.
+    pub fn event(&mut self, event: &crate::event::Event) {
+        if event.kind == "camera.gap_retracted" {
+            let frames = event.values.iter().find(|v| v.0 == "frames");
+            self.lost = self.lost.saturating_sub(frames.map_or(0, |v| v.1 as u64));
+        }
+    }
+
     /// Keeps the newest profile.
     pub fn profile(&mut self, profile: StripeProfile) {
         self.newest = Some(profile);

@@ -36,12 +36,50 @@ pub struct Violation {
 pub struct Preflight {
     /// Length of the plan \[s\].
     pub duration_s: f64,
+    /// How often it runs, one run from where the one before has left the vehicle.
+    pub runs: u32,
+    /// From the start of one run to the start of the next \[s\]; 0 = one run only.
+    pub cycle_s: f64,
+    /// Where each run starts, (x, y, z, phi, theta, psi) \[m, rad\], and how fast the vehicle then still is \[m/s\].
+    pub starts: Vec<RunStart>,
     /// Ranges of pose, rates, pulses.
     pub ranges: Vec<Range>,
     /// From when to when the stripe lies on the target \[s\]; `None` = no target, or never.
     pub on_target_s: Option<(f64, f64)>,
     /// What must not be.
     pub violations: Vec<Violation>,
+}
+
+/// The vehicle at the start of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RunStart {
+    /// Pose in the tank \[m, rad\].
+    pub pose: [f64; 6],
+    /// Speed, all axes together \[m/s\].
+    pub speed_mps: f64,
+}
+
+/// A run that starts faster than this does not start from rest \[m/s\]: 1 % of the paper's 0.2 m/s.
+const AT_REST_MPS: f64 = 0.002;
+
+/// Runs of one plan, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Repeats {
+    /// How many, from 1.
+    pub runs: u32,
+    /// From the start of one to the start of the next \[s\]: the plan, what is recorded behind it, and the pause.
+    pub cycle_s: f64,
+    /// How much of the plan runs before the recording ends \[s\]; neutral from there.
+    pub active_s: f64,
+}
+
+impl Repeats {
+    /// One run.
+    pub const ONCE: Self = Self {
+        runs: 1,
+        cycle_s: 0.0,
+        active_s: f64::INFINITY,
+    };
 }
 
 /// Why a plan could not even be simulated.
@@ -60,17 +98,36 @@ pub enum PreflightError {
 /// # Errors
 /// [`PreflightError`]; what the plan does wrong is in [`Preflight::violations`].
 pub fn preflight(rig: &Rig, plan: &Plan) -> Result<Preflight, PreflightError> {
+    preflight_runs(rig, plan, Repeats::ONCE)
+}
+
+/// Runs the plan `repeats.runs` times, each run from where the one before has left the vehicle.
+///
+/// # Errors
+/// As [`preflight`].
+pub fn preflight_runs(
+    rig: &Rig,
+    plan: &Plan,
+    repeats: Repeats,
+) -> Result<Preflight, PreflightError> {
     let mut world = World::new(rig, rig.tank.start_pose)?;
-    let mut check = Check::new(rig, plan);
+    let mut check = Check::new(rig, plan, repeats);
     let period_s = 1.0 / rig.thrusters.link.rate_hz;
     let mut next_command = 0u64;
-    let steps = ((plan.duration_s() + COAST_S) / STEP_S).ceil() as u64;
+    let last_start_s = repeats.cycle_s * f64::from(repeats.runs.saturating_sub(1));
+    let steps = ((last_start_s + plan.duration_s() + COAST_S) / STEP_S).ceil() as u64;
     for k in 0..=steps {
         let t_s = k as f64 * STEP_S;
         while next_command as f64 * period_s <= t_s {
             let command_s = next_command as f64 * period_s;
-            let set = setpoint(rig, world.allocation(), plan, command_s)?;
-            check.pulses(command_s, period_s, &set.pulses_us);
+            let in_plan_s = check.in_plan_s(command_s);
+            let set = setpoint(rig, world.allocation(), plan, in_plan_s)?;
+            if in_plan_s.is_finite() {
+                check.pulses(command_s, period_s, &set.pulses_us);
+            } else {
+                // The end of a recording puts the thrusters to neutral whatever the slew.
+                check.last_pulses_us.copy_from_slice(&set.pulses_us);
+            }
             world.command_pulses(command_s, &set.pulses_us)?;
             next_command += 1;
         }
@@ -83,6 +140,8 @@ pub fn preflight(rig: &Rig, plan: &Plan) -> Result<Preflight, PreflightError> {
 struct Check<'a> {
     rig: &'a Rig,
     plan: &'a Plan,
+    repeats: Repeats,
+    starts: Vec<RunStart>,
     ranges: Vec<Range>,
     violations: Vec<Violation>,
     last_pulses_us: Vec<f64>,
@@ -106,7 +165,7 @@ const CHANNELS: [&str; 12] = [
 ];
 
 impl<'a> Check<'a> {
-    fn new(rig: &'a Rig, plan: &'a Plan) -> Self {
+    fn new(rig: &'a Rig, plan: &'a Plan, repeats: Repeats) -> Self {
         let empty = |name: String| Range {
             name,
             min: f64::INFINITY,
@@ -120,6 +179,8 @@ impl<'a> Check<'a> {
         Self {
             rig,
             plan,
+            repeats,
+            starts: Vec::new(),
             ranges: CHANNELS
                 .iter()
                 .map(|c| (*c).to_owned())
@@ -133,6 +194,26 @@ impl<'a> Check<'a> {
         }
     }
 
+    /// The run that is on at `t_s`, from 0.
+    fn run(&self, t_s: f64) -> u32 {
+        if self.repeats.cycle_s <= 0.0 {
+            return 0;
+        }
+        // A hair later, so that a grid point at the very start of a run belongs to it.
+        let run = ((t_s + 1e-9) / self.repeats.cycle_s).floor();
+        (run as u32).min(self.repeats.runs.saturating_sub(1))
+    }
+
+    /// Time in the plan of the run that is on \[s\]; infinite once its recording is over.
+    fn in_plan_s(&self, t_s: f64) -> f64 {
+        let since_s = (t_s - f64::from(self.run(t_s)) * self.repeats.cycle_s).max(0.0);
+        if since_s <= self.repeats.active_s {
+            since_s
+        } else {
+            f64::INFINITY
+        }
+    }
+
     fn widen(&mut self, index: usize, value: f64) {
         if let Some(range) = self.ranges.get_mut(index) {
             range.min = range.min.min(value);
@@ -143,9 +224,13 @@ impl<'a> Check<'a> {
     /// The first time of each kind of violation is enough to act on.
     fn violate(&mut self, at_s: f64, kind: &str, what: impl FnOnce() -> String) {
         if !self.violations.iter().any(|v| v.what.starts_with(kind)) {
+            let run = match self.repeats.runs {
+                0 | 1 => String::new(),
+                runs => format!(" (run {} of {runs})", self.run(at_s) + 1),
+            };
             self.violations.push(Violation {
                 at_s,
-                what: format!("{kind}: {}", what()),
+                what: format!("{kind}: {}{run}", what()),
             });
         }
     }
@@ -177,6 +262,12 @@ impl<'a> Check<'a> {
     }
 
     fn state(&mut self, t_s: f64, eta: &[f64; 6], nu: &[f64; 6]) {
+        if self.starts.len() as u32 <= self.run(t_s) {
+            self.starts.push(RunStart {
+                pose: *eta,
+                speed_mps: nu[0].hypot(nu[1]).hypot(nu[2]),
+            });
+        }
         for (i, value) in eta.iter().chain(nu).enumerate() {
             self.widen(i, *value);
         }
@@ -236,7 +327,7 @@ impl<'a> Check<'a> {
         let sides = lit(0.5 * extent.width_m) || lit(-0.5 * extent.width_m);
         if ends && sides {
             self.on_target_s = Some(self.on_target_s.map_or((t_s, t_s), |(from, _)| (from, t_s)));
-        } else if t_s <= self.plan.duration_s() {
+        } else if self.in_plan_s(t_s) <= self.plan.duration_s() {
             let kind = if ends {
                 "stripe off the lit target sideways"
             } else {
@@ -257,6 +348,9 @@ impl<'a> Check<'a> {
     fn done(self) -> Preflight {
         Preflight {
             duration_s: self.plan.duration_s(),
+            runs: self.repeats.runs,
+            cycle_s: self.repeats.cycle_s,
+            starts: self.starts,
             ranges: self.ranges,
             on_target_s: self.on_target_s,
             violations: self.violations,
@@ -318,11 +412,42 @@ impl std::fmt::Display for Preflight {
             "plan of {:.2} s, simulated with the rig's model (and {COAST_S} s of coasting):",
             self.duration_s
         )?;
-        for range in &self.ranges {
+        if self.runs > 1 {
             writeln!(
                 f,
-                "  {:<24} {:>10.4} .. {:>10.4}",
-                range.name, range.min, range.max
+                "{} runs, one every {:.1} s, each from where the one before has left the vehicle:",
+                self.runs, self.cycle_s
+            )?;
+            for (k, start) in self.starts.iter().enumerate() {
+                let [x, y, z, _, _, psi] = start.pose;
+                let moving = if start.speed_mps > AT_REST_MPS {
+                    "; still moving: a longer --settle lets it come to rest"
+                } else {
+                    ""
+                };
+                writeln!(
+                    f,
+                    "  run {:<3} starts at x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.2} deg, {:.4} m/s{moving}",
+                    k + 1,
+                    psi.to_degrees(),
+                    start.speed_mps
+                )?;
+            }
+        }
+        for range in &self.ranges {
+            // People think of angles in degrees; `--json` stays with SI.
+            let (name, unit) = match range.name.strip_suffix("_radps") {
+                Some(name) => (format!("{name}_degps"), 1f64.to_degrees()),
+                None => match range.name.strip_suffix("_rad") {
+                    Some(name) => (format!("{name}_deg"), 1f64.to_degrees()),
+                    None => (range.name.clone(), 1.0),
+                },
+            };
+            writeln!(
+                f,
+                "  {name:<24} {:>10.4} .. {:>10.4}",
+                range.min * unit,
+                range.max * unit
             )?;
         }
         if let Some((from, to)) = self.on_target_s {
@@ -396,6 +521,48 @@ mod tests {
         // 0.28 m of sway, the paper's range, still shows an edge.
         let text = "[[step]]\nfor_s = 6\nwrench = { sway_n = 4 }\n";
         assert_eq!(preflight(&rig, &plan(text)).unwrap().violations, Vec::new());
+    }
+
+    #[test]
+    fn a_second_run_starts_where_the_first_has_left_the_vehicle() {
+        let twice = |settle_s: f64| {
+            let plan = Plan::builtin("surge-4n").unwrap();
+            let repeats = Repeats {
+                runs: 2,
+                cycle_s: plan.duration_s() + 1.5 + settle_s,
+                active_s: plan.duration_s() + 1.0,
+            };
+            preflight_runs(&rig(), &plan, repeats).unwrap()
+        };
+        let report = twice(60.0);
+        let [first, second] = report.starts[..] else {
+            panic!("{:?}", report.starts)
+        };
+        assert_eq!(first.pose, rig().tank.start_pose);
+        // The paper's run is a metre, so that a second one behind it has no target left to run over.
+        assert!(second.pose[0] - first.pose[0] > 1.0, "{second:?}");
+        let off = report.violations.first().map(|v| v.what.as_str());
+        assert!(off.is_some_and(|w| w.contains("run ")), "{off:?}");
+        assert!(
+            report.to_string().contains("run 2   starts at x"),
+            "{report}"
+        );
+        // Without a pause it starts in full motion, and that is said.
+        let hasty = twice(0.0);
+        assert!(hasty.starts[1].speed_mps > 10.0 * second.speed_mps);
+        assert!(hasty.to_string().contains("--settle"), "{hasty}");
+    }
+
+    #[test]
+    fn angles_are_shown_in_degrees_and_stated_in_radians() {
+        let report = preflight(&rig(), &Plan::builtin("surge-4n").unwrap()).unwrap();
+        let shown = report.to_string();
+        assert!(
+            shown.contains("psi_deg") && shown.contains("r_degps"),
+            "{shown}"
+        );
+        assert!(!shown.contains("_rad"), "{shown}");
+        assert!(report.ranges.iter().any(|r| r.name == "theta_rad"));
     }
 
     #[test]

@@ -90,6 +90,12 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
         put("plan.name", plan.name.clone());
         put("plan", plan.source_toml.clone());
     }
+    let [x, y, z, phi, theta, psi] = input.rig.tank.start_pose;
+    // Of this run: a repeated one starts where the one before has left the vehicle, not where the rig says.
+    put(
+        "start_pose",
+        format!("[{x}, {y}, {z}, {phi}, {theta}, {psi}]"),
+    );
     put("run", format!("{} of {}", input.run.0, input.run.1));
     let conditions = input.conditions;
     if let Some(note) = &conditions.note {

@@ -1,7 +1,7 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
 use super::newest::Newest;
-use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads};
+use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
 use crate::event::Severity;
 use crate::log::messages;
 use crate::shutdown::StopReason;
@@ -68,13 +68,17 @@ impl Supervisor<'_> {
         let mut second = tokio::time::interval(Duration::from_secs(1));
         loop {
             tokio::select! {
-                _ = second.tick() => self.log_clocks(),
+                _ = second.tick() => {
+                    self.log_clocks();
+                    manager::alive();
+                }
                 _ = tick.tick() => {
                     if let Some(reason) = self.look() {
                         return Ok(reason);
                     }
                     if self.began_ns.is_none() && self.ready() {
                         self.began_ns = Some(self.shared.clock.monotonic_ns());
+                        manager::ready();
                         self.begin()?;
                     }
                     status.put(self.status());

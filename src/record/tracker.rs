@@ -1,17 +1,39 @@
 //! Where the model says the vehicle is, from the commands that were really sent: the only estimate of
 //! x, y and pitch while running until a pose estimator reads the target.
+//!
+//! The thruster service only posts its commands; the model runs on the thread that asks for the estimate.
 
 use super::limits::Estimate;
-use crate::clock::ClockTriple;
 use crate::thruster::CommandRecord;
 use hydroline_rigs::Rig;
 use hydroline_sim::World;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
+
+/// Commands that may wait for the next estimate: eight thrusters at 50 Hz for 20 s, where the limits are looked at
+/// every 50 ms.
+const WAITING: usize = 8192;
 
 /// The rig's model, driven by the commands that left the host.
 pub struct Tracker {
-    state: Mutex<Option<State>>,
+    post: SyncSender<Sent>,
+    /// A command found no room: the model has missed it and knows nothing any more.
+    missed: AtomicBool,
+    model: Mutex<Model>,
     names: Vec<String>,
+}
+
+/// One command, as the model needs it.
+struct Sent {
+    place: usize,
+    thrust_n: f64,
+    unix_ns: u64,
+}
+
+struct Model {
+    inbox: Receiver<Sent>,
+    state: Option<State>,
 }
 
 struct State {
@@ -19,6 +41,40 @@ struct State {
     thrust_n: Vec<f64>,
     start_unix_ns: Option<u64>,
     last_t_s: f64,
+}
+
+impl State {
+    fn t_s(&self, start_unix_ns: u64, unix_ns: u64) -> f64 {
+        (unix_ns.saturating_sub(start_unix_ns) as f64 / 1e9).max(self.last_t_s)
+    }
+
+    /// False when the model diverged.
+    fn take(&mut self, sent: &Sent, now_unix_ns: u64) -> bool {
+        let start = *self
+            .start_unix_ns
+            .get_or_insert(sent.unix_ns.min(now_unix_ns));
+        if let Some(thrust_n) = self.thrust_n.get_mut(sent.place) {
+            *thrust_n = sent.thrust_n;
+        }
+        let t_s = self.t_s(start, sent.unix_ns);
+        self.world.command_thrusts(t_s, &self.thrust_n).is_ok()
+    }
+}
+
+impl Model {
+    /// Takes what was posted; `None` when there is no model (any more).
+    fn up_to_date(&mut self, now_unix_ns: u64) -> Option<&mut State> {
+        for sent in self.inbox.try_iter() {
+            if self
+                .state
+                .as_mut()
+                .is_some_and(|state| !state.take(&sent, now_unix_ns))
+            {
+                self.state = None;
+            }
+        }
+        self.state.as_mut()
+    }
 }
 
 impl Tracker {
@@ -32,8 +88,11 @@ impl Tracker {
                 start_unix_ns: None,
                 last_t_s: 0.0,
             });
+        let (post, inbox) = sync_channel(WAITING);
         Self {
-            state: Mutex::new(state),
+            post,
+            missed: AtomicBool::new(false),
+            model: Mutex::new(Model { inbox, state }),
             names: rig
                 .thrusters
                 .thrusters
@@ -43,48 +102,47 @@ impl Tracker {
         }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<State>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> std::sync::MutexGuard<'_, Model> {
+        self.model.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether there is a model that has not diverged.
     pub fn is_tracking(&self) -> bool {
-        self.lock().is_some()
+        !self.missed.load(Ordering::Acquire) && self.lock().state.is_some()
     }
 
-    /// Takes a command that was sent.
-    pub fn command(&self, command: &CommandRecord, now: &ClockTriple) {
+    /// Posts a command that was sent. Never waits: the thruster service calls it, and neither the model's arithmetic
+    /// nor a lock that its reader holds may keep a command from the wire.
+    pub fn command(&self, command: &CommandRecord) {
         let Some(place) = self.names.iter().position(|n| **n == *command.thruster) else {
             return;
         };
-        let mut slot = self.lock();
-        let Some(state) = slot.as_mut() else { return };
-        let start = *state
-            .start_unix_ns
-            .get_or_insert(command.timestamp_ns.min(now.realtime_ns));
-        let t_s = (command.timestamp_ns.saturating_sub(start) as f64 / 1e9).max(state.last_t_s);
-        if let Some(thrust_n) = state.thrust_n.get_mut(place) {
-            *thrust_n = command.thrust_n;
-        }
-        let thrust_n = state.thrust_n.clone();
-        if state.world.command_thrusts(t_s, &thrust_n).is_err() {
-            *slot = None; // a model that diverged says nothing any more
+        let sent = Sent {
+            place,
+            thrust_n: command.thrust_n,
+            unix_ns: command.timestamp_ns,
+        };
+        if self.post.try_send(sent).is_err() {
+            self.missed.store(true, Ordering::Release);
         }
     }
 
     /// Where the vehicle should be at `unix_ns`; nothing before the first command.
     pub fn estimate(&self, unix_ns: u64) -> Estimate {
-        let mut slot = self.lock();
-        let Some(state) = slot.as_mut() else {
+        let mut model = self.lock();
+        if self.missed.load(Ordering::Acquire) {
+            model.state = None;
+        }
+        let Some(state) = model.up_to_date(unix_ns) else {
             return Estimate::default();
         };
         let Some(start) = state.start_unix_ns else {
             return Estimate::default();
         };
-        let t_s = (unix_ns.saturating_sub(start) as f64 / 1e9).max(state.last_t_s);
+        let t_s = state.t_s(start, unix_ns);
         state.last_t_s = t_s;
         let Ok(vehicle) = state.world.state_at(t_s) else {
-            *slot = None;
+            model.state = None;
             return Estimate::default();
         };
         let [x, y, z, phi, theta, _] = vehicle.eta.map(Some);
@@ -95,5 +153,70 @@ impl Tracker {
             phi_rad: phi,
             theta_rad: theta,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setpoint::setpoint;
+    use hydroline_rigs::Plan;
+    use hydroline_sim::Allocation;
+    use std::sync::Arc;
+
+    const START_NS: u64 = 1_700_000_000_000_000_000;
+
+    /// The first set of the paper's 4 N surge run.
+    fn commands(rig: &Rig) -> Vec<CommandRecord> {
+        let plan = Plan::builtin("surge-4n").unwrap();
+        let set = setpoint(rig, &Allocation::new(&rig.thrusters).unwrap(), &plan, 0.0).unwrap();
+        let thrusters = rig.thrusters.thrusters.iter();
+        thrusters
+            .zip(set.thrust_n.iter().zip(&set.pulses_us))
+            .map(|(thruster, (thrust_n, pulse_us))| CommandRecord {
+                timestamp_ns: START_NS,
+                sequence: 1,
+                thruster: Arc::from(thruster.name.as_str()),
+                thrust_n: *thrust_n,
+                pulse_us: *pulse_us,
+                due_ns: 0,
+                plan_step: 1,
+                cause: "plan",
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_model_follows_what_was_posted() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let tracker = Tracker::new(&rig);
+        assert_eq!(tracker.estimate(START_NS), Estimate::default());
+        for command in commands(&rig) {
+            tracker.command(&command);
+        }
+        let x = |t_s: u64| {
+            tracker
+                .estimate(START_NS + t_s * 1_000_000_000)
+                .x_m
+                .unwrap()
+        };
+        let (early, late) = (x(1), x(6));
+        assert!(late - early > 0.05, "{early} .. {late}");
+    }
+
+    #[test]
+    fn posting_does_not_wait_for_who_holds_the_model() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let tracker = Tracker::new(&rig);
+        // An analysis that holds the model for ever: with a lock in the way this test would never end.
+        let held = tracker.lock();
+        let set = commands(&rig);
+        for command in set.iter().cycle().take(2 * WAITING) {
+            tracker.command(command);
+        }
+        drop(held);
+        // Twice as many as there is room for: the model has missed some, and no longer claims to know.
+        assert!(!tracker.is_tracking());
+        assert_eq!(tracker.estimate(START_NS), Estimate::default());
     }
 }

@@ -84,6 +84,12 @@ fn take(shared: &Shared, source: &dyn FrameSource, frame: Frame, index: u64) {
     shared.newest.put(frame);
 }
 
+/// The head of the log describes the camera of the start; the one that came back may have been set up otherwise.
+fn describe_again(shared: &Shared, source: &dyn FrameSource) {
+    let words = serde_json::to_string(&source.describe()).unwrap_or_default();
+    shared.say(Severity::Info, "camera.source", words);
+}
+
 /// Captures until shutdown; returns the source's account.
 pub(super) fn capture(
     shared: Arc<Shared>,
@@ -97,7 +103,12 @@ pub(super) fn capture(
                     take(shared, &*source, frame, index);
                     index += 1;
                 }
-                Ok(Captured::Event(event)) => shared.event(&event),
+                Ok(Captured::Event(event)) => {
+                    shared.event(&event);
+                    if event.kind == "camera.replugged" {
+                        describe_again(shared, &*source);
+                    }
+                }
                 Ok(Captured::Nothing) => {
                     let counts = source.counts();
                     shared.progress(|p| p.counts = counts);

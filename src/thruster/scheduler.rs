@@ -5,6 +5,8 @@
 pub struct PlannedLoad {
     /// Thrust per thruster, in the rig's order \[N\].
     pub thrust_n: Vec<f64>,
+    /// The pulses that make it, in the same order \[us\]; `None` = the service inverts the curves.
+    pub pulses_us: Option<Vec<f64>>,
     /// Step of the plan, from 1; 0 = none.
     pub plan_step: u32,
 }

@@ -3,7 +3,9 @@
 //! Per second: its length, divided by the period and rounded. The period of a second is the slope of a straight
 //! line through its stamps, weighed (one-state Kalman filter) against that of the seconds before by the scatter
 //! about the line. A stamp put into the wrong place on that line makes the scatter large, so the line is then
-//! not believed: the count does not repeat the mistake. No sequence number and no decision of the tracker enters.
+//! not believed: the count does not repeat the mistake. No sequence number and no decision of the tracker enters,
+//! except where time is undecided: a stretch whose length is about half a period off a whole number of them (a camera
+//! whose phase has slipped) has as many as were found.
 
 use super::tracker::FAR;
 
@@ -25,6 +27,9 @@ const UNSURE: f64 = 1e-4;
 /// Scatter that a line is credited with at least, share of the period.
 const LEAST_SCATTER: f64 = 1e-4;
 
+/// How far from a tie, in periods, time is still undecided between two whole numbers.
+const TIE: f64 = 0.2;
+
 /// Counts the periods of a run of intervals.
 #[derive(Debug, Clone)]
 pub struct Expected {
@@ -34,6 +39,8 @@ pub struct Expected {
     line: Line,
     /// Intervals, and whether each was about one period.
     intervals: u64,
+    /// Frames received and found lost in them.
+    found: u64,
     all_clean: bool,
     length_ns: f64,
     rest: f64,
@@ -48,6 +55,7 @@ impl Expected {
             doubt: NOMINAL * NOMINAL,
             line: Line::default(),
             intervals: 0,
+            found: 0,
             all_clean: true,
             length_ns: 0.0,
             rest: 0.0,
@@ -55,8 +63,9 @@ impl Expected {
         }
     }
 
-    /// From one stamp to the next \[ns\].
-    pub fn interval(&mut self, dt_ns: f64) {
+    /// From one stamp to the next \[ns\]; `found` = the frame and what was found lost before it.
+    pub fn interval(&mut self, dt_ns: f64, found: u64) {
+        self.found = self.found.saturating_add(found);
         if self.period_ns <= 0.0 {
             self.period_ns = dt_ns.max(0.0);
         }
@@ -100,6 +109,8 @@ impl Expected {
             // Nothing but single periods: no division needed, and none can err.
             let whole = if self.all_clean {
                 self.intervals as f64
+            } else if (periods - self.found as f64).abs() < 0.5 + TIE {
+                self.found as f64
             } else {
                 periods.round().clamp(-FAR, FAR)
             };
@@ -108,6 +119,7 @@ impl Expected {
         }
         self.line = Line::default();
         (self.intervals, self.all_clean, self.length_ns) = (0, true, 0.0);
+        self.found = 0;
     }
 
     /// Ends the second: frames due in it.

@@ -282,6 +282,66 @@ fn a_fatal_error_backs_off_and_does_not_spin() {
     assert!(bench.flows());
 }
 
+/// c-uvc of tests/hil on a busy host: the endpoint halts in the middle of a frame, or while whole frames wait to be
+/// fetched. Those come first, as frames, and are queued again, so that never as many voids follow as there are buffers.
+#[test]
+fn a_stream_given_up_in_the_middle_of_a_frame_is_restarted() {
+    for frames in 1..8u32 {
+        let patience = Patience::default();
+        let mut queue = BufferQueue::new(8, patience, 0);
+        let mut now_ns = 0;
+        let mut handed_out = (0..8u32).map(|i| (i, i >= frames));
+        let mut notices = Vec::new();
+        while now_ns < 900 * MS && notices.last() != Some(&Notice::Voided) {
+            now_ns += MS;
+            let action = queue.action(now_ns);
+            let outcome = match action {
+                // All eight at once, then silence for ever.
+                Action::Poll { .. } if handed_out.len() > 0 => Outcome::Ready,
+                Action::Poll { .. } => Outcome::Silence,
+                Action::Dequeue => {
+                    let (index, void) = handed_out.next().unwrap();
+                    Outcome::Dequeued { index, void }
+                }
+                _ => Outcome::Done,
+            };
+            notices.extend(queue.outcome(action, outcome, now_ns));
+        }
+        assert_eq!(
+            notices,
+            [Notice::Started, Notice::Voided],
+            "{frames} frames first"
+        );
+        assert!(now_ns < 600 * MS, "{now_ns}");
+    }
+}
+
+#[test]
+fn one_void_buffer_in_a_running_stream_is_no_end() {
+    let mut queue = BufferQueue::new(4, Patience::default(), 0);
+    let mut dequeued = 0u32;
+    for step in 1..2000u64 {
+        let now_ns = step * 10 * MS;
+        let action = queue.action(now_ns);
+        let outcome = match action {
+            Action::Poll { .. } => Outcome::Ready,
+            Action::Dequeue => {
+                dequeued += 1;
+                let index = (0..4).find(|i| queue.owners[*i] == Owner::Kernel).unwrap() as u32;
+                // Every tenth is void.
+                Outcome::Dequeued {
+                    index,
+                    void: dequeued.is_multiple_of(10),
+                }
+            }
+            _ => Outcome::Done,
+        };
+        let notice = queue.outcome(action, outcome, now_ns);
+        assert!(matches!(notice, None | Some(Notice::Started)), "{notice:?}");
+    }
+    assert!(dequeued > 100);
+}
+
 #[test]
 fn eight_void_buffers_restart_the_stream() {
     let mut bench = Bench::new(8);

@@ -231,7 +231,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
             Severity::Error,
             "camera.void_buffers",
             format!(
-                "{node}: the driver gave all buffers back without a frame in them; restarting the stream"
+                "{node}: the driver gave buffers back without a frame in them and has given up on the stream; restarting it"
             ),
         ),
         Notice::Refused { index, errno } => Event::new(

@@ -5,6 +5,20 @@ use super::{Finding, Grade};
 use crate::log::part::MetadataMap;
 use crate::log::scan::Learnt;
 
+fn is_recovered(summary: &MetadataMap) -> bool {
+    summary.get("recovered").is_some_and(|v| v == "true")
+}
+
+/// Frames known to be missing in a recovered log; `None` for any other.
+pub(super) fn recovered_lost(summary: &MetadataMap) -> Option<u64> {
+    let number = |key: &str| summary.get(key).and_then(|v| v.parse::<u64>().ok());
+    if !is_recovered(summary) {
+        return None;
+    }
+    let lost = number("frames.expected")?.saturating_sub(number("frames.received")?);
+    Some(lost + number("frames.dropped.unknown").unwrap_or(0))
+}
+
 impl Checks {
     /// What only shows at the end.
     pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
@@ -212,6 +226,21 @@ impl Checks {
         }
     }
 
+    /// A recovered log's summary says what is left, not how the recording ended.
+    fn recovered(&mut self, summary: &MetadataMap) {
+        let lost = recovered_lost(summary).unwrap_or(0);
+        let message = format!(
+            "the recording broke off and was recovered: {lost} frames are known to be missing, and what was in memory at the end (at most 3 frames and the last command)"
+        );
+        self.add(
+            Grade::Note,
+            "summary",
+            None,
+            message,
+            "what is in the file is sound; metadata `recovered` says from which file and what was damaged",
+        );
+    }
+
     /// `received + lost = expected`, `logged + dropped = received`, and the file agrees.
     fn ledger(&mut self, summary: &MetadataMap) {
         let number = |key: &str| summary.get(key).and_then(|v| v.parse::<u64>().ok());
@@ -219,7 +248,9 @@ impl Checks {
             let values = summary.iter().filter(|(k, _)| k.starts_with(prefix));
             values.filter_map(|(_, v)| v.parse::<u64>().ok()).sum()
         };
-        if summary.get("stop.clean").map(String::as_str) != Some("true") {
+        if is_recovered(summary) {
+            self.recovered(summary);
+        } else if summary.get("stop.clean").map(String::as_str) != Some("true") {
             let why = summary
                 .get("stop.reason")
                 .map_or("not stated", String::as_str);
@@ -279,7 +310,8 @@ impl Checks {
         if let (Some(logged), true) = (number("frames.logged"), is_only_part) {
             let dropped = sum("frames.dropped.");
             // Kept, but with no place in time: a buffer from before the start, a frame handed out twice.
-            let outside = number("frames.leftover").unwrap_or(0) + number("frames.repeated").unwrap_or(0);
+            let outside =
+                number("frames.leftover").unwrap_or(0) + number("frames.repeated").unwrap_or(0);
             if logged + dropped != received + outside {
                 let message = format!(
                     "frames: logged {logged} + dropped {dropped} is not received {received} + leftover and repeated {outside}"

@@ -37,6 +37,7 @@ pub(super) struct Copy {
     pub writer: mcap::Writer<BufWriter<File>>,
     pub channels: BTreeMap<u16, u16>,
     pub digest: Digest,
+    pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
     pub total: u64,
 }
@@ -72,6 +73,7 @@ impl Copy {
         self.writer.write_to_known_channel(&header, &m.data)?;
         self.digest
             .add(channel, scan.learnt.declared.schema_name(channel), m);
+        self.ledger.message(channel, m);
         *self.messages.entry(channel.topic.clone()).or_default() += 1;
         self.total += 1;
         Ok(())

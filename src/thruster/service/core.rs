@@ -268,6 +268,7 @@ impl Core {
         self.feed_until_ns = Some(now_ns + period_ns + deadline_ns);
         self.run_thrust(
             &set_point.thrust_n,
+            None,
             set_point.due_ns,
             set_point.plan_step,
             "setpoint",

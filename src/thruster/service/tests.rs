@@ -239,6 +239,7 @@ impl Bench {
 fn constant(thrust_n: f64) -> impl FnMut(f64) -> PlannedLoad + Send {
     move |_| PlannedLoad {
         thrust_n: vec![thrust_n; 2],
+        pulses_us: None,
         plan_step: 1,
     }
 }
@@ -250,6 +251,7 @@ fn a_plan_is_sent_echoed_in_order_and_ends_at_neutral() {
         b.run_ms(100);
         b.plan(1.0, |t_s| PlannedLoad {
             thrust_n: vec![5.0 + t_s, 8.0 - t_s],
+            pulses_us: None,
             plan_step: 1 + (t_s >= 0.5) as u32,
         });
         b.run_ms(1500);
@@ -313,6 +315,7 @@ fn a_thrust_beyond_the_curve_is_refused_before_a_byte_goes_out() {
         let load = bad.clone();
         b.plan(1.0, move |_| PlannedLoad {
             thrust_n: load.clone(),
+            pulses_us: None,
             plan_step: 1,
         });
         b.run_ms(200);

@@ -14,7 +14,7 @@ VIVID_S, UVC_S = 24.0, 22.0
 # a lost serial line within 1 s.
 NOTICED_S, RESUMED_S, SERIAL_NOTICED_S = 0.5, 2.0, 1.0
 # Silence is no unplug: up to half a second until an idle link sends again (it asks for the clock at 2 Hz), the rig's timeout_s of 0.5 s from there, and
-# what the host needs to stop the process.
+# a quarter of a second of grace.
 SILENT_S = 1.25
 NEUTRAL_US = 1500.0
 CAMERAS = {
@@ -120,20 +120,23 @@ def neutral(report: Report, log: Log, controller_log: Path, done: dict[str, list
 
 
 def serial(report: Report, log: Log, done: dict[str, list[float]], controller_log: Path) -> None:
-    happened(report, log, "serial.lost", done["serial_unplug"][0], SERIAL_NOTICED_S)
+    # The host needs its time to pull the adapter: noticed is counted from when it was out.
+    pulling_s = done["serial_unplugged"][0] - done["serial_unplug"][0]
+    happened(report, log, "serial.lost", done["serial_unplug"][0], pulling_s + SERIAL_NOTICED_S)
     neutral(report, log, controller_log, done)
     happened(report, log, "serial.back", done["serial_node"][0] - 0.3, RESUMED_S)
     lost_again = [t for t in map(log.event_monotonic_s, log.events("serial.lost")) if t > done["controller_stop"][0]]
     report.check("c-vivid: a silent controller counts as lost", f"{[round(t - done['controller_stop'][0], 2) for t in lost_again]} s after",
-                 f"one within {SILENT_S:g} s", bool(lost_again) and lost_again[0] - done["controller_stop"][0] <= SILENT_S)
+                 f"one within {SILENT_S:g} s of its standing still", bool(lost_again) and lost_again[0] - done["controller_stopped"][0] <= SILENT_S)
     happened(report, log, "serial.back", done["controller_cont"][0], RESUMED_S)
     to_monotonic = lambda m: (m.timestamp.seconds * 10**9 + m.timestamp.nanos - log.realtime_minus_monotonic_ns(log.of("/clock")[-1].monotonic_ns)) / 1e9
     echoes = [to_monotonic(e) for e in log.of("/thruster/echo")]
-    for what, word in (("the replug", "serial_node"), ("the silence", "controller_cont")):
+    # From the plugging in: the guest's shell may see the node later than the daemon.
+    for what, word in (("the replug", "serial_plug"), ("the silence", "controller_cont")):
         after = [t for t in echoes if done[word][0] < t < done[word][0] + RESUMED_S + 1]
         report.at_least(f"c-vivid: echoes within 3 s of {what}", len(after), 3)
     # While the adapter was out no command can have been echoed.
-    out = [t for t in echoes if done["serial_unplug"][0] + 0.2 < t < done["serial_plug"][0]]
+    out = [t for t in echoes if done["serial_unplugged"][0] + 0.2 < t < done["serial_plug"][0]]
     report.equal("c-vivid: echoes while the adapter was out", len(out), 0)
     # Every number is a command in the log, or one that an event says was cut off with the line.
     sent = {c.sequence for c in log.of("/thruster/command")}
@@ -162,11 +165,14 @@ def uvc(report: Report, log: Log, done: dict[str, list[float]], truth: list[tupl
     report.check("c-uvc: truncated JPEG", [fault_of(n) for n in number["truncated"]], "broken_jpeg or truncated",
                  [fault_of(n) for n in number["truncated"]] in (["broken_jpeg"], ["truncated"]))
     report.equal("c-uvc: dropped inside the camera, in the log", [n for n in number["dropped"] if n in by_number], [])
-    after_drop = by_number.get(max(number["dropped"]) + 1)
-    late = len(number["late"])
-    report.equal("c-uvc: device-side drops: sequence gap, time gap", (after_drop.sequence_gap_before, after_drop.time_gap_before) if after_drop else None,
-                 (0, len(number["dropped"])))
-    report.check("c-uvc: frames the camera could not send in time", late, "0 (else the machine was too busy to judge)", late == 0)
+    # Frames that the emulated camera could not send in time (a busy host) are lost inside it as well: whatever is missing
+    # between the last frame before the drop and the first one after it has to be marked there, by time alone.
+    before, after = max(n for n in by_number if n < min(number["dropped"])), min(n for n in by_number if n > max(number["dropped"]))
+    frame = by_number[after]
+    taken_back = round(sum(e.values["frames"] for e in log.events("camera.gap_retracted")
+                           if e.values["sequence"] == frame.sequence and 0 <= log.event_monotonic_s(e) - stamp_s(frame) < 2))
+    report.equal(f"c-uvc: device-side drops ({len(number['late'])} more frames late in the camera): sequence gap, time gap",
+                 (frame.sequence_gap_before, frame.time_gap_before - taken_back), (0, after - before - 1))
     happened(report, log, "camera.error_frame", done["uvc_error"][0], NOTICED_S)
     happened(report, log, "camera.gap", done["uvc_dropped"][0], 1.0)
     happened(report, log, "camera.frozen", done["uvc_silent"][0], 1.0)

@@ -1,4 +1,4 @@
-# Every fault of camera and serial line. at WORD = just before the fault is injected.
+# Every fault of camera and serial line. at WORD = just before the fault is injected (..ed: the host has done it).
 . /lib.sh
 serial_on || exit 1
 
@@ -8,7 +8,7 @@ record c-vivid /work/rigs/c-vivid.toml 24 --plan /work/rigs/hil-plan-long.toml
 sleep 1
 for i in 1 2 3; do at vivid_error; vivid_control inject_v4l2_buf_flag_error=1; sleep 0.4; done
 sleep 0.6
-at serial_unplug; mark '{"adapter":"unplug"}'
+at serial_unplug; mark '{"adapter":"unplug"}'; at serial_unplugged
 at vivid_freeze; vivid_control percentage_of_dropped_buffers=100
 sleep 1.6
 at vivid_thaw; vivid_control percentage_of_dropped_buffers=0
@@ -18,7 +18,7 @@ at serial_node
 sleep 3
 at vivid_fatal; vivid_control inject_fatal_streaming_error=1
 sleep 2.5
-at controller_stop; mark '{"controller":"stop"}'
+at controller_stop; mark '{"controller":"stop"}'; at controller_stopped
 sleep 1.2
 at controller_cont; mark '{"controller":"cont"}'
 sleep 1.5

@@ -82,7 +82,13 @@ impl Core {
             } => {
                 let load = (plan.load)(t_s);
                 self.shared.stats(|s| s.skipped += skipped);
-                self.run_thrust(&load.thrust_n, due_ns, load.plan_step, "plan");
+                self.run_thrust(
+                    &load.thrust_n,
+                    load.pulses_us,
+                    due_ns,
+                    load.plan_step,
+                    "plan",
+                );
                 if self.plan.is_some() && self.safety.state() == State::Running {
                     self.set_plan(PlanState::Running);
                 }

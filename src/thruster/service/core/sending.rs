@@ -12,20 +12,15 @@ impl Core {
     pub(super) fn run_thrust(
         &mut self,
         thrust_n: &[f64],
+        pulses_us: Option<Vec<f64>>,
         due_ns: u64,
         plan_step: u32,
         cause: &'static str,
     ) {
-        let set = &self.config.set;
-        let wanted: Result<Vec<f64>, String> = set
-            .thrusters
-            .iter()
-            .zip(thrust_n)
-            .map(|(t, thrust)| {
-                pulse_for_thrust(&t.curve, set.neutral_us, *thrust)
-                    .map_err(|e| format!("thruster {}: {e}", t.name))
-            })
-            .collect();
+        let wanted = match pulses_us {
+            Some(pulses_us) => Ok(pulses_us),
+            None => self.invert(thrust_n),
+        };
         let admitted = wanted.and_then(|mut wanted_us| {
             // A wrong number of values is the gate's to refuse, in its words.
             wanted_us.extend(thrust_n.iter().skip(wanted_us.len()).map(|_| f64::NAN));
@@ -89,6 +84,18 @@ impl Core {
                 self.missed(late_ns);
             }
         }
+    }
+
+    fn invert(&self, thrust_n: &[f64]) -> Result<Vec<f64>, String> {
+        let set = &self.config.set;
+        set.thrusters
+            .iter()
+            .zip(thrust_n)
+            .map(|(t, thrust)| {
+                pulse_for_thrust(&t.curve, set.neutral_us, *thrust)
+                    .map_err(|e| format!("thruster {}: {e}", t.name))
+            })
+            .collect()
     }
 
     /// Writes one set; when its last byte is out \[ns\].

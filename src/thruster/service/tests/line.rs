@@ -216,8 +216,15 @@ fn a_set_cut_off_by_the_unplugging_keeps_its_number_in_the_log() {
             // The abort to neutral is said, not only the loss.
             let neutral = b.events("thruster.neutral");
             assert_eq!(neutral.len(), 1, "{kind:?}: {neutral:?}");
-            assert!(neutral[0].message.contains("lost"), "{}", neutral[0].message);
+            assert!(
+                neutral[0].message.contains("lost"),
+                "{}",
+                neutral[0].message
+            );
         }
-        assert!(cut_off > 0, "{kind:?}: no unplugging met a command: this test tests nothing");
+        assert!(
+            cut_off > 0,
+            "{kind:?}: no unplugging met a command: this test tests nothing"
+        );
     }
 }

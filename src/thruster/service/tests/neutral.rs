@@ -60,6 +60,7 @@ fn a_stalled_plan_misses_its_deadline_and_stops() {
             }
             PlannedLoad {
                 thrust_n: vec![10.0; 2],
+                pulses_us: None,
                 plan_step: 1,
             }
         });
@@ -110,6 +111,7 @@ fn a_panic_in_sink_or_plan_leaves_the_thrusters_at_neutral() {
             assert!(t_s < 0.4, "the plan breaks");
             PlannedLoad {
                 thrust_n: vec![10.0; 2],
+                pulses_us: None,
                 plan_step: 1,
             }
         });
@@ -177,6 +179,7 @@ fn an_echo_that_differs_is_said_and_not_too_often() {
         let mut b = bench(kind, |_| {});
         b.plan(60.0, |t_s| PlannedLoad {
             thrust_n: vec![10.0 + t_s, 10.0 - t_s],
+            pulses_us: None,
             plan_step: 1,
         });
         b.run_ms(500);

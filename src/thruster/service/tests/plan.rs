@@ -108,6 +108,7 @@ fn a_panic_aborts_the_plan() {
         assert!(t_s < 0.4, "the plan breaks");
         PlannedLoad {
             thrust_n: vec![10.0; 2],
+            pulses_us: None,
             plan_step: 1,
         }
     });
