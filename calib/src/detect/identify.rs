@@ -228,9 +228,9 @@ pub(super) fn place(
     if let Some((turns, shift)) = key.and_then(|k| ordered.find_key(image, board, &k, &h)) {
         return Ok((Orientation::KeySeen, turns, shift));
     }
-    // Whether the image shows that the pattern ends: the places of the next row are in view
+    // Whether the image shows that the pattern ends: places more than half a step beyond are in view
     // (and hold none, or the lattice would be larger).
-    const NEXT: f64 = 0.9;
+    const NEXT: f64 = 0.6;
     let (w, height) = (image.width() as f64, image.height() as f64);
     let inside = |p: [f64; 2]| p[0] > 0.0 && p[1] > 0.0 && p[0] < w - 1.0 && p[1] < height - 1.0;
     let ends = |axis: usize| {

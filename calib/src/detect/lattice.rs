@@ -172,6 +172,10 @@ impl<'a> Field<'a> {
     /// The best lattice of at most `most` nodes along its two directions (either way round).
     pub fn grow_best(&self, most: [u32; 2], enough: usize) -> Lattice {
         const SEEDS: usize = 40;
+        // A board shows within its first few seeds; an endless floor of tiles grows large
+        // lattices from every one of them, and the frame's time is gone.
+        let budget = 20 * (most[0] * most[1]) as usize;
+        let mut grown = 0;
         let mut best = Lattice::default();
         let mut tried = 0;
         // Seeds: every so many of the stronger candidates, not all from one bright corner.
@@ -187,6 +191,7 @@ impl<'a> Field<'a> {
             tried += 1;
             for (a, b) in self.bases(seed) {
                 let lattice = self.grow(seed, a, b, most);
+                grown += lattice.nodes.len();
                 let [ni, nj] = lattice.extent();
                 let fits = (ni <= most[0] && nj <= most[1]) || (nj <= most[0] && ni <= most[1]);
                 let filled = lattice.nodes.len() * 2 >= (ni * nj) as usize;
@@ -197,7 +202,7 @@ impl<'a> Field<'a> {
                     return best;
                 }
             }
-            if tried >= SEEDS {
+            if tried >= SEEDS || grown > budget {
                 break;
             }
         }

@@ -68,7 +68,7 @@ pub enum NotFound {
     },
     /// As many nodes as the board has, up to the image's border, and no key.
     #[error(
-        "{} × {} nodes are seen, but the image ends less than one step beyond them and no key says that they are the board's: a tiled floor looks the same; show what is around the board, or use a board with a key",
+        "{} × {} nodes are seen, but the image ends little more than half a step beyond them and no key says that they are the board's: a tiled floor looks the same; show what is around the board, or use a board with a key",
         seen[0], seen[1]
     )]
     EndNotSeen {

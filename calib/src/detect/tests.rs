@@ -249,7 +249,7 @@ fn a_floor_of_as_many_tiles_is_no_board() {
     assert!(answer.unwrap_err().to_string().contains("key"));
 }
 
-/// A chessboard without a key, as printed for OpenCV, its outer corners 45 px from the border.
+/// A chessboard without a key, as printed for OpenCV, its outer corners 35 px from the border.
 #[test]
 fn a_keyless_board_that_is_seen_to_end_is_read_upright() {
     let chess = board(PATTERNS[2]);
