@@ -48,6 +48,17 @@ pub fn provenance(c: &Calibration) -> String {
 }
 
 impl Report<'_> {
+    /// What a comparison found, and whether it is more than the rig allows a map.
+    fn judged(&self, found: &Comparison) -> String {
+        let allowed_mm = 1e3 * self.setup.tolerance_m();
+        let size = if 1e3 * found.max_m <= allowed_mm {
+            "no more than"
+        } else {
+            "MORE than"
+        };
+        format!("{} ({size} the {allowed_mm:.2} mm allowed)", found.words())
+    }
+
     /// The file: what it claims as a comment, then the calibration.
     pub fn file(&self) -> Result<String, CalibError> {
         Ok(format!(
@@ -70,7 +81,7 @@ impl Report<'_> {
                 "points": c.points, "mean_m": c.mean_m, "rms_m": c.rms_m, "max_m": c.max_m,
                 "worst_at_m": c.worst_m, "expected_m": c.expected_m, "ratio": c.ratio,
                 "removed": c.removed.map(|[xi, eta, turn]| json!({ "xi_m": xi, "eta_m": eta, "turn_rad": turn })),
-                "drifted": c.drifted(), "words": c.words(),
+                "drifted": c.drifted(), "within_tolerance": c.max_m <= self.setup.tolerance_m(), "words": c.words(),
             })
         };
         let against: Vec<Value> = self
@@ -207,7 +218,7 @@ impl fmt::Display for Report<'_> {
                 )?,
                 (as_is, aligned) => {
                     if let Some(found) = as_is {
-                        writeln!(f, "against {}{made}: {}", a.name, found.words())?;
+                        writeln!(f, "against {}{made}: {}", a.name, self.judged(found))?;
                     }
                     if let Some(found) = aligned {
                         let [xi, eta, turn] = found.removed.unwrap_or_default();
@@ -218,7 +229,7 @@ impl fmt::Display for Report<'_> {
                             1e3 * xi,
                             1e3 * eta,
                             turn.to_degrees(),
-                            found.words()
+                            self.judged(found)
                         )?;
                     }
                 }
