@@ -348,6 +348,58 @@ fn every_image_level_effect_changes_the_image() {
     }
 }
 
+/// At the stiff end of its limits each law stays inside RK4's region of stability on the simulator's grid.
+#[test]
+fn stiff_limits_stay_stable() {
+    let stiff: [(&str, &[(&str, f64)], &str); 11] = [
+        ("thruster_lag", &[("lag_s", 0.005)], "surge"),
+        ("linear_damping", &[("coefficient", -1000.0)], "roll"),
+        ("quadratic_damping", &[("coefficient", -1e4)], "roll"),
+        ("cubic_damping", &[("d3", 1e5)], "surge"),
+        ("astern_drag", &[("gain", 20.0)], "surge"),
+        ("lift_damping", &[("c", 1000.0)], "roll"),
+        ("coulomb_friction", &[("f_n", 50.0)], "surge"),
+        (
+            "fluid_memory",
+            &[("gain_nspm", 1000.0), ("tau_s", 0.02)],
+            "roll",
+        ),
+        (
+            "tether_spring",
+            &[("stiffness_npm", 1e4), ("slack_m", 0.0)],
+            "",
+        ),
+        (
+            "wall_added_mass",
+            &[("gain", 10.0), ("wall_x_m", 0.1), ("length_m", 0.02)],
+            "",
+        ),
+        ("nonlinear_restoring", &[("k3_nmprad3", 1e4)], "roll"),
+    ];
+    for (id, numbers, dof) in stiff {
+        let mut one = entry(id, numbers);
+        if !dof.is_empty() {
+            one = with_word(one, "dof", dof);
+        }
+        let model = Model {
+            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
+            effects: EffectStack::build(&[one]).unwrap(),
+        };
+        let start = [0.05, 0.0, -0.83, 0.2, 0.0, 0.0];
+        let mut path = Trajectory::new(model, ModelState::at_rest(start), 0.005).unwrap();
+        path.command(0.0, [8.0, 0.0, 0.0, 0.3, 0.0, 0.0]).unwrap();
+        path.command(2.0, [-8.0, 0.0, 0.0, -0.3, 0.0, 0.0]).unwrap();
+        let mut last = [0.0; 6];
+        for i in 0..1000 {
+            let nu = path.state_at(f64::from(i) * 0.005).unwrap().vehicle.nu;
+            let jump = nu[0].abs().max(nu[3].abs());
+            assert!(jump < 1.5, "{id}: {nu:?}");
+            last = nu;
+        }
+        assert!(last[0].abs() < 0.3, "{id}: {last:?}");
+    }
+}
+
 /// The duals' derivative of the reported poses with respect to every parameter of every effect in every
 /// DOF is that of central differences: delays, kinks and clamps included.
 #[test]
