@@ -1,7 +1,11 @@
 //! `hydroline reproduce`: the paper's tables, computed and printed beside its numbers.
 
-use super::{CliError, Outcome};
-use crate::reproduce::{Disturbed, JointAccuracy, Row, disturbed, joint_accuracy, table3};
+use super::print::outln;
+use super::{CliError, Outcome, progress};
+use crate::reproduce::{
+    Disturbed, DofRow, JointAccuracy, Row, Table10Row, Table11Row, all_dofs, disturbed,
+    joint_accuracy, table3, table10, table11,
+};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum What {
@@ -12,6 +16,12 @@ enum What {
     /// What disturbances do to roll, pitch and yaw
     Table5,
     /// All six degrees of freedom from single frames under all disturbances at once
+    JointPose,
+    /// Surge coefficients through rendered frames, three conditions, paper's and joint estimators (with Table 7)
+    Table10,
+    /// 5 m predictions from the parameters that Table 10 prints
+    Table11,
+    /// Coefficients of the other five DOFs through rendered frames
     AllDofs,
 }
 
@@ -23,12 +33,15 @@ pub struct Args {
     /// Takes every n-th frame of the paper's animations only
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     every: u16,
-    /// Frames for all-dofs
+    /// Frames for joint-pose
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..100_000), value_name = "N")]
     frames: u32,
-    /// Seed for all-dofs
+    /// Seed for joint-pose
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Experiments per condition for table10 and all-dofs, each with its own image noise
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..1000), value_name = "N")]
+    seeds: u64,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -50,9 +63,25 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 || print_cells(&cells),
             );
         }
-        What::AllDofs => {
+        What::JointPose => {
             let found = joint_accuracy(args.frames as usize, args.seed).map_err(CliError::run)?;
-            print(args.json, "all_dofs", &found, || print_joint(&found));
+            print(args.json, "joint_pose", &found, || print_joint(&found));
+        }
+        What::Table10 => {
+            let bar = progress::bar(3 * args.seeds, "experiments");
+            let rows = table10(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
+            bar.finish_and_clear();
+            print(args.json, "table10", &rows, || print_table10(&rows));
+        }
+        What::Table11 => {
+            let rows = table11();
+            print(args.json, "table11", &rows, || print_table11(&rows));
+        }
+        What::AllDofs => {
+            let bar = progress::bar(5 * args.seeds, "experiments");
+            let rows = all_dofs(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
+            bar.finish_and_clear();
+            print(args.json, "all_dofs", &rows, || print_all_dofs(&rows));
         }
     }
     Ok(Outcome::Done)
@@ -138,4 +167,98 @@ fn print_joint(found: &JointAccuracy) {
         found.worst_in_sd,
         100.0 * found.covered_95
     );
+}
+
+fn print_table11(rows: &[Table11Row]) {
+    outln!("Table 11 from Table 10: largest position error over 5 m [mm] at 4, 8, 16 N");
+    for r in rows {
+        let words = |v: [f64; 3]| format!("{:7.2} {:7.2} {:7.2}", v[0], v[1], v[2]);
+        outln!(
+            "{:20} ours {}   paper {}",
+            r.condition,
+            words(r.error_mm),
+            words(r.printed_mm)
+        );
+    }
+}
+
+fn print_table10(rows: &[Table10Row]) {
+    let n = rows.first().map_or(0, |r| r.seeds);
+    outln!(
+        "Table 10 through rendered frames, {n} experiment(s) per condition; errors in % of the actual coefficient"
+    );
+    let three = |v: [f64; 3], digits: usize| v.map(|x| format!("{x:9.digits$}")).join("");
+    for r in rows {
+        outln!("{} | {} estimator", r.condition, r.estimator);
+        outln!("  {:32}{:>9}{:>9}{:>9}", "", "X_udot", "X_u", "X_u|u|");
+        outln!("  {:32}{}", "rms error, %", three(r.rms_percent, 3));
+        outln!("  {:32}{}", "mean error, %", three(r.mean_percent, 3));
+        outln!("  {:32}{}", "reported sd, %", three(r.sd_percent, 3));
+        outln!(
+            "  {:32}{}",
+            "largest error, in its sd",
+            three(r.worst_in_sd, 2)
+        );
+        outln!(
+            "  {:32}{}",
+            "paper's own error, %",
+            three(r.printed_percent, 3)
+        );
+        outln!(
+            "  {:32}{}   worst{}   paper{}",
+            "5 m at 4, 8, 16 N, rms mm",
+            three(r.prediction_mm, 2),
+            three(r.prediction_worst_mm, 2),
+            three(r.prediction_printed_mm, 1)
+        );
+        let psi = r.psi_s_deg.map_or(String::new(), |p| {
+            format!(", psi_S {:.2} and {:.2} deg", p[0], p[1])
+        });
+        outln!(
+            "  position at 4 and 8 N: largest error {:.2} and {:.2} mm (paper {} and {}), rms {:.3} and {:.3}{psi}, frames lost {:.1} %",
+            r.position_mm[0],
+            r.position_mm[1],
+            r.position_printed_mm[0],
+            r.position_printed_mm[1],
+            r.position_rms_mm[0],
+            r.position_rms_mm[1],
+            100.0 * r.lost
+        );
+    }
+}
+
+fn print_all_dofs(rows: &[DofRow]) {
+    let n = rows.first().map_or(0, |r| r.seeds);
+    outln!(
+        "Other five DOFs through rendered frames, undisturbed, {n} experiment(s) each; errors in %"
+    );
+    outln!(
+        "{:6} {:6} {:>29} {:>29} {:>29} {:>24}  position rms, frames lost",
+        "",
+        "",
+        "rms error",
+        "mean error",
+        "reported sd",
+        "largest in sd"
+    );
+    for r in rows {
+        let three = |v: [f64; 3], width: usize| v.map(|x| format!("{x:>width$.3}")).join(" ");
+        outln!(
+            "{:6} {:6} {:>29} {:>29} {:>29} {:>24}  {:.4} {}, {:.1} % of {}",
+            r.dof,
+            r.estimator,
+            three(r.rms_percent, 8),
+            three(r.mean_percent, 8),
+            three(r.sd_percent, 8),
+            three(r.worst_in_sd, 6),
+            r.position_rms,
+            if ["sway", "heave"].contains(&r.dof.as_str()) {
+                "mm"
+            } else {
+                "deg"
+            },
+            100.0 * r.lost,
+            r.frames
+        );
+    }
 }
