@@ -89,21 +89,27 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 
 fn print(json: bool, name: &str, value: &impl serde::Serialize, words: impl FnOnce()) {
     if json {
-        println!("{}", serde_json::json!({ name: value }))
+        outln!("{}", serde_json::json!({ name: value }))
     } else {
         words()
     }
 }
 
 fn print_table3(rows: &[Row]) {
-    println!("Table 3: least and greatest error of each formula in its own motion");
-    println!(
+    outln!("Table 3: least and greatest error of each formula in its own motion");
+    outln!(
         "{:6} {:>4} {:>6}  {:>15}  {:>15}  {:>17}  {:>17}  no answer",
-        "", "", "frames", "paper", "whole pixel", "formula, ours", "ours"
+        "",
+        "",
+        "frames",
+        "paper",
+        "whole pixel",
+        "formula, ours",
+        "ours"
     );
     for r in rows {
         let span = |v: [f64; 2], digits: usize| format!("{:+.digits$} .. {:+.digits$}", v[0], v[1]);
-        println!(
+        outln!(
             "{:6} {:>4} {:>6}  {:>15}  {:>15}  {:>17}  {:>17}  {:?}",
             format!("{:?}", r.motion).to_lowercase(),
             r.unit,
@@ -115,7 +121,7 @@ fn print_table3(rows: &[Row]) {
             r.missing
         );
         if let Some(corner) = r.ours_at_corners {
-            println!(
+            outln!(
                 "       within 8 mm of a joint or widest point: {}",
                 span(corner, 4)
             );
@@ -124,7 +130,7 @@ fn print_table3(rows: &[Row]) {
 }
 
 fn print_cells(cells: &[Disturbed]) {
-    println!(
+    outln!(
         "Largest change of a formula's result by another motion; entries the paper's text has lost are marked *"
     );
     for c in cells {
@@ -134,7 +140,7 @@ fn print_cells(cells: &[Disturbed]) {
         } else {
             String::new()
         };
-        println!(
+        outln!(
             "{:6} under {:6} {:>4} .. {:<3}  paper {:>10}  ours {:8.3} {}  {}{lost}",
             name(c.motion),
             name(c.by),
@@ -149,20 +155,22 @@ fn print_cells(cells: &[Disturbed]) {
 }
 
 fn print_joint(found: &JointAccuracy) {
-    println!(
+    outln!(
         "{} frames under all disturbances at once, {} without a pose",
-        found.frames, found.failed
+        found.frames,
+        found.failed
     );
     for (i, name) in ["x mm", "y mm", "z mm", "phi deg", "theta deg", "psi deg"]
         .iter()
         .enumerate()
     {
-        println!(
+        outln!(
             "  {name:9} rms {:.5}  reported sd {:.5}",
-            found.rms[i], found.reported_sd[i]
+            found.rms[i],
+            found.reported_sd[i]
         );
     }
-    println!(
+    outln!(
         "  largest error {:.1} of its sd; {:.1} % inside the 95 % region",
         found.worst_in_sd,
         100.0 * found.covered_95
