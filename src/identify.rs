@@ -10,6 +10,7 @@ mod blind;
 pub mod bollard;
 pub mod cmaes;
 pub mod coupled;
+pub mod curve;
 pub mod data;
 mod estimate;
 pub mod forward;

@@ -7,6 +7,7 @@
 use crate::analysis::Analyst;
 use crate::calibrate::message;
 use crate::frame::{Frame, GreyImage};
+use crate::identify::data::StillWatch;
 use crate::log::messages::{
     self,
     pb::{FrameInfo, StripeProfile},
@@ -80,6 +81,18 @@ pub struct Report {
     pub span_ns: Option<(u64, u64)>,
 }
 
+impl Options {
+    /// What counts as at rest: the tolerance of the rig in force, else the default one (2 mm, 0.1°).
+    fn tolerance(&self) -> [f64; 2] {
+        self.rig_toml
+            .as_deref()
+            .and_then(|t| hydroline_rigs::Rig::from_toml(t, "rig.toml", None).ok())
+            .map_or([0.002, 0.1f64.to_radians()], |rig| {
+                [rig.tolerance.position_m, rig.tolerance.attitude_rad]
+            })
+    }
+}
+
 impl Report {
     fn compared(&mut self, identical: bool) {
         if identical {
@@ -148,6 +161,7 @@ pub fn replay(
         info: None,
         run: options.poses.clone(),
         posed: HashSet::new(),
+        still: StillWatch::default(),
     };
     for message in first.into_iter().map(Ok).chain(reader) {
         state.take(message?)?;
@@ -173,6 +187,9 @@ pub fn replay(
             .more
             .insert(format!("replay.not_copied.{topic}"), n.to_string());
     }
+    summary
+        .more
+        .extend(state.still.metadata(options.tolerance()));
     let outcome = state.writer.finish(&summary)?;
     Ok((state.report, outcome))
 }
@@ -226,6 +243,8 @@ struct Replay<'a> {
     /// With images kept: a frame's account waiting for the image that brings it along.
     info: Option<(u64, FrameInfo)>,
     run: Option<PoseRun>,
+    /// Measures the noise of the poses, if the vehicle was at rest.
+    still: StillWatch,
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
 }
@@ -325,6 +344,7 @@ impl Replay<'_> {
             Record::Log(line) => Entry::log_line(&line),
             Record::Command(command) => {
                 self.report.commands += 1;
+                self.still.command(&command);
                 Entry::command(&command)
             }
             Record::Echo(echo) => Entry::echo(&echo),
@@ -345,7 +365,10 @@ impl Replay<'_> {
             {
                 return Ok(());
             }
-            Record::Motion(motion) => Entry::motion(&motion),
+            Record::Motion(motion) => {
+                self.still.motion(&motion);
+                Entry::motion(&motion)
+            }
             Record::Truth(truth) => Entry::truth(&truth),
             Record::Clock(clock) => Entry::clock(&clock),
             Record::Event(event) => Entry::event_message(&event),
@@ -386,6 +409,7 @@ impl Replay<'_> {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
                 let motion = motion_message(stamp_ns, &fit);
+                self.still.motion(&motion);
                 self.writer.write(log_ns, &Entry::motion(&motion))?;
                 if let Some(pose) = messages::pose_message(&motion) {
                     self.writer.write(log_ns, &Entry::pose(&pose))?;

@@ -3,14 +3,21 @@
 //! Every frame goes the whole way (render → stripe → laser plane → estimate), once with the whole-pixel
 //! stripe and single points of the paper, once with ours, and stands beside the paper's number.
 
+mod all_dofs;
 mod calibration;
 mod chain;
 mod disturbed;
+mod experiment;
+mod table10;
+mod table11;
 mod table3;
 
+pub use all_dofs::{DofRow, all_dofs};
 pub use calibration::{CalibrationRow, CalibrationStudy};
 pub use disturbed::{Disturbed, JointAccuracy, disturbed, joint_accuracy};
 pub use table3::{Row, table3};
+pub use table10::{Row as Table10Row, table10};
+pub use table11::{TABLE11_THRUST_N, Table11Row, table11};
 
 use hydroline_rigs::RigError;
 use hydroline_sim::SceneError;
@@ -73,6 +80,12 @@ pub enum ReproduceError {
     /// Rendering.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The true motion.
+    #[error(transparent)]
+    Trajectory(#[from] hydroline_sim::TrajectoryError),
+    /// Identification from what was measured.
+    #[error(transparent)]
+    Identify(#[from] crate::identify::IdentifyError),
     /// A rig whose target has no hexagons.
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,

@@ -261,6 +261,14 @@ fn four_surge_runs_give_three_parameters_white_residuals_and_the_blind_spots() {
         spots.contains(&"thrust_scale") && spots.contains(&"position_scale"),
         "{spots:?}"
     );
+    let page = hydroline::identify::report::html(&found, "hydroline identify");
+    for fetched in ["http", "<script", "src=", "@import", "url(", "<link", "NaN"] {
+        assert!(
+            !page.contains(fetched),
+            "the report must open offline: {fetched}"
+        );
+    }
+    assert!(page.matches("<svg").count() >= 8 && page.contains("Each run predicted by the others"));
     assert_eq!(found.cross_validation.len(), 4);
     for cv in &found.cross_validation {
         assert!(cv.left_out["x_m"] < 1.2 * cv.fitted["x_m"], "{cv:?}");

@@ -45,6 +45,13 @@ pub(crate) fn rig(rig: &Rig) -> String {
         board(&mut w, b, "board.block");
     }
     thrusters(&mut w, rig);
+    if let Some(pull) = &rig.bollard {
+        w.table("bollard");
+        w.number("voltage_v", pull.voltage_v);
+        w.number("scatter_n", pull.scatter_n);
+        w.numbers("pulse_us", &pull.pulse_us);
+        w.rows("covariance_n2", &pull.covariance_n2);
+    }
     vehicle(&mut w, rig);
     settings(&mut w, rig);
     for entry in &rig.physics {

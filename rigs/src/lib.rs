@@ -49,5 +49,5 @@ pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
-pub use thruster::{Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
+pub use thruster::{BollardPull, Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
 pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};

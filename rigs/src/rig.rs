@@ -1,6 +1,6 @@
 use crate::{
-    Camera, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target, ThrusterSet, Tolerance,
-    Vehicle, target::Board,
+    BollardPull, Camera, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target,
+    ThrusterSet, Tolerance, Vehicle, target::Board,
 };
 
 /// A checked rig: everything simulator, capture, estimators and diagnosis read.
@@ -20,6 +20,8 @@ pub struct Rig {
     pub board: Option<Board>,
     /// Thrusters, their curves and the link to their controller.
     pub thrusters: ThrusterSet,
+    /// How well the thrust curve is known, where a bollard pull measured it.
+    pub bollard: Option<BollardPull>,
     /// Mass, inertia and hydrodynamic coefficients.
     pub vehicle: Vehicle,
     /// Tank and water.
@@ -34,4 +36,11 @@ pub struct Rig {
     pub log: LogSettings,
     /// The whole effective rig as TOML (includes inlined, defaults written out): what goes into the log.
     pub effective_toml: String,
+}
+
+impl Rig {
+    /// The rig as it is now as TOML: every include inlined, every default said. Reads back to the same rig.
+    pub fn to_toml(&self) -> String {
+        crate::effective::rig(self)
+    }
 }

@@ -44,6 +44,19 @@ impl ThrustCurve {
     }
 }
 
+/// What a bollard pull left behind: how well the thrust curve is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BollardPull {
+    /// Supply that the curve holds at \[V\]; 0 = not measured.
+    pub voltage_v: f64,
+    /// Scatter of the readings about the curve \[N\].
+    pub scatter_n: f64,
+    /// Pulses of the curve's points \[us\], ascending.
+    pub pulse_us: Vec<f64>,
+    /// Covariance of the thrusts at these pulses \[N²\], one row per pulse.
+    pub covariance_n2: Vec<Vec<f64>>,
+}
+
 /// One thruster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thruster {

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use hydroline_rigs::Dof;
+use hydroline_rigs::{Dof, Rig};
 
+use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
 use crate::identify::bollard::{self, Bollard};
 use crate::identify::cmaes::Cmaes;
-use crate::identify::data::{Run, load};
+use crate::identify::curve;
+use crate::identify::data::{Run, STILL_MIN_S, is_still, load};
 use crate::identify::ga::Genetic;
 use crate::identify::lm::LevenbergMarquardt;
 use crate::identify::method::Method;
@@ -72,6 +74,13 @@ pub struct Args {
     /// uses it for the logs given, which cures the thrust-scale blind spot
     #[arg(long, value_name = "DATA.csv")]
     bollard: Option<PathBuf>,
+    /// Writes the rig with the curve of the bollard pull and its covariance; later fits with that rig
+    /// carry the curve's uncertainty in their intervals
+    #[arg(long, requires = "bollard", value_name = "NEW.toml")]
+    write_rig: Option<PathBuf>,
+    /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
+    #[arg(long, value_name = "LOG")]
+    still: Option<PathBuf>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -82,19 +91,31 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let mut rig = inputs::rig(&args.rig)?;
+    if let Some(path) = &args.write_rig {
+        inputs::new_file("--write-rig", path)?;
+    }
     let bollard = args
         .bollard
         .as_deref()
         .map(|path| measure_curve(path, &mut rig))
         .transpose()?;
+    if let Some(path) = &args.write_rig {
+        std::fs::write(path, rig.to_toml()).map_err(|e| {
+            CliError::Run(format!(
+                "{}: {e}; check that the folder is writable",
+                path.display()
+            ))
+        })?;
+        eprintln!("{}", path.display());
+    }
     if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
         if args.json {
-            println!(
+            outln!(
                 "{}",
                 serde_json::to_string_pretty(found).map_err(CliError::run)?
             );
         } else {
-            print!("{}", found.to_toml());
+            out!("{}", found.to_toml());
         }
         return Ok(Outcome::Done);
     }
@@ -110,15 +131,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             })
         })
         .collect();
-    let mut runs: Vec<Run> = Vec::new();
-    for log in &args.logs {
-        let loaded = load(log, &rig).map_err(CliError::run)?;
-        runs.push(if args.from > 0.0 || args.to.is_some() {
-            loaded.window(args.from, args.to.unwrap_or(f64::INFINITY))
-        } else {
-            loaded
-        });
-    }
+    let runs = runs(args, &rig)?;
     let (lm, cmaes, ga) = (
         LevenbergMarquardt::default(),
         Cmaes::default(),
@@ -142,17 +155,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         seed: args.seed,
     };
     let mut result = identify(&runs, &rig, &options).map_err(CliError::run)?;
-    if let Some(found) = &bollard {
-        if runs.iter().all(|r| r.from_pulses || r.commands.is_empty()) {
-            result.blind_spots.retain(|b| b.what != "thrust_scale");
-            result.notes.push(format!("thrust from the bollard pull (scatter {:.3} N); its own uncertainty is not in the intervals", found.rms_n));
-        } else {
-            result.notes.push(
-                "the logs carry thrusts without pulses: the bollard pull's curve could not be used"
-                    .to_owned(),
-            );
-        }
-    }
+    thrust_scale(args, &rig, &runs, &options, &mut result)?;
     if let Some(dir) = &args.report {
         let path = dir.join("identify.html");
         let written = std::fs::create_dir_all(dir).and_then(|()| {
@@ -170,7 +173,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         eprintln!("{}", path.display());
     }
     if args.json {
-        println!(
+        outln!(
             "{}",
             serde_json::to_string_pretty(&result).map_err(CliError::run)?
         );
@@ -180,34 +183,109 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+/// The logs' runs, and the one at rest.
+fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
+    let mut runs: Vec<Run> = Vec::new();
+    for log in &args.logs {
+        let loaded = load(log, rig).map_err(CliError::run)?;
+        runs.push(if args.from > 0.0 || args.to.is_some() {
+            loaded.window(args.from, args.to.unwrap_or(f64::INFINITY))
+        } else {
+            loaded
+        });
+    }
+    if let Some(path) = &args.still {
+        let still = load(path, rig).map_err(CliError::run)?;
+        if !is_still(
+            &still,
+            [rig.tolerance.position_m, rig.tolerance.attitude_rad],
+        ) {
+            return Err(CliError::Run(format!(
+                "--still {}: {:.1} s, largest load {:.2}; it measures noise only when nothing was commanded and nothing moved beyond the rig's tolerance for {STILL_MIN_S} s or more (plan still)",
+                path.display(),
+                still.end_s(),
+                still.largest_wrench().into_iter().fold(0.0, f64::max)
+            )));
+        }
+        runs.push(still);
+    }
+    Ok(runs)
+}
+
+/// What a measured thrust curve does to the result: the blind spot goes, its uncertainty comes in.
+fn thrust_scale(
+    args: &Args,
+    rig: &Rig,
+    runs: &[Run],
+    options: &Options<'_>,
+    result: &mut Identification,
+) -> Result<(), CliError> {
+    let Some(pull) = &rig.bollard else {
+        return Ok(());
+    };
+    if !runs.iter().all(|r| r.from_pulses || r.commands.is_empty()) {
+        result.notes.push(
+            "the logs carry thrusts without pulses: the bollard pull's curve could not be used"
+                .to_owned(),
+        );
+        return Ok(());
+    }
+    let moved = curve::moved_rigs(rig);
+    if moved.is_empty() {
+        result.notes.push(
+            "[bollard] of the rig belongs to another curve than the thrusters': its covariance was not used; measure again (identify --bollard --write-rig)".to_owned(),
+        );
+        return Ok(());
+    }
+    let quick = LevenbergMarquardt { starts: 1 };
+    let mut values = Vec::new();
+    for mut other in moved {
+        // From where the fit ended: a refit is then a few steps.
+        for (key, p) in &result.parameters {
+            if let Some(c) = Coefficient::find(key) {
+                c.put(&mut other.vehicle, p.value);
+            }
+        }
+        let again = identify(
+            &self::runs(args, &other)?,
+            &other,
+            &Options {
+                model: options.model,
+                method: &quick,
+                objective: options.objective,
+                fixed: options.fixed.clone(),
+                from_rest: options.from_rest,
+                cross_validate: false,
+                seed: options.seed,
+            },
+        )
+        .map_err(CliError::run)?;
+        values.push(
+            result
+                .order
+                .iter()
+                .map(|k| again.value(k).unwrap_or(f64::NAN))
+                .collect(),
+        );
+    }
+    curve::widen(result, &values);
+    result.blind_spots.retain(|b| b.what != "thrust_scale");
+    result.notes.push(format!(
+        "thrust from a bollard pull (scatter {:.3} N); the curve's uncertainty is in the intervals",
+        pull.scatter_n
+    ));
+    Ok(())
+}
+
 /// Fits the curve and puts it into every thruster of the rig.
-fn measure_curve(
-    path: &std::path::Path,
-    rig: &mut hydroline_rigs::Rig,
-) -> Result<Bollard, CliError> {
+fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliError> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
     let pulls = bollard::read(&text, &path.display().to_string()).map_err(CliError::config)?;
-    let set = &mut rig.thrusters;
+    let set = &rig.thrusters;
     let found =
         bollard::fit(&pulls, (set.min_us, set.neutral_us, set.max_us)).map_err(CliError::run)?;
-    let points: Vec<(f64, f64)> = found
-        .curve
-        .iter()
-        .map(|(pulse_us, thrust_n, _)| (*pulse_us, *thrust_n))
-        .collect();
-    if let Some(w) = points
-        .windows(2)
-        .find(|w| w[0].0 >= w[1].0 || w[0].1 > w[1].1)
-    {
-        return Err(CliError::Run(format!(
-            "the fitted thrust falls from {:.2} N at {:.1} us to {:.2} N at {:.1} us; check the readings there",
-            w[0].1, w[0].0, w[1].1, w[1].0
-        )));
-    }
-    for thruster in &mut set.thrusters {
-        thruster.curve.points.clone_from(&points);
-    }
+    found.put(rig).map_err(CliError::run)?;
     Ok(found)
 }
 
@@ -228,13 +306,19 @@ fn model(word: &str) -> Result<ModelChoice, CliError> {
 }
 
 fn print(result: &Identification) {
-    println!(
+    outln!(
         "{} by {} ({} evaluations)",
-        result.model, result.method, result.evaluations
+        result.model,
+        result.method,
+        result.evaluations
     );
-    println!(
+    outln!(
         "  {:<9}{:>12} {:>11}   {:<26}{:>10}  unit",
-        "", "value", "sd", "95 % interval", "rig"
+        "",
+        "value",
+        "sd",
+        "95 % interval",
+        "rig"
     );
     for p in result.order.iter().filter_map(|k| result.parameters.get(k)) {
         let number = |v: Option<f64>| v.map_or("-".to_owned(), significant);
@@ -248,7 +332,7 @@ fn print(result: &Identification) {
         // The combining dot of X_u-dot takes no column.
         let width =
             9 + p.symbol.chars().count() - p.symbol.chars().filter(|c| *c != '\u{307}').count();
-        println!(
+        outln!(
             "  {:<width$}{:>12} {:>11}   {interval:<26}{:>10}  {}{remark}",
             p.symbol,
             significant(p.value),
@@ -266,7 +350,7 @@ fn print(result: &Identification) {
         } else {
             " white".to_owned()
         };
-        println!(
+        outln!(
             "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}",
             n.noise.white_sd,
             100.0 * n.outliers,
@@ -284,19 +368,21 @@ fn print(result: &Identification) {
                 )
             })
             .collect();
-        println!(
+        outln!(
             "  {} predicted by the others, rms: {}",
             cv.run,
             words.join(", ")
         );
     }
     for words in &result.misfit {
-        println!("  MISFIT: {words}");
+        outln!("  MISFIT: {words}");
     }
     for spot in &result.blind_spots {
-        println!(
+        outln!(
             "  blind to {}: {}; {}",
-            spot.what, spot.why, spot.experiment
+            spot.what,
+            spot.why,
+            spot.experiment
         );
     }
     for note in result

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs};
 use crate::import::{Map, Severity, import, read};
 
@@ -57,11 +58,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let result = import(&data, &map, &map_text, &args.out, args.accept_faults);
     if args.json {
         let findings = serde_json::json!({ "written": result.is_ok(), "findings": data.findings });
-        println!("{findings}");
+        outln!("{findings}");
     }
     let outcome = result.map_err(CliError::run)?;
     if !args.json {
-        println!(
+        outln!(
             "{}: {} motion samples, {} commands",
             args.out.display(),
             outcome.samples,

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs};
 use crate::predict::{Identified, predict};
 
@@ -55,7 +56,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     if args.json {
-        println!("{}", serde_json::to_string(&made).map_err(CliError::run)?);
+        outln!("{}", serde_json::to_string(&made).map_err(CliError::run)?);
         return Ok(Outcome::Done);
     }
     let mut header = format!("t_s,{}", made.channels.join(","));
@@ -66,14 +67,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             .map(|c| format!(",{c}_sd"))
             .collect::<String>();
     }
-    println!("{header}");
+    outln!("{header}");
     for (k, (t_s, row)) in made.t_s.iter().zip(&made.motion).enumerate() {
         let cells = row
             .iter()
             .chain(made.sd.get(k).into_iter().flatten())
             .map(|v| format!(",{v}"))
             .collect::<String>();
-        println!("{t_s}{cells}");
+        outln!("{t_s}{cells}");
     }
     Ok(Outcome::Done)
 }

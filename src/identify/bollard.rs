@@ -5,6 +5,7 @@
 //! table holds voltages that differ. Quadratic in the pulse as propeller thrust is in the
 //! rate of turn (Carlton, Marine Propellers and Propulsion, ch. 6).
 
+use hydroline_rigs::{BollardPull, Rig};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -40,6 +41,8 @@ pub struct Bollard {
     pub covariance: Vec<Vec<f64>>,
     /// (pulse \[us\], thrust \[N\], sd \[N\]) at the middle voltage: the rig's `curve`.
     pub curve: Vec<(f64, f64, f64)>,
+    /// Covariance of the thrusts of `curve` \[N²\].
+    pub curve_covariance_n2: Vec<Vec<f64>>,
     /// Voltage the curve holds at \[V\]; 0 = not measured.
     pub voltage_v: f64,
     /// Scatter of the readings about the curve \[N\].
@@ -70,6 +73,17 @@ pub enum BollardError {
         astern: usize,
         /// Neutral \[us\].
         neutral_us: f64,
+    },
+    /// A curve that no rig may hold.
+    #[error(
+        "the fitted thrust falls from {:.2} N at {:.1} us to {:.2} N at {:.1} us; check the readings there, and add some",
+        from.1, from.0, to.1, to.0
+    )]
+    Falls {
+        /// (pulse \[us\], thrust \[N\]) before.
+        from: (f64, f64),
+        /// After.
+        to: (f64, f64),
     },
     /// The fit.
     #[error(transparent)]
@@ -317,27 +331,33 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
     let variance = 2.0 * normal.cost / freedom;
     let c = covariance(&normal.hessian) * variance;
     let n = at.len();
-    let at_pulse = |pulse_us: f64| {
-        let duals: Vec<Dual<7>> = at
-            .iter()
-            .enumerate()
-            .map(|(i, v)| Dual::variable(*v, i))
-            .collect();
-        let t = model.thrust(&duals, pulse_us, with_voltage.then_some(middle_v));
-        let v: f64 = (0..n)
-            .flat_map(|i| (0..n).map(move |j| (i, j)))
-            .map(|(i, j)| t.slope[i] * c[(i, j)] * t.slope[j])
-            .sum();
-        (pulse_us, t.value, v.max(0.0).sqrt())
-    };
+    let duals: Vec<Dual<7>> = at
+        .iter()
+        .enumerate()
+        .map(|(i, v)| Dual::variable(*v, i))
+        .collect();
+    let at_pulse =
+        |pulse_us: &f64| model.thrust(&duals, *pulse_us, with_voltage.then_some(middle_v));
     let mut pulses: Vec<f64> = (0..=8)
         .map(|k| min_us + (at[3] - min_us) * f64::from(k) / 8.0)
         .collect();
     pulses.extend((0..=8).map(|k| at[0] + (max_us - at[0]) * f64::from(k) / 8.0));
+    let thrusts: Vec<Dual<7>> = pulses.iter().map(at_pulse).collect();
+    let slopes = DMatrix::from_fn(pulses.len(), n, |k, i| thrusts[k].slope[i]);
+    let spread = &slopes * &c * slopes.transpose();
+    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        m.row_iter().map(|r| r.iter().copied().collect()).collect()
+    };
     Ok(Bollard {
         order: model.globals.iter().map(|g| g.name.clone()).collect(),
-        curve: pulses.into_iter().map(at_pulse).collect(),
-        covariance: c.row_iter().map(|r| r.iter().copied().collect()).collect(),
+        curve: pulses
+            .iter()
+            .zip(&thrusts)
+            .enumerate()
+            .map(|(k, (pulse_us, t))| (*pulse_us, t.value, spread[(k, k)].max(0.0).sqrt()))
+            .collect(),
+        curve_covariance_n2: rows(&spread),
+        covariance: rows(&c),
         values: at,
         voltage_v: middle_v,
         rms_n: variance.sqrt(),
@@ -346,6 +366,33 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
 }
 
 impl Bollard {
+    /// Puts curve and covariance into a rig: every thruster's, since the pull was made with one of them.
+    ///
+    /// # Errors
+    /// [`BollardError::Falls`] where the fitted thrust falls with rising pulse, which no rig may hold.
+    pub fn put(&self, rig: &mut Rig) -> Result<(), BollardError> {
+        let points: Vec<(f64, f64)> = self.curve.iter().map(|p| (p.0, p.1 + 0.0)).collect();
+        if let Some(w) = points
+            .windows(2)
+            .find(|w| w[0].0 >= w[1].0 || w[0].1 > w[1].1)
+        {
+            return Err(BollardError::Falls {
+                from: w[0],
+                to: w[1],
+            });
+        }
+        for thruster in &mut rig.thrusters.thrusters {
+            thruster.curve.points.clone_from(&points);
+        }
+        rig.bollard = Some(BollardPull {
+            voltage_v: self.voltage_v,
+            scatter_n: self.rms_n,
+            pulse_us: points.iter().map(|p| p.0).collect(),
+            covariance_n2: self.curve_covariance_n2.clone(),
+        });
+        Ok(())
+    }
+
     /// The `curve` of a rig file; falling pieces of the fit are refused by the rig's own check.
     pub fn to_toml(&self) -> String {
         let mut out = format!(
@@ -405,6 +452,16 @@ mod tests {
             (found.rms_n - 0.1).abs() < 0.03 && found.outliers >= 1,
             "{found:?}"
         );
+        // Into a rig file and back, bit for bit.
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        found.put(&mut rig).unwrap();
+        let read = Rig::from_toml(&rig.to_toml(), "rig.toml", None).unwrap();
+        assert_eq!(read.bollard, rig.bollard);
+        assert_eq!(read.thrusters, rig.thrusters);
+        let pull = read.bollard.unwrap();
+        for (k, (_, _, sd)) in found.curve.iter().enumerate() {
+            assert!((pull.covariance_n2[k][k].sqrt() - sd).abs() < 1e-12);
+        }
         assert!(
             found
                 .curve

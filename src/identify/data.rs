@@ -4,7 +4,9 @@ mod load;
 mod still;
 
 pub use load::{LoadError, load, load_messages};
-pub use still::is_still;
+pub use still::{
+    ChannelNoise, NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise,
+};
 
 /// The twelve channels of `/vehicle/motion`: pose in the tank frame, rates in the body frame.
 pub const CHANNELS: [&str; 12] = [
@@ -55,6 +57,8 @@ pub struct Run {
     pub samples: Vec<Sample>,
     /// Every thruster command carried its pulse: loads come from the rig's curves, not from the log.
     pub from_pulses: bool,
+    /// Noise that the log carries from a stretch at rest; used where no run at rest is given itself.
+    pub noise_at_rest: Option<StillNoise>,
     /// What was odd about the data, one sentence each.
     pub notes: Vec<String>,
 }

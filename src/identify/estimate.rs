@@ -145,7 +145,10 @@ pub fn identify(
     } else {
         Some(make(&still, &coefficients)?)
     };
-    let measured_noise = rest.as_deref().map(noise_at_rest);
+    let measured_noise = match rest.as_deref() {
+        Some(rest) => Some(noise_at_rest(rest)),
+        None => stored_noise(runs, forward.slots()),
+    };
     let mut fit = Fit::new(forward.as_ref(), measured_noise, name)?;
     let resting: Vec<Dof> = dofs
         .iter()
@@ -273,6 +276,19 @@ fn rests(runs: &[Run], dof: Dof) -> bool {
         let quiet = robust_sd(&away) < 3.0 * difference_sd(&values);
         r.largest_wrench()[i] == 0.0 && (values.is_empty() || quiet) && r.count(6 + i) == 0
     })
+}
+
+/// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
+/// Slots that are combinations of channels have none.
+fn stored_noise(runs: &[Run], slots: &[String]) -> Option<Vec<Option<(Noise, f64)>>> {
+    let of = |slot: &String| {
+        runs.iter()
+            .filter_map(|r| r.noise_at_rest.as_ref()?.get(slot))
+            .map(|n| (n.noise, n.outliers))
+            .find(|(noise, _)| noise.total_sd() > 0.0)
+    };
+    let found: Vec<Option<(Noise, f64)>> = slots.iter().map(of).collect();
+    found.iter().any(Option::is_some).then_some(found)
 }
 
 /// Noise per slot of runs at rest: deviations from each run's median.

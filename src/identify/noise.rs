@@ -18,7 +18,7 @@ const OUTLIERS_MAX: f64 = 0.2;
 const COLOUR_GAIN: f64 = 6.0;
 
 /// Noise of one slot, in the slot's unit.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Noise {
     /// White part.
     pub white_sd: f64,

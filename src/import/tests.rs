@@ -1,4 +1,5 @@
 use super::*;
+use proptest::prelude::*;
 
 fn map(extra: &str) -> Map {
     let text = format!(
@@ -286,5 +287,88 @@ fn a_map_that_is_wrong_says_where() {
     ] {
         let error = Map::from_toml(text, "m.toml").unwrap_err().to_string();
         assert!(error.contains(word), "{error}");
+    }
+}
+
+#[test]
+fn a_table_at_rest_leaves_its_noise_in_the_log() {
+    use crate::identify::data::{StillNoise, load};
+    let still = table(1000, |k, c| {
+        // A hash of k: no motion, no period.
+        let noise = |salt: u64| {
+            let mut v = (k as u64 + salt).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            v = (v ^ (v >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            ((v >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 1e-3
+        };
+        c[1] = format!("{:.7}", 0.2 + noise(1));
+        c[2] = format!("{:.7}", noise(77_777));
+    });
+    let map = map("");
+    let data = read(&still, &map);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("still.mcap");
+    import(&data, &map, "", &out, true).unwrap();
+    let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
+    let noise: StillNoise = load(&out, &rig).unwrap().noise_at_rest.unwrap();
+    // Uniform over 1 mm: sd 1 mm / sqrt(12).
+    let sd = noise["x_m"].noise.total_sd();
+    assert!((sd / (1e-3 / 12f64.sqrt()) - 1.0).abs() < 0.1, "{sd}");
+    assert_eq!(noise.len(), 2);
+}
+
+/// What may stand in a cell that should hold a number, and whether the whole cell is then lost.
+const SPOILT: [&str; 7] = ["NaN", "inf", "", "1,5e", "0x1F", "--", "1 2"];
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// One bad cell: a fault names its line, the cell stays lost, every other cell stays as it was.
+    #[test]
+    fn one_bad_cell_is_named_and_spoils_nothing_else(row in 5usize..95, column in 1usize..3, word in 0usize..SPOILT.len()) {
+        let sound = read(&table(100, |_, _| {}), &map(""));
+        let found = read(&table(100, |k, c| if k == row {
+            // A comma would split the cell; quoted it stays one.
+            c[column] = if SPOILT[word].contains(',') { format!("\"{}\"", SPOILT[word]) } else { SPOILT[word].to_owned() };
+        }), &map(""));
+        let line = row as u64 + 2;
+        prop_assert!(found.findings.iter().any(|f| f.severity == Severity::Fault && f.line == Some(line)), "{:?}", found.findings);
+        let channel = if column == 1 { 0 } else { 5 };
+        prop_assert!(found.motion[channel][row].is_nan());
+        for c in [0, 5] {
+            for k in 0..100 {
+                if (c, k) != (channel, row) {
+                    prop_assert_eq!(found.motion[c][k], sound.motion[c][k]);
+                }
+            }
+        }
+    }
+
+    /// Whatever the text: no panic, columns as long as the time, and a table without numbers has a fault.
+    #[test]
+    fn any_text_is_read_or_refused(text in "[a-z0-9,;.:TZ+\\-\"\n ]{0,400}") {
+        for text in [text.clone(), format!("t,x,psi,r,q\n{text}")] {
+            let found = read(&text, &map(WITH_R));
+            let n = found.times_s.len();
+            for c in [0usize, 5, 11] {
+                prop_assert!(found.motion[c].is_empty() || found.motion[c].len() == n);
+            }
+            prop_assert!(n >= 4 || found.has_faults());
+            prop_assert!(found.times_s.iter().all(|t| t.is_finite()));
+        }
+    }
+
+    /// Cut anywhere, even inside a number: the rows before the cut are those of the whole file.
+    #[test]
+    fn a_cut_file_keeps_what_came_before_and_says_so(cut in 200usize..3000) {
+        let text = table(100, |_, _| {});
+        let whole = read(&text, &map(""));
+        let part = read(&text[..cut], &map(""));
+        let complete = text[..cut].matches('\n').count().saturating_sub(1);
+        prop_assert!(part.motion[0].len() >= complete);
+        prop_assert_eq!(&part.motion[0][..complete], &whole.motion[0][..complete]);
+        let cells = text[..cut].rsplit('\n').next().unwrap_or("").split(',').count();
+        if cells < 5 && !text[..cut].ends_with('\n') {
+            prop_assert!(kinds(&part, Severity::Fault).contains(&"truncated_rows"));
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::check::{Finding, Severity};
 use super::map::{Between, Map};
 use super::table::Imported;
+use crate::identify::data::StillWatch;
 use crate::log::messages::{pb, timestamp};
 use crate::log::{Entry, FileRecorder, Head, LogError, MetadataMap, SummaryInput, WriteSettings};
 
@@ -80,6 +81,7 @@ pub fn import(
         lost: 0,
         findings: data.findings.clone(),
     };
+    let mut still = StillWatch::default();
     let mut sequence = 0u32;
     let mut last: Option<(f64, usize)> = None;
     for (k, &t_s) in data.times_s.iter().enumerate() {
@@ -120,6 +122,7 @@ pub fn import(
                     cause: "import".to_owned(),
                     ..Default::default()
                 };
+                still.command(&message);
                 log.write(at(t_s), &Entry::command(&message))?;
                 sequence = sequence.wrapping_add(1);
                 outcome.commands += 1;
@@ -130,12 +133,19 @@ pub fn import(
             .filter(|c| data.motion[*c].get(k).is_some_and(|v| !v.is_finite()))
             .count();
         if (0..12).any(|c| value(c).is_some()) {
-            log.write(at(t_s), &Entry::motion(&motion(at(t_s), &value, map)))?;
+            let message = motion(at(t_s), &value, map);
+            still.motion(&message);
+            log.write(at(t_s), &Entry::motion(&message))?;
             outcome.samples += 1;
         }
         last = Some((t_s, k));
     }
-    log.finish(&SummaryInput::clean("imported to the table's end"))?;
+    let mut summary = SummaryInput::clean("imported to the table's end");
+    // 2 mm and 0.1°: the default tolerance of a rig; a table comes without one.
+    summary
+        .more
+        .extend(still.metadata([0.002, 0.1f64.to_radians()]));
+    log.finish(&summary)?;
     Ok(outcome)
 }
 

@@ -49,6 +49,10 @@ impl Writer {
         self.raw(key, format_args!("{pairs:?}"));
     }
 
+    pub(super) fn rows(&mut self, key: &str, rows: &[Vec<f64>]) {
+        self.raw(key, format_args!("{rows:?}"));
+    }
+
     pub(super) fn inline<'a>(&mut self, key: &str, pairs: impl Iterator<Item = (&'a str, f64)>) {
         let pairs: Vec<String> = pairs.map(|(k, v)| format!("{} = {v:?}", bare(k))).collect();
         if pairs.is_empty() {

@@ -5,7 +5,7 @@ use super::include::{read_rig_board, read_rig_target};
 use super::laser::{read_laser, read_mounts};
 use super::physics::read_physics;
 use super::settings::{read_limits, read_log, read_tank, read_tolerance};
-use super::thruster::read_thrusters;
+use super::thruster::{read_bollard, read_thrusters};
 use super::vehicle::read_vehicle;
 use super::{Includes, Section};
 use crate::Rig;
@@ -23,6 +23,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
     let target = read_rig_target(root, includes);
     let board = read_rig_board(root, includes);
     let thrusters = read_thrusters(root);
+    let bollard = read_bollard(root);
     let vehicle = read_vehicle(&root.table("vehicle"));
     let tank = read_tank(&root.table("tank"));
     let limits = read_limits(&root.table_or_default("limits"), tank.as_ref());
@@ -37,6 +38,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
         target: target?,
         board: board?,
         thrusters: thrusters?,
+        bollard: bollard?,
         vehicle: vehicle?,
         tank: tank?,
         limits: limits?,

@@ -2,8 +2,8 @@
 
 use super::link::read_link;
 use super::section::Item;
-use super::{Section, quantity};
-use crate::{ThrustCurve, Thruster, ThrusterSet};
+use super::{Quantity, Section, quantity};
+use crate::{BollardPull, ThrustCurve, Thruster, ThrusterSet};
 
 /// Thrust that a controller at its neutral pulse may still be said to give \[N\].
 const NEUTRAL_THRUST_N: f64 = 0.05;
@@ -89,6 +89,59 @@ pub(super) fn read_thrusters(root: &Section<'_>) -> Option<ThrusterSet> {
         max_us: limits.max_us,
         max_slew_us_per_s,
     })
+}
+
+fn row<'d>(s: &Section<'d>, item: &Item<'d>, expected: &str, range: Quantity) -> Option<Vec<f64>> {
+    let cells = s.elements(item, expected)?;
+    cells.iter().map(|c| s.number_of(c, &range)).collect()
+}
+
+/// `[bollard]`, which `identify --bollard --write-rig` writes; `Some(None)` = there is none.
+pub(super) fn read_bollard(root: &Section<'_>) -> Option<Option<BollardPull>> {
+    if !root.has("bollard") {
+        return Some(None);
+    }
+    let s = root.table("bollard");
+    let voltage_v = s.number_or("voltage_v", quantity(0.0, 1000.0, "V"), 0.0);
+    let scatter_n = s.number_or("scatter_n", quantity(0.0, 1e4, "N"), 0.0);
+    let pulses = "the list of the curve's pulses [us]";
+    let pulse_us = match s.item("pulse_us") {
+        Some(item) => row(&s, &item, pulses, quantity(500.0, 2500.0, "us")),
+        None => {
+            s.missing("pulse_us", pulses);
+            None
+        }
+    };
+    let square = "one list of thrust covariances [N2] per pulse";
+    let covariance_n2: Option<Vec<Vec<f64>>> = match s.item("covariance_n2") {
+        Some(item) => s.elements(&item, square).and_then(|rows| {
+            let read = rows
+                .iter()
+                .map(|r| row(&s, r, square, quantity(-1e8, 1e8, "N2")));
+            read.collect()
+        }),
+        None => {
+            s.missing("covariance_n2", square);
+            None
+        }
+    };
+    s.finish();
+    let (pulse_us, covariance_n2) = (pulse_us?, covariance_n2?);
+    let n = pulse_us.len();
+    if covariance_n2.len() != n || covariance_n2.iter().any(|r| r.len() != n) {
+        s.rule(
+            "covariance_n2",
+            format!("{n} pulses need {n} rows of {n} covariances"),
+            "Write it with hydroline identify --bollard DATA.csv --write-rig",
+        );
+        return None;
+    }
+    Some(Some(BollardPull {
+        voltage_v,
+        scatter_n,
+        pulse_us,
+        covariance_n2,
+    }))
 }
 
 fn read_thruster(

@@ -5,7 +5,7 @@ use std::path::Path;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 
-use super::{Command, Run, Sample};
+use super::{Command, NOISE_KEY, Run, Sample, StillNoise};
 use crate::log::messages::{pb, timestamp, unix_ns};
 use crate::log::{LogError, LogReader, Record};
 
@@ -67,7 +67,8 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         |s| s.to_string_lossy().into_owned(),
     );
     let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
-    for message in LogReader::open(path)? {
+    let mut reader = LogReader::open(path)?;
+    for message in reader.by_ref() {
         match message?.record {
             Record::Command(command) => commands.push(command),
             Record::Motion(sample) => motion.push(sample),
@@ -81,7 +82,21 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
             frames,
         });
     }
-    load_messages(&name, &commands, &motion, rig)
+    let mut run = load_messages(&name, &commands, &motion, rig)?;
+    // Metadata at the log's end is known only now.
+    let stored = reader
+        .metadata()
+        .get("summary")
+        .and_then(|m| m.get(NOISE_KEY));
+    if let Some(json) = stored {
+        match serde_json::from_str::<StillNoise>(json) {
+            Ok(noise) => run.noise_at_rest = Some(noise),
+            Err(error) => run.notes.push(format!(
+                "the noise stored in this log cannot be read ({error})"
+            )),
+        }
+    }
+    Ok(run)
 }
 
 /// The same from messages already in memory.
@@ -177,8 +192,9 @@ fn unwrap_angles(samples: &mut [Sample]) -> usize {
     jumps
 }
 
-fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
-    let given = [
+/// The twelve channels as sent.
+pub(super) fn values(m: &pb::VehicleMotion) -> [Option<f64>; 12] {
+    [
         m.x_m,
         m.y_m,
         m.z_m,
@@ -191,7 +207,11 @@ fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
         m.p_radps,
         m.q_radps,
         m.r_radps,
-    ];
+    ]
+}
+
+fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
+    let given = values(m);
     *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
     let values = given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN));
     let covariance = <[f64; 36]>::try_from(m.covariance.as_slice())
