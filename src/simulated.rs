@@ -113,9 +113,9 @@ pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
 
 /// Brightest white of a board, so that noise and uneven light stay below saturation \[grey levels\].
 const BOARD_WHITE: f64 = 215.0;
-/// Part of it that is room light. The sheet grazes the face and adds the rest, as much as it may without its
-/// shadows below the gauge blocks hiding marks.
-const ROOM_SHARE: f64 = 0.75;
+/// Part of it that is room light. The sheet grazes the face with the rest: less of it, and the line on the gauge
+/// blocks says less about the gap.
+const ROOM_SHARE: f64 = 0.5;
 
 /// A calibration board standing in the sheet in front of a simulated camera: fixed to the vehicle, so
 /// that its light is computed once and only the noise differs from frame to frame.
