@@ -111,11 +111,12 @@ pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
     }
 }
 
-/// Brightest white of a board, so that noise and uneven light stay below saturation \[grey levels\].
-const BOARD_WHITE: f64 = 215.0;
-/// Part of it that is room light. The sheet grazes the face and adds the rest, as much as it may without its
-/// shadows below the gauge blocks hiding marks.
-const ROOM_SHARE: f64 = 0.75;
+/// White of a board under the room's light \[grey levels\].
+const BOARD_ROOM: f64 = 150.0;
+/// The line where it faces the laser, on the sides of the gauge blocks: bright, but not saturated \[grey levels\].
+const BOARD_LINE: f64 = 150.0;
+/// What the board's face sends back of a sheet that grazes it.
+const GRAZING: f64 = 0.1;
 
 /// A calibration board standing in the sheet in front of a simulated camera: fixed to the vehicle, so
 /// that its light is computed once and only the noise differs from frame to frame.
@@ -148,12 +149,13 @@ impl BoardInView {
             ..BoardPlacement::default()
         };
         let mut exposed = rig.clone();
-        exposed.laser.peak = rig.laser.peak.min((1.0 - ROOM_SHARE) * BOARD_WHITE);
+        exposed.laser.peak = rig.laser.peak.min(BOARD_LINE);
         let renderer = Renderer::new(&exposed)?;
         let light = BoardLight {
-            room: ROOM_SHARE * BOARD_WHITE,
+            room: BOARD_ROOM,
             slope_per_m: [0.3, 0.3],
             laser: true,
+            grazing: GRAZING,
         };
         Ok(Self {
             picture: renderer.board_picture(board, &placement, &light)?,

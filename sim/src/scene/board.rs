@@ -45,6 +45,9 @@ pub struct BoardLight {
     pub slope_per_m: [f64; 2],
     /// Whether the laser is on.
     pub laser: bool,
+    /// Share of the sheet's light that the face sends to the camera, against a surface that faces the laser: the
+    /// sheet grazes the face, so only its roughness is lit. 1 = as bright as the blocks' lit sides.
+    pub grazing: f64,
 }
 
 /// Where a node of the board really is.
@@ -422,6 +425,8 @@ impl Stand<'_> {
             .any(|b| b.entry(&start, &path).is_some_and(|(t, _)| t < 1.0 - 1e-9));
         if shadowed {
             (0.0, false)
+        } else if face {
+            (self.light.grazing * light, true)
         } else {
             (light, true)
         }

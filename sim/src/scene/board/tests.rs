@@ -31,6 +31,7 @@ const ROOM: BoardLight = BoardLight {
     room: 200.0,
     slope_per_m: [0.0, 0.0],
     laser: false,
+    grazing: 1.0,
 };
 
 #[test]
@@ -105,7 +106,14 @@ fn the_sheet_lights_a_board_in_it_and_hardly_one_beside_it() {
         room: 0.0,
         slope_per_m: [0.0, 0.0],
         laser: true,
+        grazing: 1.0,
     };
+    let faint = BoardLight {
+        grazing: 0.1,
+        ..laser
+    };
+    let image = r.render_board(&b, &BoardPlacement::default(), &faint, 0);
+    assert!((f64::from(image.unwrap().0[310 * 720 + 380]) - 10.0).abs() <= 1.0);
     let level = |offset_m: f64| {
         let image = r
             .render_board(
@@ -140,6 +148,7 @@ fn a_gauge_block_shows_the_sheet_on_its_upper_side_and_shadows_below() {
         room: 0.0,
         slope_per_m: [0.0, 0.0],
         laser: true,
+        grazing: 1.0,
     };
     // Face 10 mm behind the sheet: the sheet crosses the block's upper side half way up.
     let place = BoardPlacement {
@@ -196,6 +205,7 @@ fn uneven_light_noise_and_bad_boards() {
         room: 120.0,
         slope_per_m: [2.0, 0.0],
         laser: true,
+        grazing: 1.0,
     };
     let place = BoardPlacement {
         tilt_eta_rad: 0.02,
