@@ -12,17 +12,46 @@
 //!
 //! Adding one: write `effect/<id>.rs` with `INFO` and `pub(super) fn law`, add its line.
 
+mod added_mass_coupling;
+mod advance_loss;
+mod astern_drag;
+mod attitude_disturbance;
+mod battery_sag;
+mod camera_latency;
 mod check;
+mod clock_drift;
+mod command_latency;
+mod constant_force;
+mod coulomb_friction;
+mod cross_flow_coupling;
+mod cubic_damping;
 mod current;
 mod error;
+mod fluid_memory;
 mod info;
+mod interlace;
 mod law;
+mod lift_damping;
+mod linear_damping;
+mod nonlinear_restoring;
 mod optics;
+mod position_scale;
+mod quadratic_damping;
 mod registry;
+mod rolling_shutter;
+mod seiche;
 mod stack;
+mod table;
+#[cfg(test)]
+mod testing;
+mod tether_spring;
 mod thrust_asymmetry;
+mod thrust_line_offset;
+mod thrust_scale;
 mod thruster_deadband;
 mod thruster_lag;
+mod thruster_saturation;
+mod wall_added_mass;
 
 pub use check::{CheckedEffect, check};
 pub use error::EffectError;
@@ -31,6 +60,7 @@ pub use law::{Law, Moment, Values};
 pub use optics::Optics;
 pub use registry::{ALL, find};
 pub use stack::EffectStack;
+pub use table::markdown_table;
 
 #[cfg(test)]
 mod tests;

@@ -18,6 +18,39 @@ pub struct CheckedEffect {
     pub notes: Vec<String>,
 }
 
+impl CheckedEffect {
+    /// An effect at its typical values: where a search starts. Words that must be given take the first one.
+    pub fn typical(info: &'static EffectInfo) -> Self {
+        let word = |w: &super::WordInfo| {
+            let absent = w
+                .absent
+                .and_then(|a| w.allowed.iter().position(|x| *x == a));
+            absent.unwrap_or(0)
+        };
+        CheckedEffect {
+            info,
+            numbers: info.parameters.iter().map(|p| p.typical).collect(),
+            words: info.words.iter().map(word).collect(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// The `[[physics]]` entry that reads back to this, every parameter written out.
+    pub fn entry(&self) -> PhysicsEntry {
+        let numbers = self.info.parameters.iter().zip(&self.numbers);
+        let words = self.info.words.iter().zip(&self.words);
+        let number = numbers.map(|(p, v)| (p.name.to_owned(), ParameterValue::Number(*v)));
+        let word = words.filter_map(|(w, i)| {
+            let word = w.allowed.get(*i)?;
+            Some((w.name.to_owned(), ParameterValue::Word((*word).to_owned())))
+        });
+        PhysicsEntry {
+            effect: self.info.id.to_owned(),
+            parameters: number.chain(word).collect(),
+        }
+    }
+}
+
 /// Checks all entries of a rig.
 ///
 /// # Errors

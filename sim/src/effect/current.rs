@@ -26,11 +26,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     kin: &[
-        "thruster_deadband",
         "constant_force",
         "coulomb_friction",
-        "seiche",
         "linear_damping",
+        "seiche",
+        "thrust_asymmetry",
+        "thruster_deadband",
+        "thruster_saturation",
     ],
     source: "physics.md, hydrodynamics; Fossen 2011, 8.3 (irrotational current)",
 };

@@ -44,6 +44,36 @@ pub struct ParameterInfo {
     pub absent: Option<f64>,
 }
 
+impl ParameterInfo {
+    /// A parameter that must be given.
+    pub(super) const fn new(
+        name: &'static str,
+        unit: &'static str,
+        meaning: &'static str,
+        plausible: (f64, f64),
+        limits: (f64, f64),
+        typical: f64,
+    ) -> Self {
+        ParameterInfo {
+            name,
+            unit,
+            meaning,
+            plausible,
+            limits,
+            typical,
+            absent: None,
+        }
+    }
+
+    /// The same, with a value for when it is not given.
+    pub(super) const fn or(self, value: f64) -> Self {
+        ParameterInfo {
+            absent: Some(value),
+            ..self
+        }
+    }
+}
+
 /// A parameter that is a word.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WordInfo {

@@ -19,10 +19,36 @@ macro_rules! registry {
 }
 
 registry! {
+    camera_latency,
+    clock_drift,
+    command_latency,
+    rolling_shutter,
+    interlace,
     thruster_deadband,
+    thruster_saturation,
     thrust_asymmetry,
+    battery_sag,
     thruster_lag,
+    advance_loss,
+    thrust_line_offset,
+    thrust_scale,
     current,
+    seiche,
+    constant_force,
+    tether_spring,
+    linear_damping,
+    quadratic_damping,
+    cubic_damping,
+    astern_drag,
+    lift_damping,
+    coulomb_friction,
+    fluid_memory,
+    wall_added_mass,
+    nonlinear_restoring,
+    added_mass_coupling,
+    cross_flow_coupling,
+    position_scale,
+    attitude_disturbance,
 }
 
 /// The effect with this id.

@@ -1,48 +1,12 @@
+use super::testing::*;
 use super::*;
+use crate::Real;
 use crate::fixture::lshpi_rig;
 use crate::model::{Model, ModelState};
 use crate::trajectory::Trajectory;
 use crate::vehicle::Hydrodynamics;
-use hydroline_rigs::{ParameterValue, PhysicsEntry};
+use hydroline_rigs::PhysicsEntry;
 use proptest::prelude::*;
-
-fn entry(effect: &str, parameters: &[(&str, f64)]) -> PhysicsEntry {
-    let numbers = parameters
-        .iter()
-        .map(|(n, v)| ((*n).to_owned(), ParameterValue::Number(*v)));
-    PhysicsEntry {
-        effect: effect.to_owned(),
-        parameters: numbers.collect(),
-    }
-}
-
-fn with_word(mut e: PhysicsEntry, name: &str, word: &str) -> PhysicsEntry {
-    e.parameters
-        .push((name.to_owned(), ParameterValue::Word(word.to_owned())));
-    e
-}
-
-/// Surge alone, without drag: M u' = thrust, so u shows the thrust's integral.
-fn frictionless(entries: &[PhysicsEntry]) -> (Trajectory, f64) {
-    let mut v = lshpi_rig().vehicle;
-    for c in &mut v.coefficients {
-        (c.linear, c.quadratic) = (0.0, 0.0);
-    }
-    let hydrodynamics = Hydrodynamics::new(&v);
-    let mass = hydrodynamics.mass()[0];
-    let model = Model {
-        hydrodynamics,
-        effects: EffectStack::build(entries).unwrap(),
-    };
-    (
-        Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap(),
-        mass,
-    )
-}
-
-fn surge(x_n: f64) -> [f64; 6] {
-    [x_n, 0.0, 0.0, 0.0, 0.0, 0.0]
-}
 
 #[test]
 fn lag_is_the_exact_exponential_response() {
@@ -261,13 +225,179 @@ fn the_registry_is_consistent() {
                 p.name
             );
         }
-        // Every law builds at its typical values.
-        let numbers: Vec<(&str, f64)> = info
-            .parameters
+        // Every law builds at its typical values, and at both limits.
+        let at = |value: fn(&ParameterInfo) -> f64| {
+            let mut one = CheckedEffect::typical(info);
+            one.numbers = info.parameters.iter().map(value).collect();
+            one.entry()
+        };
+        for value in [
+            |p: &ParameterInfo| p.typical,
+            |p: &ParameterInfo| p.limits.0,
+            |p: &ParameterInfo| p.limits.1,
+        ] {
+            assert!(EffectStack::build(&[at(value)]).is_ok(), "{}", info.id);
+        }
+        for kin in info.kin {
+            let other = find(kin).unwrap_or_else(|| panic!("{}: no kin {kin}", info.id));
+            assert!(other.kin.contains(&info.id), "{} and {kin}", info.id);
+        }
+    }
+}
+
+/// Every effect, and every one that acts on a DOF or an axis on each of them, at its typical values.
+fn variants() -> Vec<CheckedEffect> {
+    let mut all = Vec::new();
+    for info in ALL {
+        let typical = CheckedEffect::typical(info);
+        let first = info.words.first().map_or(1, |w| w.allowed.len());
+        for word in 0..first {
+            let mut one = typical.clone();
+            if let Some(w) = one.words.first_mut() {
+                *w = word;
+            }
+            all.push(one);
+        }
+    }
+    all
+}
+
+/// Poses that a measurement would report of a rough run in all six DOFs.
+fn reported<T: Real>(
+    effects: &[CheckedEffect],
+    lift: impl FnMut(usize, usize, f64) -> T,
+) -> Vec<[T; 6]> {
+    let mut vehicle = lshpi_rig().vehicle;
+    // The coupled model has the terms that `added_mass_coupling` adds to this one.
+    vehicle.model = hydroline_rigs::VehicleModel::Decoupled;
+    let model = Model::assemble(Hydrodynamics::new(&vehicle), effects, lift).unwrap();
+    let start = [0.19, 0.0, -0.83, 0.05, -0.04, 0.1].map(T::from_f64);
+    let mut path = Trajectory::new(model, ModelState::at_rest(start), 0.02).unwrap();
+    let mut poses = Vec::new();
+    let mut sign = 1.0;
+    for k in 0..4 {
+        let wrench = [8.0, -5.0, 3.0, 0.6, 0.7, 1.0].map(|x: f64| T::from_f64(x * sign));
+        // Off the grid and off the queries.
+        path.command(T::from_f64(f64::from(k) * 1.5137 + 0.0031), wrench)
+            .unwrap();
+        sign = -sign * 0.9;
+    }
+    for i in 0..120 {
+        let stamp_s = T::from_f64(f64::from(i) * 0.05 + 0.0077);
+        let t_s = path.model().effects.scene_time_s(stamp_s, 0.0);
+        let eta = path.state_at(t_s).unwrap().vehicle.eta;
+        let effects = &path.model().effects;
+        poses.push(effects.reported_pose(t_s, effects.scene_pose(t_s, eta)));
+    }
+    poses
+}
+
+/// Effects that images alone show: a measured pose is that of row 0, and optics move no vehicle.
+fn image_only(info: &EffectInfo) -> bool {
+    let pose = ["position_scale", "attitude_disturbance"];
+    (info.stage == Stage::Measurement && !pose.contains(&info.id))
+        || ["rolling_shutter", "interlace"].contains(&info.id)
+}
+
+#[test]
+fn every_motion_level_effect_changes_the_motion() {
+    let plain = reported::<f64>(&[], |_, _, v| v);
+    for info in ALL.iter().filter(|i| !image_only(i)) {
+        let with = reported::<f64>(&[CheckedEffect::typical(info)], |_, _, v| v);
+        let largest = with
             .iter()
-            .map(|p| (p.name, p.typical))
-            .collect();
-        assert!(EffectStack::build(&[entry(info.id, &numbers)]).is_ok());
+            .flatten()
+            .zip(plain.iter().flatten())
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        // A hundredth of a millimetre or of a milliradian.
+        assert!(largest > 1e-5, "{}: {largest}", info.id);
+    }
+}
+
+/// The duals' derivative of the reported poses with respect to every parameter of every effect in every
+/// DOF is that of central differences: delays, kinks and clamps included.
+#[test]
+fn sensitivities_are_exact() {
+    use crate::Dual;
+    let (mut checked, mut worst) = (0, (0.0, String::new()));
+    for effect in variants().iter().filter(|e| !image_only(e.info)) {
+        let count = effect.numbers.len();
+        assert!(count <= 3, "{}: widen the dual", effect.info.id);
+        let dual =
+            reported::<Dual<3>>(std::slice::from_ref(effect), |_, p, v| Dual::variable(v, p));
+        for (p, info) in effect.info.parameters.iter().enumerate() {
+            let h = 1e-5 * (info.plausible.1 - info.plausible.0);
+            let at = |by: f64| {
+                let lift = |_: usize, q: usize, v: f64| if q == p { v + by } else { v };
+                reported::<f64>(std::slice::from_ref(effect), lift)
+            };
+            let (up, down) = (at(h), at(-h));
+            let (mut largest, mut off) = (0.0f64, 0.0f64);
+            for (d, (a, b)) in dual.iter().zip(up.iter().zip(&down)) {
+                for c in 0..6 {
+                    let numeric = (a[c] - b[c]) / (2.0 * h);
+                    largest = largest.max(numeric.abs());
+                    off = off.max((numeric - d[c].slope[p]).abs());
+                }
+            }
+            // Rounding of a pose (1e-16) over the step, and what the step itself leaves.
+            let floor = 4e-15 / h;
+            let share = (off - floor).max(0.0) / largest.max(1e-12);
+            assert!(
+                share < 2e-5,
+                "{} {:?}.{}: off by {off:.2e} of {largest:.2e}",
+                effect.info.id,
+                effect.words,
+                info.name
+            );
+            if share > worst.0 {
+                worst = (share, format!("{}.{}", effect.info.id, info.name));
+            }
+            checked += usize::from(largest > 0.0);
+        }
+    }
+    println!("{checked} sensitivities, worst {worst:?}");
+    assert!(checked > 80, "{checked}");
+}
+
+#[test]
+fn every_effect_round_trips_through_a_rig_file() {
+    let rig = lshpi_rig();
+    for effect in variants() {
+        let mut text = rig.effective_toml.clone();
+        let _ = std::fmt::Write::write_fmt(
+            &mut text,
+            format_args!("\n[[physics]]\neffect = \"{}\"\n", effect.info.id),
+        );
+        for (name, value) in effect.entry().parameters {
+            let value = match value {
+                hydroline_rigs::ParameterValue::Number(v) => format!("{v:e}"),
+                hydroline_rigs::ParameterValue::Word(w) => format!("\"{w}\""),
+            };
+            text += &format!("{name} = {value}\n");
+        }
+        let read = hydroline_rigs::Rig::from_toml(&text, "with.toml", None).unwrap();
+        let again =
+            hydroline_rigs::Rig::from_toml(&read.effective_toml, "again.toml", None).unwrap();
+        for r in [&read, &again] {
+            let back = check(&r.physics).unwrap();
+            assert_eq!(back, [effect.clone()], "{text}");
+        }
+    }
+}
+
+#[test]
+fn the_table_names_every_effect_with_its_parameters() {
+    let table = markdown_table();
+    for info in ALL {
+        let line = table
+            .lines()
+            .find(|l| l.starts_with(&format!("| `{}` |", info.id)))
+            .unwrap_or_else(|| panic!("{} is missing", info.id));
+        for p in info.parameters {
+            assert!(line.contains(&format!("`{}`", p.name)), "{line}");
+        }
     }
 }
 

@@ -19,12 +19,11 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: None,
     }],
     words: &[DOF],
-    // Under constant ahead thrust all of these leave the same residual (|cos| >= 0.998).
     kin: &[
-        "thruster_saturation",
-        "current",
         "constant_force",
         "coulomb_friction",
+        "current",
+        "thruster_saturation",
     ],
     source: "physics.md, thruster stage; ESC neutral band of brushless thrusters",
 };

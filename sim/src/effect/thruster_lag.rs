@@ -20,7 +20,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: None,
     }],
     words: &[DOF],
-    kin: &["command_latency", "camera_latency", "fluid_memory"],
+    kin: &["camera_latency", "command_latency", "fluid_memory"],
     source: "physics.md, thruster stage; Fossen 2011, 12.2 (first-order propeller dynamics)",
 };
 
