@@ -7,6 +7,7 @@ pub mod analysis;
 pub mod capture;
 pub mod cli;
 pub mod clock;
+pub mod diagnose;
 pub mod diagnostics;
 pub mod event;
 pub mod frame;

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::bank::{View, outside};
-use super::fit::Fit;
+use super::fit::{Fit, Posed};
 use super::setting::{PASS, Setting};
 use super::weights::Weights;
 
@@ -97,6 +97,8 @@ pub struct FamilyFit {
     pub sds: Vec<f64>,
     /// Log evidence gained over the set alone.
     pub gain: f64,
+    /// Prior sd of an amplitude.
+    pub prior_sd: f64,
     /// Raw response to the fitted function, runs end to end \[m, rad\].
     pub response: DVector<f64>,
 }
@@ -220,7 +222,209 @@ impl Family {
             amplitudes: amplitudes.iter().copied().collect(),
             sds,
             gain: gain(best) - PENALTY,
+            prior_sd: best.sqrt(),
         })
+    }
+
+    /// The function at an instant: value with its slope in the variable, and each hat as a derivative.
+    fn profile<const N: usize>(&self, here: &Instant<Dual<N>>, amplitudes: &[f64], first: Option<usize>) -> Dual<N> {
+        let v = self.variable.of(here);
+        let hats = self.hats(v.value);
+        let mut made = Dual::constant(hats.iter().zip(amplitudes).map(|(h, a)| h * a).sum());
+        let after = self.knots.partition_point(|k| *k <= v.value);
+        if after > 0 && after < self.knots.len() {
+            let slope = (amplitudes[after] - amplitudes[after - 1]) / (self.knots[after] - self.knots[after - 1]);
+            for (s, d) in made.slope.iter_mut().zip(v.slope) {
+                *s += slope * d;
+            }
+        }
+        if let Some(first) = first {
+            for (s, h) in made.slope.iter_mut().zip(hats.iter().skip(first)) {
+                *s += h;
+            }
+        }
+        made
+    }
+
+    /// Motion of a run under a set and this function.
+    fn drive<const N: usize>(
+        &self,
+        setting: &Setting,
+        run: usize,
+        set: &[usize],
+        globals: &[Dual<N>],
+        start: (Dual<N>, Dual<N>),
+        amplitudes: &[f64],
+        first: Option<usize>,
+    ) -> Vec<Dual<N>> {
+        let acts_here = !matches!(self.variable, Variable::TimeIn(only) if only != run);
+        match self.acts {
+            Acts::Force => setting.simulate(run, set, globals, start, |h| {
+                if acts_here { self.profile(h, amplitudes, first) } else { Dual::constant(0.0) }
+            }),
+            Acts::Bends(candidate) => {
+                let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
+                let place = setting.places(set)[member];
+                setting.simulate_bent(run, set, globals, start, place, |h| {
+                    self.profile(h, amplitudes, first) + Dual::constant(1.0)
+                })
+            }
+        }
+    }
+}
+
+impl FamilyFit {
+    /// Fits set and function together, nonlinearly, from the linear fit; the set's evidence then
+    /// includes the function's. `None` where the motion diverges.
+    pub fn refine(&self, setting: &Setting, weights: &Weights, fit: &Fit) -> Option<(Fit, FamilyFit)> {
+        let posed = Posed::new(setting, weights, &fit.set);
+        let precisions = posed.precisions();
+        let (g, n, m) = (fit.globals(setting).len(), fit.at.len(), self.amplitudes.len());
+        let family = &self.family;
+        let tau2 = 1.0 / (self.prior_sd * self.prior_sd);
+        let cost_of = |at: &[f64], a: &[f64]| -> f64 {
+            let squares: f64 = (0..setting.tracks.len())
+                .into_par_iter()
+                .map(|run| {
+                    let globals: Vec<Dual<1>> = at[..g].iter().map(|v| Dual::constant(*v)).collect();
+                    let start = (Dual::constant(at[g + 2 * run]), Dual::constant(at[g + 2 * run + 1]));
+                    let mut r: Vec<f64> = family
+                        .drive(setting, run, &fit.set, &globals, start, a, None)
+                        .iter()
+                        .zip(&setting.tracks[run].measured)
+                        .map(|(v, y)| v.value - y)
+                        .collect();
+                    weights.whiten(run, r.iter_mut());
+                    0.5 * r.iter().map(|v| v * v).sum::<f64>()
+                })
+                .sum();
+            squares + posed.prior_at(at) + 0.5 * tau2 * a.iter().map(|v| v * v).sum::<f64>()
+        };
+        let (mut at, mut a) = (fit.at.clone(), self.amplitudes.clone());
+        let mut cost = cost_of(&at, &a);
+        // The linear fit also moves the set's own unknowns: from the old ones it may be worse than nothing.
+        let still = vec![0.0; m];
+        let nothing = cost_of(&at, &still);
+        if !(cost < nothing) {
+            (a, cost) = (still, nothing);
+        }
+        let mut hessian = DMatrix::zeros(n + m, n + m);
+        for round in 0..7 {
+            let blocks: Vec<(DVector<f64>, DMatrix<f64>)> = (0..setting.tracks.len())
+                .into_par_iter()
+                .map(|run| {
+                    let all: Vec<f64> = at[..g].iter().copied().chain([at[g + 2 * run], at[g + 2 * run + 1]]).collect();
+                    let rows = setting.tracks[run].times_s.len();
+                    let mut j = DMatrix::zeros(rows, g + 2 + m);
+                    let mut r = DVector::zeros(rows);
+                    for first in (0..all.len()).step_by(PASS) {
+                        let duals: Vec<Dual<PASS>> = all
+                            .iter()
+                            .enumerate()
+                            .map(|(i, v)| if i >= first { Dual::variable(*v, i - first) } else { Dual::constant(*v) })
+                            .collect();
+                        let out = family.drive(setting, run, &fit.set, &duals[..g], (duals[g], duals[g + 1]), &a, None);
+                        for (row, v) in out.iter().enumerate() {
+                            r[row] = v.value - setting.tracks[run].measured[row];
+                            for (i, s) in v.slope.iter().take(all.len() - first).enumerate() {
+                                j[(row, first + i)] = *s;
+                            }
+                        }
+                    }
+                    for first in (0..m).step_by(PASS) {
+                        let duals: Vec<Dual<PASS>> = all.iter().map(|v| Dual::constant(*v)).collect();
+                        let out =
+                            family.drive(setting, run, &fit.set, &duals[..g], (duals[g], duals[g + 1]), &a, Some(first));
+                        for (row, v) in out.iter().enumerate() {
+                            for (i, s) in v.slope.iter().take(m - first).enumerate() {
+                                j[(row, g + 2 + first + i)] = *s;
+                            }
+                        }
+                    }
+                    weights.whiten(run, r.iter_mut());
+                    for mut column in j.column_iter_mut() {
+                        weights.whiten(run, column.iter_mut());
+                    }
+                    (j.tr_mul(&r), j.tr_mul(&j))
+                })
+                .collect();
+            let mut gradient = DVector::zeros(n + m);
+            hessian.fill(0.0);
+            for (run, (gr, h)) in blocks.iter().enumerate() {
+                let column = |i: usize| match i {
+                    i if i < g => i,
+                    i if i < g + 2 => g + 2 * run + (i - g),
+                    i => n + i - g - 2,
+                };
+                for i in 0..gr.len() {
+                    gradient[column(i)] += gr[i];
+                    for k in 0..gr.len() {
+                        hessian[(column(i), column(k))] += h[(i, k)];
+                    }
+                }
+            }
+            for (i, (centre, k)) in precisions.iter().enumerate() {
+                gradient[i] += (at[i] - centre) * k;
+                hessian[(i, i)] += k;
+            }
+            for i in 0..m {
+                gradient[n + i] += tau2 * a[i];
+                hessian[(n + i, n + i)] += tau2;
+            }
+            if round == 6 {
+                break;
+            }
+            let scale: Vec<f64> = (0..n + m).map(|i| 1.0 / hessian[(i, i)].sqrt().max(1e-150)).collect();
+            let scaled = DMatrix::from_fn(n + m, n + m, |i, k| {
+                hessian[(i, k)] * scale[i] * scale[k] + if i == k { 1e-10 } else { 0.0 }
+            });
+            let right = DVector::from_fn(n + m, |i, _| -gradient[i] * scale[i]);
+            let step = scaled.cholesky()?.solve(&right);
+            let mut share = 1.0;
+            let mut gained = 0.0;
+            for _ in 0..8 {
+                let there: Vec<f64> = (0..n).map(|i| at[i] + share * step[i] * scale[i]).collect();
+                let b: Vec<f64> = (0..m).map(|i| a[i] + share * step[n + i] * scale[n + i]).collect();
+                let now = cost_of(&there, &b);
+                if now < cost {
+                    gained = cost - now;
+                    (at, a, cost) = (there, b, now);
+                    break;
+                }
+                share *= 0.3;
+            }
+            if gained < 0.05 {
+                break;
+            }
+        }
+        if !cost.is_finite() {
+            return None;
+        }
+        let mut joint = Fit { set: fit.set.clone(), at: at.clone(), cost, hessian: hessian.clone(), log_evidence: 0.0 };
+        joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
+        let covariance = crate::identify::uncertainty::covariance(&hessian);
+        let sds = (0..m).map(|i| covariance[(n + i, n + i)].max(0.0).sqrt()).collect();
+        let response: Vec<f64> = (0..setting.tracks.len())
+            .flat_map(|run| {
+                let globals: Vec<Dual<1>> = at[..g].iter().map(|v| Dual::constant(*v)).collect();
+                let start = (Dual::constant(at[g + 2 * run]), Dual::constant(at[g + 2 * run + 1]));
+                let with = family.drive(setting, run, &fit.set, &globals, start, &a, None);
+                let without = setting.simulate(run, &fit.set, &globals, start, |_| Dual::constant(0.0));
+                with.iter().zip(&without).map(|(w, o)| w.value - o.value).collect::<Vec<_>>()
+            })
+            .collect();
+        // Behind here only the set's own unknowns are asked for: the function's are integrated out.
+        let cross = hessian.view((0, n), (n, m)).into_owned();
+        let own = hessian.view((n, n), (m, m)).into_owned();
+        joint.hessian = hessian.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
+        let made = FamilyFit {
+            gain: joint.log_evidence - fit.log_evidence,
+            amplitudes: a,
+            sds,
+            response: DVector::from_vec(response),
+            ..self.clone()
+        };
+        Some((joint, made))
     }
 }
 

@@ -16,7 +16,9 @@ const ENOUGH: f64 = 0.01;
 /// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
 const COEFFICIENT_PRIOR: f64 = 1.0;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
-const INCLUSION: f64 = -1.7;
+const INCLUSION: f64 = -1.0;
+/// Own share of the information below which a parameter is nobody's to know.
+const OWN_SHARE: f64 = 1e-7;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -52,6 +54,26 @@ impl Fit {
         let first = setting.places(&self.set)[member];
         let n = setting.vocabulary[self.set[member]].info.parameters.len();
         &self.at[first..first + n]
+    }
+
+    /// Members whose every parameter the other unknowns can do the work of: exactly confounded.
+    pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
+        let n = self.hessian.nrows();
+        let scale: Vec<f64> = (0..n).map(|i| self.hessian[(i, i)].sqrt().max(1e-150)).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            self.hessian[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
+        });
+        let Some(inverse) = scaled.try_inverse() else { return self.set.clone() };
+        // 1 / (H^-1)_kk over H_kk: the share of a parameter's information that is its own.
+        self.set
+            .iter()
+            .zip(setting.places(&self.set))
+            .filter(|(c, place)| {
+                let parameters = setting.vocabulary[**c].info.parameters.len();
+                (*place..place + parameters).all(|k| 1.0 / inverse[(k, k)] < OWN_SHARE)
+            })
+            .map(|(c, _)| *c)
+            .collect()
     }
 
     /// Covariance of all unknowns.
@@ -187,10 +209,21 @@ impl<'a> Posed<'a> {
         Ok(fit)
     }
 
+    /// Prior precision of each unknown.
+    pub fn precisions(&self) -> Vec<(f64, f64)> {
+        self.priors.iter().map(|(centre, k)| (*centre, k * k)).collect()
+    }
+
+    /// Half the priors' squares at a point.
+    pub fn prior_at(&self, at: &[f64]) -> f64 {
+        self.prior_cost(at)
+    }
+
     /// Laplace: -cost - 1/2 log det H + sum of log(sqrt(2 pi) / width) + log prior odds of the set
     /// (MacKay 2003, ch. 28). A parameter the data leave open has the width of its prior.
-    fn log_evidence(&self, fit: &Fit) -> f64 {
-        let n = fit.at.len();
+    pub fn log_evidence(&self, fit: &Fit) -> f64 {
+        // The Hessian may hold more unknowns behind these (a free function's, with their prior).
+        let n = fit.hessian.nrows();
         let widths: Vec<f64> = self.set.iter().flat_map(|c| self.setting.vocabulary[*c].widths.iter().copied()).collect();
         let mut h = fit.hessian.clone();
         for (i, w) in widths.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Which effects were left out together: forward selection with removal and exchange, several sets at a time.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -38,6 +38,8 @@ pub struct Search<'a> {
     pub fits: BTreeMap<Vec<usize>, Fit>,
     /// Sets looked at, linearised or fitted.
     pub looked: usize,
+    /// Candidates that the vehicle's own coefficients do the work of.
+    pub blind: BTreeSet<usize>,
     bank: Vec<Response>,
     whitened: Vec<DVector<f64>>,
     progress: &'a (dyn Fn(&str) + Sync),
@@ -51,6 +53,7 @@ impl<'a> Search<'a> {
             setting,
             fits: BTreeMap::new(),
             looked: 0,
+            blind: BTreeSet::new(),
             bank: Vec::new(),
             whitened: Vec::new(),
             progress,
@@ -76,6 +79,14 @@ impl<'a> Search<'a> {
             .filter(|f| f.log_evidence.is_finite())
             .collect();
         for fit in made {
+            // Exactly confounded with the vehicle or with each other: no explanation, a blind spot.
+            let confounded = fit.confounded(self.setting);
+            if !confounded.is_empty() {
+                if let [one] = fit.set[..] {
+                    self.blind.insert(one);
+                }
+                continue;
+            }
             let keep = self.fits.get(&fit.set).is_none_or(|old| fit.cost < old.cost - 1e-3);
             if keep {
                 self.fits.insert(fit.set.clone(), fit);
@@ -186,7 +197,8 @@ impl<'a> Search<'a> {
     pub fn promises(&mut self, set: &[usize]) -> Vec<Vec<Promise>> {
         let Some(fit) = self.get(set) else { return Vec::new() };
         let view = View::new(self.setting, &self.weights, fit);
-        let found = view.promises(&self.bank, &self.whitened, set);
+        let mut found = view.promises(&self.bank, &self.whitened, set);
+        found.retain(|l| !self.blind.contains(&l[0].candidate));
         self.looked += found.len();
         found
     }
@@ -248,6 +260,38 @@ impl<'a> Search<'a> {
         set
     }
 
+    /// Noise and a first set: looks, estimates the noise beside what was found, looks again.
+    pub fn prepare(&mut self) {
+        self.refresh(&[]);
+        self.reweigh(&[]);
+        (self.progress)("noise");
+        for _ in 0..2 {
+            let set = self.glance(4);
+            self.refresh(&set);
+            self.reweigh(&set);
+            (self.progress)("noise");
+        }
+        self.nothing();
+    }
+
+    /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
+    pub fn settle(&mut self) {
+        let Some(best) = self.best().map(|f| f.set.clone()) else { return };
+        let before = self.weights.clone();
+        let front: Vec<(Vec<usize>, Vec<f64>)> =
+            self.ranked().iter().take(80).map(|f| (f.set.clone(), f.at.clone())).collect();
+        self.refresh(&best);
+        self.reweigh(&best);
+        let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
+            + (self.weights.noise.white_sd / before.noise.white_sd - 1.0).abs();
+        tracing::debug!("noise changed by {change:.3}");
+        self.fit(front);
+        self.nothing();
+        if change > 0.05 {
+            self.exchange();
+        }
+    }
+
     /// The whole search under the present weights: singles, pairs, then the beam, then exchange.
     pub fn run(&mut self) {
         if !self.fits.contains_key(&Vec::new()) {
@@ -274,12 +318,12 @@ impl<'a> Search<'a> {
             }
         }
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut seen = std::collections::BTreeSet::new();
+        let mut seen = BTreeSet::new();
         pairs.retain(|(_, set, _)| seen.insert(set.clone()));
         pairs.truncate(4 * BEAM);
         self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
         (self.progress)("pairs");
-        let mut done = std::collections::BTreeSet::new();
+        let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         for _ in 0..2 * DEPTH {
