@@ -10,6 +10,7 @@ mod calibrated;
 mod check;
 mod demo;
 mod devices;
+mod diagnose;
 mod extract;
 mod identify;
 mod import;
@@ -80,6 +81,8 @@ enum Command {
     Import(import::Args),
     /// Hydrodynamic coefficients with their uncertainty
     Identify(identify::Args),
+    /// Which physics the model left out, and proof
+    Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
     Predict(predict::Args),
     /// Rig files
@@ -123,6 +126,7 @@ impl Cli {
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args),
             Command::Identify(args) => identify::run(&args),
+            Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),
             Command::Rig(command) => rig::run(&command),
             Command::SimController(args) => sim_controller::run(&args),

@@ -4,7 +4,7 @@
 //! (findings) -> `write` (the log). Nothing is mended on the way: what is wrong is a finding;
 //! faults stop the import unless the caller accepts the loss, and then every lost value is counted.
 
-mod check;
+pub(crate) mod check;
 mod map;
 mod stamp;
 mod table;

@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod capture;
 pub mod cli;
 pub mod clock;
+pub mod diagnose;
 pub mod diagnostics;
 pub mod event;
 pub mod frame;

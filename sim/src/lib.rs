@@ -17,6 +17,7 @@ pub mod fixture;
 pub mod model;
 pub mod real;
 pub mod scene;
+pub mod single;
 pub mod thrust;
 pub mod trajectory;
 pub mod vehicle;

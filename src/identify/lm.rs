@@ -9,7 +9,8 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::forward::ForwardError;
 use super::method::{Method, MethodError, Solution};
-use super::problem::{Objective, Problem};
+use super::parameter::Free;
+use super::problem::{Normal, Objective, Problem};
 
 /// The default method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,15 +116,54 @@ pub fn from(
     }
 }
 
+/// A sum of squares to be made small: anything with free numbers and normal equations.
+pub trait Squares {
+    /// Every free number with its bounds.
+    fn free(&self) -> &[Free];
+    /// Half the sum of squares; infinite where the motion diverges or a bound is left.
+    fn cost(&self, at: &[f64]) -> f64;
+    /// Normal equations.
+    ///
+    /// # Errors
+    /// [`ForwardError`] when the motion diverges.
+    fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError>;
+}
+
+impl Squares for Problem<'_> {
+    fn free(&self) -> &[Free] {
+        Problem::free(self)
+    }
+    fn cost(&self, at: &[f64]) -> f64 {
+        self.objective(Objective::LeastSquares, at)
+    }
+    fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
+        Problem::normal(self, at)
+    }
+}
+
 /// Least squares with some parameters held where they are.
 ///
 /// # Errors
 /// As [`from`].
 pub fn least_squares(
     problem: &Problem<'_>,
-    mut at: Vec<f64>,
+    at: Vec<f64>,
     held: &[bool],
 ) -> Result<Solution, ForwardError> {
+    Ok(descend(problem, at, held, 0.0)?.0)
+}
+
+/// Least squares of anything; ends when a step gains less than `enough` (or 1e-12 of the cost) twice.
+/// Returns the normal equations at the end too.
+///
+/// # Errors
+/// [`ForwardError`] when the motion diverges already at the start.
+pub fn descend(
+    problem: &impl Squares,
+    mut at: Vec<f64>,
+    held: &[bool],
+    enough: f64,
+) -> Result<(Solution, Normal), ForwardError> {
     let free = problem.free();
     for (value, f) in at.iter_mut().zip(free) {
         *value = value.clamp(f.low, f.high);
@@ -151,7 +191,7 @@ pub fn least_squares(
             let trial: Vec<f64> = (0..at.len())
                 .map(|i| (at[i] + step[i]).clamp(free[i].low, free[i].high))
                 .collect();
-            let cost = problem.objective(Objective::LeastSquares, &trial);
+            let cost = problem.cost(&trial);
             evaluations += 1;
             if cost <= normal.cost {
                 let decrease = normal.cost - cost;
@@ -159,13 +199,13 @@ pub fn least_squares(
                     .iter()
                     .zip(&at)
                     .any(|(a, b)| (a - b).abs() > 1e-10 * (a.abs() + 1e-6));
-                let threshold = DECREASE * normal.cost.max(f64::MIN_POSITIVE);
+                let threshold = (DECREASE * normal.cost.max(f64::MIN_POSITIVE)).max(enough);
                 at = trial;
                 small = if decrease <= threshold { small + 1 } else { 0 };
                 damping = (damping * 0.1).max(1e-14);
                 normal = problem.normal(&at)?;
                 evaluations += 1;
-                if small >= 2 || !moved || normal.cost == 0.0 {
+                if small >= 2 || (small >= 1 && enough > 0.0) || !moved || normal.cost == 0.0 {
                     converged = true;
                     break 'outer;
                 }
@@ -179,13 +219,14 @@ pub fn least_squares(
             }
         }
     }
-    Ok(Solution {
+    let solution = Solution {
         parameters: at,
         objective: normal.cost,
         evaluations,
         converged,
         tries: 1,
-    })
+    };
+    Ok((solution, normal))
 }
 
 /// (H + damping diag H) step = -g over the moving parameters.

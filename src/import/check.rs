@@ -61,6 +61,14 @@ impl Finding {
 
 /// Adds what the numbers show.
 pub(super) fn check(data: &Imported, map: &Map, findings: &mut Vec<Finding>) {
+    check_motion(data, findings);
+    if data.times_s.len() >= 4 {
+        names(map, findings);
+    }
+}
+
+/// The same for motion that came without a map (a log): time, units, dead channels, kinematics.
+pub(crate) fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
     if data.times_s.len() < 4 {
         findings.push(Finding::fault(
             "too_short",
@@ -83,7 +91,6 @@ pub(super) fn check(data: &Imported, map: &Map, findings: &mut Vec<Finding>) {
         channel(place, values, data, findings);
     }
     kinematics(data, findings);
-    names(map, findings);
 }
 
 fn time(data: &Imported, findings: &mut Vec<Finding>) {

@@ -106,6 +106,11 @@ impl<T: Real> EffectStack<T> {
         self.members.iter().map(|m| m.info)
     }
 
+    /// Own states of all effects together.
+    pub(crate) fn states(&self) -> usize {
+        self.members.last().map_or(0, |m| m.last)
+    }
+
     fn stage(&self, stage: Stage) -> impl Iterator<Item = &Member<T>> {
         self.members.iter().filter(move |m| m.info.stage == stage)
     }

@@ -1,0 +1,364 @@
+//! One DOF of the model with every effect: (m - X_udot) u' = drag + restoring + effects + X, s' = u
+//! (paper Eq. 7), the five others at rest.
+//!
+//! The same laws as [`crate::model::Model`], through the same hooks and in the same order; only
+//! what the other DOFs would do is left out. A search that refits some hundred sets of effects
+//! lives on this: it costs a fifth of the full model. Steps never span a command edge, a law's own
+//! edge or a stamp, and all three may carry derivatives (delays, drift of a clock).
+
+use crate::effect::{EffectStack, Moment};
+use crate::model::OWN_STATES_MAX;
+use crate::real::Real;
+use crate::vehicle::{Hydrodynamics, equations};
+
+/// The line along which the DOF moves, and where the others rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Index of the DOF, SNAME order.
+    pub dof: usize,
+    /// Pose of the others, tank frame; its heading turns surge and sway.
+    pub rest: [f64; 6],
+}
+
+impl Line {
+    /// Position along the line of a pose: body axis for surge and sway, the angle or depth itself else.
+    pub fn along<T: Real>(&self, pose: &[T; 6]) -> T {
+        let (sin, cos) = self.rest[5].sin_cos();
+        match self.dof {
+            0 => pose[0] * cos + pose[1] * sin,
+            1 => pose[1] * cos - pose[0] * sin,
+            i => pose[i],
+        }
+    }
+
+    /// The pose at a position along the line.
+    pub fn pose<T: Real>(&self, position: T) -> [T; 6] {
+        let mut pose = self.rest.map(T::from_f64);
+        let (sin, cos) = self.rest[5].sin_cos();
+        let [x, y, ..] = self.rest;
+        match self.dof {
+            0 => {
+                let across = y * cos - x * sin;
+                pose[0] = position * cos - T::from_f64(across * sin);
+                pose[1] = position * sin + T::from_f64(across * cos);
+            }
+            1 => {
+                let ahead = x * cos + y * sin;
+                pose[0] = T::from_f64(ahead * cos) - position * sin;
+                pose[1] = T::from_f64(ahead * sin) + position * cos;
+            }
+            i => pose[i] = position,
+        }
+        pose
+    }
+}
+
+/// What an additional force may depend on.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<T> {
+    /// Time since the log's first stamp \[s\].
+    pub t_s: T,
+    /// Start of the current step, a plain number: what jumps in time decides by it \[s\].
+    pub step_start_s: f64,
+    /// Time of the last command edge \[s\].
+    pub edge_s: f64,
+    /// Position along the line \[m, rad\].
+    pub position: T,
+    /// Rate over ground \[m/s, rad/s\].
+    pub rate: T,
+    /// Commanded load in force \[N, N m\].
+    pub load: f64,
+}
+
+/// What is fed to one run.
+#[derive(Debug, Clone, Copy)]
+pub struct Feed<'a> {
+    /// First instant \[s\]; the state is given there.
+    pub start_s: f64,
+    /// (time, load of this DOF from then on), ascending; 0 before the first.
+    pub edges: &'a [(f64, f64)],
+    /// Stamps of the measurement, ascending \[s\].
+    pub stamps_s: &'a [f64],
+    /// Longest RK4 step without own states \[s\].
+    pub step_max_s: f64,
+}
+
+/// Longest step with own states \[s\]: a lag of 15 ms stays inside RK4's region of stability.
+const STEP_OWN_MAX_S: f64 = 0.02;
+
+/// The one-DOF model.
+#[derive(Debug)]
+pub struct Single<T: Real> {
+    hydrodynamics: Hydrodynamics<T>,
+    mass: [T; 6],
+    line: Line,
+    states: usize,
+}
+
+#[derive(Clone, Copy)]
+struct State<T> {
+    position: T,
+    rate: T,
+    own: [T; OWN_STATES_MAX],
+}
+
+impl<T: Real> Single<T> {
+    /// The vehicle along a line.
+    pub fn new(hydrodynamics: Hydrodynamics<T>, line: Line) -> Self {
+        Single {
+            mass: hydrodynamics.mass(),
+            hydrodynamics,
+            line,
+            states: 0,
+        }
+    }
+
+    /// Runs the motion; `emit` gets what an instrument reports of the position at each stamp.
+    ///
+    /// `retune` may hand out another stack for the step that starts at an instant (a parameter that
+    /// depends on place, speed, load or time); `extra` is a force on top. A motion that grows
+    /// without bounds emits numbers that are not finite.
+    pub fn run(
+        &mut self,
+        effects: &EffectStack<T>,
+        feed: &Feed<'_>,
+        start: (T, T),
+        mut retune: impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        extra: impl Fn(&Instant<T>) -> T,
+        mut emit: impl FnMut(T),
+    ) {
+        let delay_s = effects.command_delay_s();
+        let first = T::from_f64(feed.start_s);
+        self.states = effects.states();
+        // A command of before the start is the one in force at it.
+        let mut jumps: Vec<(T, Option<f64>)> = feed
+            .edges
+            .iter()
+            .map(|(t, load)| ((T::from_f64(*t) + delay_s).max(first), Some(*load)))
+            .collect();
+        jumps.extend(effects.time_edges_s().into_iter().map(|t| (t, None)));
+        jumps.sort_by(|a, b| a.0.value().total_cmp(&b.0.value()));
+        let mut jumps = jumps
+            .into_iter()
+            .skip_while(|j| j.0.value() < feed.start_s)
+            .peekable();
+        let mut state = State {
+            position: start.0,
+            rate: start.1,
+            own: [T::zero(); OWN_STATES_MAX],
+        };
+        let (mut now, mut load, mut edge_s) = (first, 0.0, feed.start_s);
+        let step_max_s = if self.states > 0 {
+            feed.step_max_s.min(STEP_OWN_MAX_S)
+        } else {
+            feed.step_max_s
+        };
+        for stamp_s in feed.stamps_s {
+            let mut seen_by = None;
+            let seen_s = {
+                let plain = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
+                let here = instant(plain, now.value(), edge_s, &state, load);
+                match retune(&here) {
+                    Some(other) => {
+                        let t = other.scene_time_s(T::from_f64(*stamp_s), 0.0);
+                        seen_by = Some(other);
+                        t
+                    }
+                    None => plain,
+                }
+            };
+            while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
+                state = self.advance(effects, state, now, t, (load, edge_s), step_max_s, &mut retune, &extra);
+                now = t;
+                if let Some(new) = new {
+                    (load, edge_s) = (new, t.value());
+                }
+            }
+            if seen_s.value() > feed.start_s {
+                state = self.advance(effects, state, now, seen_s, (load, edge_s), step_max_s, &mut retune, &extra);
+                now = seen_s;
+            }
+            let effects = seen_by.as_ref().unwrap_or(effects);
+            let pose = self.line.pose(state.position);
+            let shown = effects.reported_pose(seen_s, effects.scene_pose(seen_s, pose));
+            emit(self.line.along(&shown));
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn advance(
+        &self,
+        effects: &EffectStack<T>,
+        mut state: State<T>,
+        from: T,
+        to: T,
+        (load, edge_s): (f64, f64),
+        step_max_s: f64,
+        retune: &mut impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        extra: &impl Fn(&Instant<T>) -> T,
+    ) -> State<T> {
+        let span = to - from;
+        let count = (span.value() / step_max_s - 1e-9).ceil().max(1.0);
+        let step = span * (1.0 / count);
+        let half = step * 0.5;
+        let sixth = step * (1.0 / 6.0);
+        for k in 0..count as usize {
+            let t = from + step * k as f64;
+            let begin = t.value();
+            let tuned = retune(&instant(t, begin, edge_s, &state, load));
+            let effects = tuned.as_ref().unwrap_or(effects);
+            let at = |t: T, s: &State<T>| self.slope(effects, &instant(t, begin, edge_s, s, load), &s.own, extra);
+            let k1 = at(t, &state);
+            let k2 = at(t + half, &self.stepped(&state, &k1, half));
+            let k3 = at(t + half, &self.stepped(&state, &k2, half));
+            let k4 = at(t + step, &self.stepped(&state, &k3, step));
+            state.position = state.position + (k1.position + (k2.position + k3.position) * 2.0 + k4.position) * sixth;
+            state.rate = state.rate + (k1.rate + (k2.rate + k3.rate) * 2.0 + k4.rate) * sixth;
+            for i in 0..self.states {
+                state.own[i] = state.own[i] + (k1.own[i] + (k2.own[i] + k3.own[i]) * 2.0 + k4.own[i]) * sixth;
+            }
+        }
+        state
+    }
+
+    fn stepped(&self, state: &State<T>, slope: &State<T>, step: T) -> State<T> {
+        let mut next = *state;
+        next.position = state.position + slope.position * step;
+        next.rate = state.rate + slope.rate * step;
+        for i in 0..self.states {
+            next.own[i] = state.own[i] + slope.own[i] * step;
+        }
+        next
+    }
+
+    /// Time derivative, in the order of [`crate::model::Model::rate`].
+    fn slope(
+        &self,
+        effects: &EffectStack<T>,
+        here: &Instant<T>,
+        own: &[T; OWN_STATES_MAX],
+        extra: &impl Fn(&Instant<T>) -> T,
+    ) -> State<T> {
+        let h = &self.hydrodynamics;
+        let i = self.line.dof;
+        let zero = T::zero();
+        let mut nu = [zero; 6];
+        nu[i] = here.rate;
+        let mut m = Moment {
+            t_s: here.t_s,
+            step_start_s: T::from_f64(here.step_start_s),
+            eta: self.line.pose(here.position),
+            nu,
+            nu_r: nu,
+            mass: self.mass,
+            hydrodynamics: h,
+        };
+        let mut own_rate = [zero; OWN_STATES_MAX];
+        let mut wrench = [zero; 6];
+        wrench[i] = T::from_f64(here.load);
+        effects.thrust(&m, &mut wrench, own, &mut own_rate);
+        effects.relative_velocity(&mut m);
+        effects.added_mass(&mut m);
+        let mut drag = [zero; 6];
+        drag[i] = (h.linear[i] + h.quadratic[i] * m.nu_r[i].abs()) * m.nu_r[i];
+        effects.drag(&m, &mut drag);
+        let mut force = match i {
+            3 | 4 => equations::restoring(h, &m.eta, false),
+            _ => [zero; 6],
+        };
+        effects.force(&m, own, &mut force);
+        let mut nu_dot = [zero; 6];
+        nu_dot[i] = (wrench[i] + drag[i] + force[i] + extra(here)) / m.mass[i];
+        effects.own_rate(&m, &nu_dot, own, &mut own_rate);
+        State {
+            position: here.rate,
+            rate: nu_dot[i],
+            own: own_rate,
+        }
+    }
+}
+
+fn instant<T: Real>(t_s: T, step_start_s: f64, edge_s: f64, state: &State<T>, load: f64) -> Instant<T> {
+    Instant {
+        t_s,
+        step_start_s,
+        edge_s,
+        position: state.position,
+        rate: state.rate,
+        load,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::{ALL, CheckedEffect};
+    use crate::fixture::lshpi_rig;
+    use crate::model::{Model, ModelState};
+    use crate::trajectory::Trajectory;
+    use hydroline_rigs::VehicleModel;
+
+    const EDGES: [(f64, f64); 4] = [(0.0, 8.0), (3.017, -6.0), (6.0, 0.0), (8.5, 3.0)];
+
+    fn typical(info: &'static crate::effect::EffectInfo) -> CheckedEffect {
+        CheckedEffect {
+            info,
+            numbers: info.parameters.iter().map(|p| p.typical).collect(),
+            words: info
+                .words
+                .iter()
+                .map(|w| w.absent.and_then(|a| w.allowed.iter().position(|x| *x == a)).unwrap_or(0))
+                .collect(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Every effect of the vocabulary moves one DOF as it does in the whole model.
+    #[test]
+    fn each_effect_acts_as_in_the_whole_model() {
+        let mut vehicle = lshpi_rig().vehicle;
+        vehicle.model = VehicleModel::Decoupled;
+        let stamps: Vec<f64> = (0..300).map(|k| 0.006 + 0.04 * f64::from(k)).collect();
+        let mut compared = 0;
+        for info in ALL {
+            let on = [typical(info)];
+            let stack = || EffectStack::assemble(&on, |_, _, v| v).unwrap();
+            let model = Model {
+                hydrodynamics: Hydrodynamics::new(&vehicle),
+                effects: stack(),
+            };
+            let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
+            for (t, load) in EDGES {
+                path.command(t, [load, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+            }
+            let mut single = Single::new(
+                Hydrodynamics::new(&vehicle),
+                Line { dof: 0, rest: [0.0; 6] },
+            );
+            let mut seen = Vec::new();
+            let feed = Feed {
+                start_s: 0.0,
+                edges: &EDGES,
+                stamps_s: &stamps,
+                step_max_s: 0.04,
+            };
+            single.run(&stack(), &feed, (0.0, 0.0), |_| None, |_| 0.0, |x| seen.push(x));
+            let mut turned = 0.0_f64;
+            let mut worst = 0.0_f64;
+            for (stamp, x) in stamps.iter().zip(&seen) {
+                let effects = &path.model().effects;
+                let t = effects.scene_time_s(*stamp, 0.0);
+                let eta = path.state_at(t).unwrap().vehicle.eta;
+                let effects = &path.model().effects;
+                let shown = effects.reported_pose(t, effects.scene_pose(t, eta));
+                turned = eta[1..].iter().fold(turned, |m, v| m.max(v.abs()));
+                worst = worst.max((shown[0] - x).abs());
+            }
+            if turned < 1e-9 {
+                compared += 1;
+                assert!(worst < 2e-5, "{}: {worst:.1e} m apart", info.id);
+            }
+        }
+        assert!(compared >= 3, "{compared} effects compared");
+    }
+}

@@ -1,0 +1,131 @@
+//! `hydroline diagnose`: which physics the rig's model left out, from logs.
+
+use std::path::PathBuf;
+
+use super::print::outln;
+use super::{CliError, Outcome, inputs, progress};
+use crate::diagnose::verdict::{Verdict, Word};
+use crate::diagnose::{Source, diagnose, read};
+use crate::identify::report::significant;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables).
+The verdict is one of none, named, ambiguous, unknown, data_fault. Runs that differ in kind (steps,
+reversals, coast-down, two tones) tell effects apart; constant thrust hardly does.
+
+Example: hydroline diagnose run*.mcap --rig lshpi --hold-out other.mcap --write-rig better.toml")]
+pub struct Args {
+    /// Logs to explain, all of the same vehicle
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Rig file or built-in name: the model that is asked what it left out
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// Log that is only predicted (repeatable); without any, each run is predicted by the others
+    #[arg(long, value_name = "LOG")]
+    hold_out: Vec<PathBuf>,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Writes DIR/diagnose.json, and DIR/next.toml: the plan of the next experiment
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Writes the rig with refitted coefficients and the [[physics]] that were left out
+    #[arg(long, value_name = "RIG")]
+    write_rig: Option<PathBuf>,
+}
+
+pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    let rig = inputs::rig(&args.rig)?;
+    if let Some(path) = &args.write_rig {
+        inputs::new_file("--write-rig", path)?;
+    }
+    let load = |paths: &[PathBuf]| -> Result<Vec<Source>, CliError> {
+        paths.iter().map(|p| read(p, &rig).map_err(CliError::run)).collect()
+    };
+    let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
+    let bar = progress::bar(0, "diagnosing");
+    let found = diagnose(&sources, &held, &rig, &|what: &str| {
+        bar.set_prefix(what.to_owned());
+        bar.inc(1);
+    })
+    .map_err(CliError::run)?;
+    bar.finish_and_clear();
+    let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
+    if let Some(dir) = &args.report {
+        let mut files = vec![("diagnose.json", json.clone())];
+        if let Some(next) = &found.verdict.next_experiment {
+            files.push(("next.toml", next.plan_toml.clone()));
+        }
+        std::fs::create_dir_all(dir)
+            .and_then(|()| files.iter().try_for_each(|(name, text)| std::fs::write(dir.join(name), text)))
+            .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", dir.display())))?;
+        eprintln!("{}", dir.join("diagnose.json").display());
+    }
+    if let Some(path) = &args.write_rig {
+        if found.verdict.verdict == Word::DataFault {
+            eprintln!("hydroline: --write-rig: no rig written, the data are at fault");
+        } else {
+            std::fs::write(path, found.rig.to_toml())
+                .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", path.display())))?;
+        }
+    }
+    if args.json {
+        outln!("{json}");
+    } else {
+        print(&found.verdict);
+    }
+    Ok(Outcome::Done)
+}
+
+fn print(v: &Verdict) {
+    outln!("{}", v.sentence);
+    for e in &v.effects {
+        let numbers: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|(n, p)| format!("{n} = {} (sd {})", significant(p.value), p.sd.map_or("-".to_owned(), significant)))
+            .collect();
+        let weight: Vec<String> = e.weight.iter().map(|(c, w)| format!("{c} {w:.2e}")).collect();
+        outln!(
+            "  {:<20} p {:.3}  weight {}  {}{}{}",
+            e.effect,
+            e.probability,
+            weight.join(" "),
+            if e.matters { "matters  " } else { "" },
+            numbers.join(", "),
+            e.law_note.as_ref().map_or(String::new(), |n| format!("  LAW INEXACT: {n}"))
+        );
+        for note in &e.notes {
+            outln!("    {note}");
+        }
+    }
+    for u in &v.unexplained {
+        outln!("  unnamed: {} (weight {:.2e}, log Bayes factor {:.1})", u.term, u.weight, u.log_bayes_factor);
+    }
+    for set in &v.equivalent {
+        outln!("  possible: {}", set.join(" + "));
+    }
+    outln!("  where: {}", v.place.regime);
+    for (channel, before) in &v.fit.held_out.before {
+        outln!(
+            "  {channel} predicted ({}): {before:.3e} before, {:.3e} after, noise {:.3e}",
+            v.fit.held_out_by,
+            v.fit.held_out.after.get(channel).copied().unwrap_or(f64::NAN),
+            v.fit.held_out.noise.get(channel).copied().unwrap_or(f64::NAN)
+        );
+    }
+    for f in &v.data_faults {
+        outln!("  data: {} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence);
+    }
+    if !v.blind_spots.is_empty() {
+        outln!("  these runs cannot show: {}", v.blind_spots.join(", "));
+    }
+    if let Some(next) = &v.next_experiment {
+        outln!("  next: plan {} (expected log Bayes factor {:.1})", next.plan, next.expected_log_bayes_factor);
+    }
+    for note in &v.notes {
+        eprintln!("  note: {note}");
+    }
+}

@@ -1,0 +1,30 @@
+//! What was left out: where simulation and recording differ, which physics explains it, and proof.
+//!
+//! `faults` (is it the data?) -> per DOF that moves: `setting` (runs, rig's model, candidates from
+//! the registry) -> `search` (noise from the richest model; sets of effects fitted jointly with the
+//! vehicle's coefficients) -> `explain` (is a law only inexact, is something unnamed at work?) ->
+//! `posterior` (what is tied) -> `predict`, `locate`, `next` -> `verdict`.
+//!
+//! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
+
+pub mod bank;
+pub mod candidate;
+mod conclude;
+pub mod explain;
+pub mod family;
+pub mod faults;
+pub mod fit;
+pub mod locate;
+pub mod next;
+pub mod posterior;
+pub mod predict;
+pub mod search;
+pub mod setting;
+mod source;
+pub mod verdict;
+pub mod weight;
+pub mod weights;
+
+pub use conclude::{Diagnosis, DiagnoseError, diagnose};
+pub use source::{Source, read};
+pub use verdict::Verdict;

@@ -1,0 +1,152 @@
+//! From the best sets to an explanation: is a law only inexact, or is something unnamed at work?
+//!
+//! A law that is not quite the vocabulary's leaves residuals that other effects mend: the search
+//! then invents small ones. So each effect of the best set is challenged: would a free bend of a
+//! heavy effect's law, or a free force, do its work with better evidence?
+
+use std::collections::BTreeMap;
+
+use super::bank::{View, without};
+use super::family::{Acts, FamilyFit, bends, forces};
+use super::fit::Fit;
+use super::search::Search;
+use super::weight::{weight_of, weights};
+
+/// Log evidence that a free function must gain before it is believed.
+const BELIEVED: f64 = 5.0;
+/// Free functions refitted nonlinearly.
+const REFINED: usize = 3;
+/// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
+const HEAVY_SHARE: f64 = 0.25;
+
+/// A set, and what is left beside it.
+#[derive(Debug, Clone)]
+pub struct Explanation {
+    /// The set, fitted.
+    pub fit: Fit,
+    /// Weight of each member \[m, rad\].
+    pub weights: Vec<f64>,
+    /// A free function that gains beside it.
+    pub family: Option<FamilyFit>,
+    /// Weight of the function's response \[m, rad\].
+    pub family_weight: f64,
+    /// Log evidence of both.
+    pub log_evidence: f64,
+    /// Members (candidates) with what the best explanation without them lacks in log evidence.
+    pub needed: Vec<(usize, f64)>,
+}
+
+impl Explanation {
+    /// The member (candidate index) whose law bends.
+    pub fn bent(&self) -> Option<usize> {
+        match self.family.as_ref()?.family.acts {
+            Acts::Bends(candidate) => Some(candidate),
+            Acts::Force => None,
+        }
+    }
+
+    /// Whether an unnamed force is part of it.
+    pub fn unnamed(&self) -> bool {
+        self.family.as_ref().is_some_and(|f| f.family.acts == Acts::Force)
+    }
+}
+
+/// A set with its best free function, if one is believed.
+pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
+    let setting = search.setting;
+    let view = View::new(setting, &search.weights, fit);
+    let weights = weights(setting, fit);
+    let heaviest = weights.iter().copied().fold(0.0, f64::max);
+    let mut families = forces(setting, fit);
+    for (candidate, weight) in fit.set.iter().zip(&weights) {
+        if *weight > setting.tolerance && *weight >= HEAVY_SHARE * heaviest {
+            families.extend(bends(setting, fit, *candidate));
+        }
+    }
+    let mut found: Vec<FamilyFit> = families
+        .iter()
+        .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
+        .filter(|f| f.gain > BELIEVED)
+        .collect();
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    // Large ones are not linear: the front runners are fitted again, together with the set.
+    let refined: Option<(Fit, FamilyFit)> = found
+        .iter()
+        .take(REFINED)
+        .filter_map(|f| f.refine(setting, &search.weights, fit))
+        .filter(|(_, f)| f.gain > BELIEVED)
+        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+    tracing::debug!(
+        "beside {:?}: {:?}",
+        fit.set.iter().map(|c| setting.vocabulary[*c].info.id).collect::<Vec<_>>(),
+        refined.as_ref().map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
+    );
+    match refined {
+        Some((joint, family)) => Explanation {
+            log_evidence: joint.log_evidence,
+            family_weight: weight_of(setting, &joint, &family.response),
+            weights: super::weight::weights(setting, &joint),
+            fit: joint,
+            family: Some(family),
+            needed: Vec::new(),
+        },
+        None => Explanation {
+            log_evidence: fit.log_evidence,
+            fit: fit.clone(),
+            weights,
+            family: None,
+            family_weight: 0.0,
+            needed: Vec::new(),
+        },
+    }
+}
+
+/// The best explanation: sets from the search and sets with members taken out, each with its best free function.
+pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
+    let first = search.best()?.clone();
+    let mut best = look(search, &first);
+    if best.family.is_none() {
+        // Nothing is left: what the search named stands on its own.
+        return Some(best);
+    }
+    // Nothing at all, and the heaviest alone, beside a free function: the search may have needed
+    // several effects to imitate one that it has no name for.
+    let mut tried: BTreeMap<Vec<usize>, Explanation> = BTreeMap::from([(first.set.clone(), best.clone())]);
+    let heaviest = best.fit.set.iter().zip(&best.weights).max_by(|a, b| a.1.total_cmp(b.1)).map(|(c, _)| vec![*c]);
+    for set in [Some(Vec::new()), heaviest].into_iter().flatten() {
+        if let Some(fit) = search.get(&set).cloned()
+            && !tried.contains_key(&set)
+        {
+            let other = look(search, &fit);
+            tried.insert(set, other.clone());
+            if other.log_evidence > best.log_evidence {
+                best = other;
+            }
+        }
+    }
+    for _ in 0..8 {
+        // Without the function's help: a plain set is the parent of its parts.
+        search.reduce(std::slice::from_ref(&best.fit.set));
+        let mut better: Option<Explanation> = None;
+        let mut needed = Vec::new();
+        for member in 0..best.fit.set.len() {
+            let candidate = best.fit.set[member];
+            let (smaller, _) = without(search.setting, &best.fit, member);
+            let Some(fit) = search.get(&smaller).cloned() else { continue };
+            let other = tried.entry(smaller).or_insert_with(|| look(search, &fit)).clone();
+            needed.push((candidate, best.log_evidence - other.log_evidence));
+            let bar = better.as_ref().map_or(best.log_evidence, |b| b.log_evidence);
+            if other.log_evidence > bar {
+                better = Some(other);
+            }
+        }
+        match better {
+            Some(next) => best = next,
+            None => {
+                best.needed = needed;
+                break;
+            }
+        }
+    }
+    Some(best)
+}

@@ -1,0 +1,219 @@
+//! Faults of the data, ruled out before physics is blamed (physics.md).
+
+use hydroline_rigs::{Dof, Rig};
+use hydroline_sim::effect::check;
+use rayon::prelude::*;
+
+use super::setting::{Setting, Track};
+use super::verdict::DataFault;
+use super::weights::Weights;
+use crate::identify::data::{CHANNELS, Run};
+use crate::import::check::check_motion;
+use crate::import::{Imported, Severity};
+use crate::log::messages::pb;
+
+/// Share of samples apart from their neighbours above which a channel is no measurement.
+const OUTLIERS_MAX: f64 = 0.05;
+/// Share that is worth a line.
+const OUTLIERS_SOME: f64 = 0.005;
+/// Drift of the controller's clock worth a line \[ppm\].
+const DRIFT_SOME_PPM: f64 = 20.0;
+
+/// What a log holds besides its run.
+#[derive(Debug, Clone, Default)]
+pub struct Records {
+    /// Motion in file order: (stamp \[ns\], twelve channels, NaN = not measured).
+    pub motion: Vec<(u64, [f64; 12])>,
+    /// Drift of the controller's clock against the host's with its sd \[ppm\].
+    pub drift_ppm: Vec<(f64, f64)>,
+    /// (monotonic, realtime) \[ns\] of the clock records.
+    pub clocks_ns: Vec<(u64, u64)>,
+}
+
+impl Records {
+    /// Takes a motion message.
+    pub fn motion(&mut self, ns: u64, m: &pb::VehicleMotion) {
+        let given = [
+            m.x_m, m.y_m, m.z_m, m.phi_rad, m.theta_rad, m.psi_rad, m.u_mps, m.v_mps, m.w_mps, m.p_radps, m.q_radps,
+            m.r_radps,
+        ];
+        self.motion.push((ns, given.map(|v| v.unwrap_or(f64::NAN))));
+    }
+}
+
+/// Everything wrong with one log.
+pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
+    let mut found = table(run, records);
+    found.extend(against_model(run, rig));
+    found.extend(outliers(run));
+    found.extend(clocks(run, records, rig));
+    found
+}
+
+fn fault(run: &Run, kind: &str, channel: &str, evidence: String, fatal: bool) -> DataFault {
+    DataFault { fault: kind.to_owned(), channel: channel.to_owned(), run: run.name.clone(), evidence, fatal }
+}
+
+/// Time, units, dead and stuck channels, kinematics: the checks an imported table goes through.
+fn table(run: &Run, records: &Records) -> Vec<DataFault> {
+    let Some(first) = records.motion.first().map(|m| m.0) else { return Vec::new() };
+    let rows = records.motion.len();
+    let data = Imported {
+        times_s: records.motion.iter().map(|m| (m.0 as i128 - i128::from(first)) as f64 * 1e-9).collect(),
+        start_ns: first,
+        lines: (1..=rows as u64).collect(),
+        motion: std::array::from_fn(|c| {
+            let column: Vec<f64> = records.motion.iter().map(|m| m.1[c]).collect();
+            if column.iter().any(|v| v.is_finite()) { column } else { Vec::new() }
+        }),
+        ..Imported::default()
+    };
+    let mut findings = Vec::new();
+    check_motion(&data, &mut findings);
+    let driven = run.largest_wrench();
+    findings
+        .into_iter()
+        .filter(|f| f.severity > Severity::Info)
+        .filter_map(|f| {
+            let channel = CHANNELS.iter().find(|c| f.message.starts_with(*c)).copied().unwrap_or("stamp");
+            let place = CHANNELS.iter().position(|c| *c == channel);
+            let fatal = match f.kind {
+                "dead_channel" => place.is_some_and(|p| driven[p % 6] > 0.0),
+                "stuck_channel" => true,
+                // Rates that are noise about rest say nothing.
+                "kinematics" => return None,
+                "units" => f.severity == Severity::Fault,
+                _ => f.severity == Severity::Fault,
+            };
+            Some(fault(run, f.kind, channel, f.message, fatal))
+        })
+        .collect()
+}
+
+/// Robust gain and correlation of measured on predicted displacement.
+fn gain(predicted: &[f64], measured: &[f64]) -> (f64, f64) {
+    let n = predicted.len().max(1) as f64;
+    let (mp, mm) = (predicted.iter().sum::<f64>() / n, measured.iter().sum::<f64>() / n);
+    let (mut pp, mut mm2, mut pm) = (0.0, 0.0, 0.0);
+    for (p, m) in predicted.iter().zip(measured) {
+        pp += (p - mp).powi(2);
+        mm2 += (m - mm).powi(2);
+        pm += (p - mp) * (m - mm);
+    }
+    (pm / pp.max(1e-300), pm / (pp * mm2).sqrt().max(1e-300))
+}
+
+fn span(values: &[f64]) -> f64 {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    high - low
+}
+
+/// Gains between what was measured and what the rig's model makes of the commands, with their meaning.
+const UNITS: [(f64, &str); 6] = [
+    (1000.0, "mm stored as m, or mrad as rad"),
+    (1e-3, "m stored as mm, or rad as mrad"),
+    (100.0, "cm stored as m"),
+    (0.01, "m stored as cm"),
+    (57.295_779_513, "degrees stored as rad"),
+    (0.017_453_292_5, "radians converted to rad once too often"),
+];
+
+/// Sign, units and swapped columns against the rig's own model: physics changes a motion by tens of
+/// percent, these by factors.
+fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
+    let mut found = Vec::new();
+    let Ok(base) = check(&rig.physics) else { return found };
+    let largest = run.largest_wrench();
+    for dof in Dof::ALL {
+        let i = dof.index();
+        let tolerance = if i < 3 { rig.tolerance.position_m } else { rig.tolerance.attitude_rad };
+        let Some(track) = Track::of(run, dof) else { continue };
+        if largest[i] == 0.0 {
+            continue;
+        }
+        let setting = Setting {
+            dof,
+            vehicle: rig.vehicle.clone(),
+            base: base.clone(),
+            tracks: vec![track.clone()],
+            vocabulary: Vec::new(),
+            tolerance,
+        };
+        let predicted = setting.values(0, &[], &setting.coefficients(), (track.measured[0], 0.0));
+        let expected = span(&predicted);
+        if !(expected.is_finite() && expected > 20.0 * tolerance) {
+            continue;
+        }
+        let channel = CHANNELS[i];
+        let (g, r) = gain(&predicted, &track.measured);
+        let moved = span(&track.measured);
+        if r < -0.8 && g < -0.2 {
+            found.push(fault(run, "sign", channel, format!("{channel} follows the commands with the opposite sign: {g:.2} times what the rig's model makes of them (correlation {r:.3})"), true));
+        } else if let Some((factor, words)) =
+            UNITS.iter().find(|(f, _)| r > 0.8 && (g / f > 0.45 && g / f < 2.2) && !(0.2..5.0).contains(&g))
+        {
+            found.push(fault(run, "units", channel, format!("{channel} moves {g:.4} times what the rig's model makes of the commands (correlation {r:.3}): {words}, a factor of {factor:.4}?"), true));
+        } else if moved < 0.1 * expected || r.abs() < 0.3 {
+            // Something else moves as this one should.
+            let other = Dof::ALL.into_iter().filter(|o| *o != dof && largest[o.index()] == 0.0).find_map(|o| {
+                let t = raw_channel(run, o.index());
+                (t.len() == predicted.len()).then(|| (o, gain(&predicted, &t))).filter(|(_, (g, r))| *r > 0.9 && (0.2..5.0).contains(g))
+            });
+            match other {
+                Some((o, (g, r))) => found.push(fault(run, "swapped_columns", channel, format!("{} is commanded but {} moves, {g:.2} times as {channel} should (correlation {r:.3}): columns swapped?", dof.name(), CHANNELS[o.index()]), true)),
+                None if moved < 0.02 * expected => found.push(fault(run, "dead_channel", channel, format!("{channel} moves by {moved:.2e} where the rig's model makes {expected:.2e} of the commands"), true)),
+                None => {}
+            }
+        }
+    }
+    found
+}
+
+fn raw_channel(run: &Run, channel: usize) -> Vec<f64> {
+    run.samples.iter().map(|s| s.values[channel]).filter(|v| v.is_finite()).collect()
+}
+
+fn outliers(run: &Run) -> Vec<DataFault> {
+    Dof::ALL
+        .into_par_iter()
+        .filter_map(|dof| {
+            let track = Track::of(run, dof)?;
+            let n = track.measured.len();
+            let weights = Weights::first(std::slice::from_ref(&track));
+            let share = weights.outliers();
+            (share > OUTLIERS_SOME && n > 50).then(|| {
+                let channel = CHANNELS[dof.index()];
+                fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)
+            })
+        })
+        .collect()
+}
+
+/// What the log's own clock records say of a drift.
+fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
+    let mut found = Vec::new();
+    let span_s = run.end_s();
+    let speed = run
+        .samples
+        .windows(2)
+        .map(|w| (w[1].values[0] - w[0].values[0]).abs() / (w[1].t_s - w[0].t_s))
+        .filter(|v| v.is_finite())
+        .fold(0.0, |m: f64, v| m.max(v))
+        .min(1.0);
+    let mut judge = |ppm: f64, sd: f64, whose: &str| {
+        if ppm.abs() > DRIFT_SOME_PPM.max(5.0 * sd) {
+            let shift_m = ppm.abs() * 1e-6 * span_s * speed;
+            found.push(fault(run, "clock_drift", "stamp", format!("{whose} drifts by {ppm:.0} ppm (sd {sd:.0}) in the log's own clock records: {:.1} ms over the run, {:.2} mm of motion", ppm.abs() * 1e-3 * span_s, shift_m * 1e3), shift_m > rig.tolerance.position_m));
+        }
+    };
+    if let Some((ppm, sd)) = records.drift_ppm.last() {
+        judge(*ppm, *sd, "the controller's clock");
+    }
+    if let (Some(a), Some(b)) = (records.clocks_ns.first(), records.clocks_ns.last())
+        && b.0 > a.0 + 2_000_000_000
+    {
+        let (mono, real) = ((b.0 - a.0) as f64, (b.1 as f64) - (a.1 as f64));
+        judge((real / mono - 1.0) * 1e6, 5.0, "realtime against the monotonic clock");
+    }
+    found
+}

@@ -1,0 +1,291 @@
+//! A set of effects fitted together with the vehicle's own coefficients and each run's start.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::setting::{COEFFICIENTS, Setting};
+use super::weights::Weights;
+use crate::identify::forward::ForwardError;
+use crate::identify::lm::{Squares, descend};
+use crate::identify::parameter::{Coefficient, Free, free};
+use crate::identify::problem::Normal;
+use crate::identify::uncertainty::covariance;
+
+/// A step that gains less than this (in units of half chi-square) ends a fit.
+const ENOUGH: f64 = 0.01;
+/// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
+const COEFFICIENT_PRIOR: f64 = 1.0;
+/// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
+const INCLUSION: f64 = -1.0;
+/// Own share of the information below which a parameter is nobody's to know.
+const OWN_SHARE: f64 = 1e-7;
+/// A driven run starts from rest but for the tolerance drifted in this time \[s\].
+const DRIFT_S: f64 = 2.0;
+
+/// A fitted set.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Candidates by index, ascending.
+    pub set: Vec<usize>,
+    /// Coefficients, effect parameters, then (position, rate) of each run's start.
+    pub at: Vec<f64>,
+    /// Half chi-square with the priors' share.
+    pub cost: f64,
+    /// Second derivatives with the priors' share.
+    pub hessian: DMatrix<f64>,
+    /// Laplace's log evidence with the prior of the set.
+    pub log_evidence: f64,
+}
+
+impl Fit {
+    /// Coefficients and effect parameters.
+    pub fn globals(&self, setting: &Setting) -> &[f64] {
+        &self.at[..COEFFICIENTS + setting.parameters(&self.set)]
+    }
+
+    /// A run's start.
+    pub fn start(&self, setting: &Setting, run: usize) -> (f64, f64) {
+        let first = COEFFICIENTS + setting.parameters(&self.set) + 2 * run;
+        (self.at[first], self.at[first + 1])
+    }
+
+    /// Parameters of a member (by its place in the set).
+    pub fn member<'a>(&'a self, setting: &Setting, member: usize) -> &'a [f64] {
+        let first = setting.places(&self.set)[member];
+        let n = setting.vocabulary[self.set[member]].info.parameters.len();
+        &self.at[first..first + n]
+    }
+
+    /// Members whose every parameter the other unknowns can do the work of: exactly confounded.
+    pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
+        let n = self.hessian.nrows();
+        let scale: Vec<f64> = (0..n).map(|i| self.hessian[(i, i)].sqrt().max(1e-150)).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            self.hessian[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
+        });
+        let Some(inverse) = scaled.try_inverse() else { return self.set.clone() };
+        // 1 / (H^-1)_kk over H_kk: the share of a parameter's information that is its own.
+        self.set
+            .iter()
+            .zip(setting.places(&self.set))
+            .filter(|(c, place)| {
+                let parameters = setting.vocabulary[**c].info.parameters.len();
+                (*place..place + parameters).all(|k| 1.0 / inverse[(k, k)] < OWN_SHARE)
+            })
+            .map(|(c, _)| *c)
+            .collect()
+    }
+
+    /// Covariance of all unknowns.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        covariance(&self.hessian)
+    }
+
+    /// Predicted minus measured per run, unweighted.
+    pub fn residuals(&self, setting: &Setting) -> Vec<Vec<f64>> {
+        (0..setting.tracks.len())
+            .map(|run| {
+                let values = setting.values(run, &self.set, self.globals(setting), self.start(setting, run));
+                values.iter().zip(&setting.tracks[run].measured).map(|(v, m)| v - m).collect()
+            })
+            .collect()
+    }
+}
+
+/// Least squares of one set.
+pub struct Posed<'a> {
+    setting: &'a Setting,
+    weights: &'a Weights,
+    set: &'a [usize],
+    free: Vec<Free>,
+    /// Prior (centre, 1 / sd) per unknown; (_, 0) = none.
+    priors: Vec<(f64, f64)>,
+}
+
+impl<'a> Posed<'a> {
+    /// The problem of a set.
+    pub fn new(setting: &'a Setting, weights: &'a Weights, set: &'a [usize]) -> Posed<'a> {
+        let mut frees: Vec<Free> = Coefficient::of(setting.dof).iter().map(|c| free(*c, &setting.vehicle)).collect();
+        let mut priors: Vec<(f64, f64)> =
+            frees.iter().map(|f| (f.start, 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9))).collect();
+        for (f, p) in frees.iter().zip(&mut priors) {
+            if f.start == 0.0 {
+                *p = (0.0, 0.0);
+            }
+        }
+        for c in set {
+            let candidate = &setting.vocabulary[*c];
+            for (p, (low, high)) in candidate.info.parameters.iter().zip(&candidate.bounds) {
+                frees.push(Free { name: p.name.to_owned(), start: p.typical, low: *low, high: *high });
+                priors.push((0.0, 0.0));
+            }
+        }
+        for track in &setting.tracks {
+            let first = track.measured.first().copied().unwrap_or(0.0);
+            let spread = track.measured.iter().fold(0.1_f64, |m, v| m.max((v - first).abs()));
+            let mut any = |start: f64, range: f64| {
+                frees.push(Free { name: String::new(), start, low: start - range, high: start + range });
+            };
+            any(first, 2.0 * spread);
+            any(0.0, 3.0 * spread);
+            priors.push((0.0, 0.0));
+            // Without commands it is a decay: the start is what moves it.
+            let rest = if track.edges.is_empty() { 0.0 } else { DRIFT_S / setting.tolerance };
+            priors.push((0.0, rest));
+        }
+        Posed { setting, weights, set, free: frees, priors }
+    }
+
+    /// Starting values: the rig's coefficients, typical effects, rest.
+    pub fn start(&self) -> Vec<f64> {
+        self.free.iter().map(|f| f.start).collect()
+    }
+
+    fn globals(&self) -> usize {
+        COEFFICIENTS + self.setting.parameters(self.set)
+    }
+
+    fn whitened(&self, run: usize, at: &[f64]) -> Vec<f64> {
+        let g = self.globals();
+        let start = (at[g + 2 * run], at[g + 2 * run + 1]);
+        let mut values = self.setting.values(run, self.set, &at[..g], start);
+        for (v, m) in values.iter_mut().zip(&self.setting.tracks[run].measured) {
+            *v -= m;
+        }
+        self.weights.whiten(run, values.iter_mut());
+        values
+    }
+
+    /// Whitened residual and Jacobian of one run (columns: globals, its start).
+    pub fn linearised(&self, run: usize, at: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let g = self.globals();
+        let start = (at[g + 2 * run], at[g + 2 * run + 1]);
+        let (mut values, mut jacobian) = self.setting.sensitivities(run, self.set, &at[..g], start);
+        for (v, m) in values.iter_mut().zip(&self.setting.tracks[run].measured) {
+            *v -= m;
+        }
+        self.weights.whiten(run, values.iter_mut());
+        for mut column in jacobian.column_iter_mut() {
+            self.weights.whiten(run, column.iter_mut());
+        }
+        (DVector::from_vec(values), jacobian)
+    }
+
+    /// The whole whitened Jacobian, runs end to end.
+    pub fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
+        let g = self.globals();
+        let blocks: Vec<DMatrix<f64>> =
+            (0..self.setting.tracks.len()).into_par_iter().map(|run| self.linearised(run, at).1).collect();
+        let rows = blocks.iter().map(DMatrix::nrows).sum();
+        let mut all = DMatrix::zeros(rows, at.len());
+        let mut first = 0;
+        for (run, block) in blocks.iter().enumerate() {
+            all.view_mut((first, 0), (block.nrows(), g)).copy_from(&block.columns(0, g));
+            all.view_mut((first, g + 2 * run), (block.nrows(), 2)).copy_from(&block.columns(g, 2));
+            first += block.nrows();
+        }
+        all
+    }
+
+    fn prior_cost(&self, at: &[f64]) -> f64 {
+        at.iter().zip(&self.priors).map(|(v, (c, k))| 0.5 * ((v - c) * k).powi(2)).sum()
+    }
+
+    /// Fits from a point.
+    ///
+    /// # Errors
+    /// [`ForwardError`] when the motion diverges there.
+    pub fn fit(&self, from: Vec<f64>) -> Result<Fit, ForwardError> {
+        let held = vec![false; from.len()];
+        let (found, normal) = descend(self, from, &held, ENOUGH)?;
+        let mut fit = Fit {
+            set: self.set.to_vec(),
+            at: found.parameters,
+            cost: found.objective,
+            hessian: normal.hessian,
+            log_evidence: 0.0,
+        };
+        fit.log_evidence = self.log_evidence(&fit);
+        Ok(fit)
+    }
+
+    /// Prior precision of each unknown.
+    pub fn precisions(&self) -> Vec<(f64, f64)> {
+        self.priors.iter().map(|(centre, k)| (*centre, k * k)).collect()
+    }
+
+    /// Half the priors' squares at a point.
+    pub fn prior_at(&self, at: &[f64]) -> f64 {
+        self.prior_cost(at)
+    }
+
+    /// Laplace: -cost - 1/2 log det H + sum of log(sqrt(2 pi) / width) + log prior odds of the set
+    /// (MacKay 2003, ch. 28). A parameter the data leave open has the width of its prior.
+    pub fn log_evidence(&self, fit: &Fit) -> f64 {
+        // The Hessian may hold more unknowns behind these (a free function's, with their prior).
+        let n = fit.hessian.nrows();
+        let widths: Vec<f64> = self.set.iter().flat_map(|c| self.setting.vocabulary[*c].widths.iter().copied()).collect();
+        let mut h = fit.hessian.clone();
+        for (i, w) in widths.iter().enumerate() {
+            let k = COEFFICIENTS + i;
+            h[(k, k)] += std::f64::consts::TAU / (w * w);
+        }
+        let scale: Vec<f64> = (0..n).map(|i| h[(i, i)].sqrt().max(1e-150)).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            h[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-13 } else { 0.0 }
+        });
+        let logs = scaled.cholesky().map_or(0.0, |c| 2.0 * c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>());
+        let log_det = logs + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
+        let widths: f64 = widths.iter().map(|w| 0.5 * std::f64::consts::TAU.ln() - w.ln()).sum();
+        -fit.cost - 0.5 * log_det + widths + INCLUSION * self.set.len() as f64
+    }
+}
+
+impl Squares for Posed<'_> {
+    fn free(&self) -> &[Free] {
+        &self.free
+    }
+
+    fn cost(&self, at: &[f64]) -> f64 {
+        let squares: f64 = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| 0.5 * self.whitened(run, at).iter().map(|v| v * v).sum::<f64>())
+            .sum();
+        let total = squares + self.prior_cost(at);
+        if total.is_finite() { total } else { f64::INFINITY }
+    }
+
+    fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
+        let n = at.len();
+        let g = self.globals();
+        let (mut cost, mut gradient, mut hessian) = (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
+        let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| {
+                let (r, j) = self.linearised(run, at);
+                (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j))
+            })
+            .collect();
+        for (run, (c, gr, h)) in blocks.iter().enumerate() {
+            if !c.is_finite() || h.iter().any(|v| !v.is_finite()) {
+                return Err(ForwardError {
+                    run,
+                    reason: format!("{}: the motion grows without bounds", self.setting.tracks[run].name),
+                });
+            }
+            cost += c;
+            let column = |i: usize| if i < g { i } else { g + 2 * run + (i - g) };
+            for i in 0..gr.len() {
+                gradient[column(i)] += gr[i];
+                for j in 0..gr.len() {
+                    hessian[(column(i), column(j))] += h[(i, j)];
+                }
+            }
+        }
+        for (i, (centre, k)) in self.priors.iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k * k;
+            hessian[(i, i)] += k * k;
+        }
+        Ok(Normal { cost, gradient, hessian })
+    }
+}

@@ -1,0 +1,128 @@
+//! Probabilities of explanations, and which of them this data cannot tell apart.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::fit::Fit;
+use super::search::Search;
+use super::setting::Setting;
+use super::weight::weights;
+
+/// Sets further below the best than this carry no probability worth a weight.
+const FAR: f64 = 9.0;
+/// Most sets weighed.
+const MOST: usize = 60;
+/// Log evidence within which two explanations count as tied.
+pub const TIE: f64 = 4.0;
+/// Most sets reported.
+const REPORTED: usize = 6;
+
+/// One explanation: what matters, and the best set that holds just that.
+#[derive(Debug, Clone)]
+pub struct Group {
+    /// What matters: candidates, ascending.
+    pub matters: Vec<usize>,
+    /// Best full set.
+    pub fit: Fit,
+    /// Sum over all sets of this kind.
+    pub probability: f64,
+}
+
+/// Posterior over the sets fitted.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    /// Explanations, most probable first.
+    pub groups: Vec<Group>,
+    /// Probability of each candidate being part of the explanation.
+    pub inclusion: BTreeMap<usize, f64>,
+    /// Sets near the best, with their probability and the weight of each member.
+    pub members: Vec<(Fit, f64, Vec<f64>)>,
+}
+
+/// A parameter over all sets that hold its effect (Hoeting et al. 1999): the spread between sets counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Averaged {
+    /// Mean.
+    pub value: f64,
+    /// sd within and between sets; `None` = not determined in one of them.
+    pub sd: Option<f64>,
+}
+
+/// Posterior over the sets of a search.
+pub fn posterior(search: &Search<'_>) -> Posterior {
+    let ranked = search.ranked();
+    let top = ranked.first().map_or(0.0, |f| f.log_evidence);
+    let near: Vec<&Fit> = ranked.into_iter().filter(|f| f.log_evidence > top - FAR).take(MOST).collect();
+    let weighed: Vec<(&Fit, Vec<usize>, Vec<f64>)> = near
+        .into_par_iter()
+        .map(|fit| {
+            let weights = weights(search.setting, fit);
+            let matters = fit
+                .set
+                .iter()
+                .zip(&weights)
+                .filter(|(_, w)| **w > search.setting.tolerance)
+                .map(|(c, _)| *c)
+                .collect();
+            (fit, matters, weights)
+        })
+        .collect();
+    let sum: f64 = weighed.iter().map(|(f, _, _)| (f.log_evidence - top).exp()).sum();
+    let mut groups: BTreeMap<Vec<usize>, Group> = BTreeMap::new();
+    let mut inclusion: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut members = Vec::new();
+    for (fit, matters, weights) in weighed {
+        let p = (fit.log_evidence - top).exp() / sum;
+        members.push((fit.clone(), p, weights));
+        for c in &fit.set {
+            *inclusion.entry(*c).or_default() += p;
+        }
+        let group = groups.entry(matters.clone()).or_insert_with(|| Group { matters, fit: fit.clone(), probability: 0.0 });
+        if fit.log_evidence > group.fit.log_evidence {
+            group.fit = fit.clone();
+        }
+        group.probability += p;
+    }
+    let mut groups: Vec<Group> = groups.into_values().collect();
+    groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Posterior { groups, inclusion, members }
+}
+
+impl Posterior {
+    /// A candidate's parameter (by index) and its weight, averaged over the sets that hold it and
+    /// in which it matters as much as in `like`.
+    pub fn averaged(&self, setting: &Setting, candidate: usize, parameter: usize, like: &[usize]) -> Option<(Averaged, f64)> {
+        let (mut total, mut mean, mut square, mut weight, mut known) = (0.0, 0.0, 0.0, 0.0, true);
+        for (fit, p, weights) in &self.members {
+            let Some(member) = fit.set.iter().position(|c| *c == candidate) else { continue };
+            let matters = fit.set.iter().zip(weights).filter(|(_, w)| **w > setting.tolerance).map(|(c, _)| *c);
+            if !matters.eq(like.iter().copied()) {
+                continue;
+            }
+            let k = setting.places(&fit.set)[member] + parameter;
+            let variance = fit.covariance()[(k, k)];
+            known &= variance.is_finite() || *p < 1e-3;
+            total += p;
+            mean += p * fit.at[k];
+            square += p * (fit.at[k].powi(2) + if variance.is_finite() { variance } else { 0.0 });
+            weight += p * weights[member];
+        }
+        if total <= 0.0 {
+            return None;
+        }
+        let value = mean / total;
+        let variance = (square / total - value * value).max(0.0);
+        Some((Averaged { value, sd: known.then(|| variance.sqrt()) }, weight / total))
+    }
+
+    /// The explanations that are tied with the first, at most six, the first included.
+    pub fn tied(&self) -> Vec<&Group> {
+        let Some(first) = self.groups.first() else { return Vec::new() };
+        self.groups
+            .iter()
+            .filter(|g| g.probability > first.probability * (-TIE).exp())
+            .take(REPORTED)
+            .collect()
+    }
+}

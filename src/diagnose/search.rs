@@ -1,0 +1,390 @@
+//! Which effects were left out together: forward selection with removal and exchange, several sets at a time.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::bank::{Promise, Response, View, joined, pursue, responses, whitened, without};
+use super::family::forces;
+use super::fit::{Fit, Posed};
+use super::setting::Setting;
+use super::weights::{Weights, noise_beyond};
+
+/// Sets carried from one depth to the next.
+const BEAM: usize = 5;
+/// Candidates fitted per set of the beam.
+const WIDTH: usize = 5;
+/// A candidate whose linearised gain is below this is not worth a fit.
+const LEAST_GAIN: f64 = 3.0;
+/// Starting points fitted per candidate.
+const STARTS: usize = 2;
+/// Most effects together.
+const DEPTH: usize = 9;
+/// A set this far below the best one in log evidence is out of the race.
+const FAR: f64 = 12.0;
+/// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
+const STRUCTURE_GAIN: f64 = 8.0;
+/// Most columns taken out before the noise is estimated.
+const STRUCTURE_MOST: usize = 40;
+
+/// Work in progress of one DOF.
+pub struct Search<'a> {
+    /// The problem.
+    pub setting: &'a Setting,
+    /// Noise and samples in use.
+    pub weights: Weights,
+    /// Every set fitted under these weights.
+    pub fits: BTreeMap<Vec<usize>, Fit>,
+    /// Sets looked at, linearised or fitted.
+    pub looked: usize,
+    /// Candidates that the vehicle's own coefficients do the work of.
+    pub blind: BTreeSet<usize>,
+    bank: Vec<Response>,
+    whitened: Vec<DVector<f64>>,
+    progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl<'a> Search<'a> {
+    /// Starts with white noise from differences and nothing left out.
+    pub fn new(setting: &'a Setting, progress: &'a (dyn Fn(&str) + Sync)) -> Search<'a> {
+        Search {
+            weights: Weights::first(&setting.tracks),
+            setting,
+            fits: BTreeMap::new(),
+            looked: 0,
+            blind: BTreeSet::new(),
+            bank: Vec::new(),
+            whitened: Vec::new(),
+            progress,
+        }
+    }
+
+    /// The fit of a set, if there is one.
+    pub fn get(&self, set: &[usize]) -> Option<&Fit> {
+        self.fits.get(set)
+    }
+
+    /// The best set by log evidence.
+    pub fn best(&self) -> Option<&Fit> {
+        self.fits.values().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    }
+
+    /// Fits sets from given points; a better fit of the same set replaces the old one.
+    pub fn fit(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
+        self.looked += jobs.len();
+        let made: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(|(set, from)| Posed::new(self.setting, &self.weights, &set).fit(from).ok())
+            .filter(|f| f.log_evidence.is_finite())
+            .collect();
+        for fit in made {
+            // Exactly confounded with the vehicle or with each other: no explanation, a blind spot.
+            let confounded = fit.confounded(self.setting);
+            if !confounded.is_empty() {
+                if let [one] = fit.set[..] {
+                    self.blind.insert(one);
+                }
+                continue;
+            }
+            let keep = self.fits.get(&fit.set).is_none_or(|old| fit.cost < old.cost - 1e-3);
+            if keep {
+                self.fits.insert(fit.set.clone(), fit);
+            }
+        }
+    }
+
+    /// Fits the empty set from the rig's numbers.
+    pub fn nothing(&mut self) {
+        let from = Posed::new(self.setting, &self.weights, &[]).start();
+        self.fit(vec![(Vec::new(), from)]);
+    }
+
+    /// Takes responses of all candidates beside a set.
+    pub fn refresh(&mut self, set: &[usize]) {
+        if let Some(fit) = self.get(set) {
+            let mut bank = responses(self.setting, fit);
+            // Members of the set keep the responses they had.
+            bank.extend(self.bank.iter().filter(|r| set.contains(&r.candidate)).cloned());
+            self.bank = bank;
+            self.rewhiten();
+        }
+    }
+
+    fn rewhiten(&mut self) {
+        self.whitened = self
+            .bank
+            .par_iter()
+            .map(|r| whitened(self.setting, &self.weights, &r.column))
+            .collect();
+    }
+
+    /// Noise from what no candidate, no free force and no coefficient explains beside a set
+    /// (the richest model, linearised), then everything is fitted again under it.
+    pub fn reweigh(&mut self, set: &[usize]) {
+        for _ in 0..3 {
+            let Some(fit) = self.get(set).cloned() else { return };
+            let posed = Posed::new(self.setting, &self.weights, &fit.set);
+            let view = View::new(self.setting, &self.weights, &fit);
+            // Columns raw, to be whitened by whatever noise is tried.
+            let mut raw: Vec<DVector<f64>> = self.bank.iter().map(|r| r.column.clone()).collect();
+            let mut white = self.whitened.clone();
+            for family in forces(self.setting, &fit) {
+                for column in family.columns(self.setting, &fit).column_iter() {
+                    let column = column.into_owned();
+                    white.push(whitened(self.setting, &self.weights, &column));
+                    raw.push(column);
+                }
+            }
+            let chosen = pursue(&view, &white, STRUCTURE_GAIN, STRUCTURE_MOST);
+            let own = self.raw_jacobian(&posed, &fit);
+            let mut columns: Vec<DVector<f64>> = own.column_iter().map(|c| c.into_owned()).collect();
+            columns.extend(chosen.iter().map(|i| raw[*i].clone()));
+            // What the chosen columns explain, found by whitened least squares, is taken out of the raw residual.
+            let residuals = fit.residuals(self.setting);
+            let all: Vec<f64> = residuals.iter().flatten().copied().collect();
+            let matrix = DMatrix::from_columns(&columns);
+            let whitened_columns: Vec<DVector<f64>> =
+                columns.iter().map(|c| whitened(self.setting, &self.weights, c)).collect();
+            let left = match solve(&DMatrix::from_columns(&whitened_columns), &self.weights.stack(residuals.clone())) {
+                Some(step) => DVector::from_vec(all) - &matrix * step,
+                None => DVector::from_vec(all),
+            };
+            let mut first = 0;
+            let left: Vec<Vec<f64>> = residuals
+                .iter()
+                .map(|r| {
+                    let part = left.rows(first, r.len()).iter().copied().collect();
+                    first += r.len();
+                    part
+                })
+                .collect();
+            let Some((noise, used)) = noise_beyond(self.setting, &left, &matrix) else { return };
+            let before = self.weights.noise;
+            let settled = (noise.total_sd() / before.total_sd() - 1.0).abs() < 0.02
+                && (noise.white_sd / before.white_sd - 1.0).abs() < 0.02
+                && used == self.weights.used;
+            tracing::debug!("{} columns beside {set:?}: noise {noise:?}, outliers {}", chosen.len(), self.weights.outliers());
+            self.weights = Weights::new(&self.setting.tracks, noise, used);
+            self.rewhiten();
+            let warm: Vec<(Vec<usize>, Vec<f64>)> = vec![(fit.set.clone(), fit.at.clone())];
+            self.fits.clear();
+            self.fit(warm);
+            if settled {
+                break;
+            }
+        }
+    }
+
+    /// Raw derivatives with respect to all unknowns of a fit, runs end to end.
+    fn raw_jacobian(&self, posed: &Posed<'_>, fit: &Fit) -> DMatrix<f64> {
+        let _ = posed;
+        let g = fit.globals(self.setting).len();
+        let rows: usize = self.setting.tracks.iter().map(|t| t.times_s.len()).sum();
+        let mut all = DMatrix::zeros(rows, fit.at.len());
+        let mut first = 0;
+        for run in 0..self.setting.tracks.len() {
+            let (_, j) =
+                self.setting.sensitivities(run, &fit.set, fit.globals(self.setting), fit.start(self.setting, run));
+            all.view_mut((first, 0), (j.nrows(), g)).copy_from(&j.columns(0, g));
+            all.view_mut((first, g + 2 * run), (j.nrows(), 2)).copy_from(&j.columns(g, 2));
+            first += j.nrows();
+        }
+        all
+    }
+
+    /// What may be added to a set, best first.
+    pub fn promises(&mut self, set: &[usize]) -> Vec<Vec<Promise>> {
+        let Some(fit) = self.get(set) else { return Vec::new() };
+        let view = View::new(self.setting, &self.weights, fit);
+        let mut found = view.promises(&self.bank, &self.whitened, set);
+        found.retain(|l| !self.blind.contains(&l[0].candidate));
+        self.looked += found.len();
+        found
+    }
+
+    /// Fits a set with each of its most promising additions.
+    pub fn extend(&mut self, sets: &[Vec<usize>], width: usize, least_gain: f64) {
+        let mut jobs = Vec::new();
+        for set in sets {
+            let promises = self.promises(set);
+            let Some(fit) = self.get(set) else { continue };
+            for list in promises.iter().filter(|l| l[0].gain > least_gain).take(width) {
+                for p in list.iter().take(STARTS) {
+                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
+                    let (bigger, from) = joined(self.setting, fit, p.candidate, point);
+                    if p.gain < least_gain || (self.fits.contains_key(&bigger) && p != &list[0]) {
+                        continue;
+                    }
+                    jobs.push((bigger, from));
+                }
+            }
+        }
+        jobs.retain(|(set, _)| !self.fits.contains_key(set));
+        self.fit(jobs);
+    }
+
+    /// Fits sets with each of their members taken out.
+    pub fn reduce(&mut self, sets: &[Vec<usize>]) {
+        let mut jobs = Vec::new();
+        for set in sets {
+            let Some(fit) = self.get(set) else { continue };
+            for member in 0..set.len() {
+                let (smaller, from) = without(self.setting, fit, member);
+                if !self.fits.contains_key(&smaller) {
+                    jobs.push((smaller, from));
+                }
+            }
+        }
+        self.fit(jobs);
+    }
+
+    /// Best sets, best first.
+    pub fn ranked(&self) -> Vec<&Fit> {
+        let mut all: Vec<&Fit> = self.fits.values().collect();
+        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all
+    }
+
+    /// A quick greedy look, to have the noise roughly right before the real search.
+    pub fn glance(&mut self, depth: usize) -> Vec<usize> {
+        let mut set: Vec<usize> = self.best().map(|f| f.set.clone()).unwrap_or_default();
+        for _ in 0..depth {
+            let before = self.get(&set).map_or(f64::NEG_INFINITY, |f| f.log_evidence);
+            self.extend(std::slice::from_ref(&set), 3, 10.0);
+            match self.best().filter(|b| b.log_evidence > before + 5.0 && b.set != set) {
+                Some(better) => set = better.set.clone(),
+                None => break,
+            }
+        }
+        set
+    }
+
+    /// Noise and a first set: looks, estimates the noise beside what was found, looks again.
+    pub fn prepare(&mut self) {
+        self.refresh(&[]);
+        self.reweigh(&[]);
+        (self.progress)("noise");
+        for _ in 0..2 {
+            let set = self.glance(4);
+            self.refresh(&set);
+            self.reweigh(&set);
+            (self.progress)("noise");
+        }
+        self.nothing();
+    }
+
+    /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
+    pub fn settle(&mut self) {
+        let Some(best) = self.best().map(|f| f.set.clone()) else { return };
+        let before = self.weights.clone();
+        let front: Vec<(Vec<usize>, Vec<f64>)> =
+            self.ranked().iter().take(80).map(|f| (f.set.clone(), f.at.clone())).collect();
+        self.refresh(&best);
+        self.reweigh(&best);
+        let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
+            + (self.weights.noise.white_sd / before.noise.white_sd - 1.0).abs();
+        tracing::debug!("noise changed by {change:.3}");
+        self.fit(front);
+        self.nothing();
+        if change > 0.05 {
+            self.exchange();
+        }
+    }
+
+    /// The whole search under the present weights: singles, pairs, then the beam, then exchange.
+    pub fn run(&mut self) {
+        if !self.fits.contains_key(&Vec::new()) {
+            self.nothing();
+        }
+        let seeds: Vec<Vec<usize>> = self.fits.keys().cloned().collect();
+        // All singles, fitted.
+        self.extend(&[Vec::new()], usize::MAX, 0.0);
+        (self.progress)("singles");
+        // All pairs, linearised from every single; the promising ones fitted.
+        let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
+        let best_single = self.ranked().iter().filter(|f| f.set.len() <= 1).map(|f| f.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        let mut pairs: Vec<(f64, Vec<usize>, Vec<f64>)> = Vec::new();
+        for single in &singles {
+            let promises = self.promises(single);
+            let Some(fit) = self.get(single) else { continue };
+            for list in &promises {
+                let p = list[0];
+                if p.gain > LEAST_GAIN && fit.log_evidence + p.gain > best_single - FAR {
+                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
+                    let (set, from) = joined(self.setting, fit, p.candidate, point);
+                    pairs.push((fit.log_evidence + p.gain, set, from));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut seen = BTreeSet::new();
+        pairs.retain(|(_, set, _)| seen.insert(set.clone()));
+        pairs.truncate(4 * BEAM);
+        self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
+        (self.progress)("pairs");
+        let mut done = BTreeSet::new();
+        let mut best = f64::NEG_INFINITY;
+        let mut idle = 0;
+        for _ in 0..2 * DEPTH {
+            let mut beam: Vec<Vec<usize>> = self
+                .ranked()
+                .iter()
+                .filter(|f| !done.contains(&f.set) && f.set.len() < DEPTH)
+                .take(BEAM)
+                .map(|f| f.set.clone())
+                .collect();
+            beam.extend(seeds.iter().filter(|s| !done.contains(*s)).cloned());
+            let now = self.best().map_or(f64::NEG_INFINITY, |f| f.log_evidence);
+            beam.retain(|s| self.get(s).is_some_and(|f| f.log_evidence > now - 60.0 - FAR));
+            if beam.is_empty() {
+                break;
+            }
+            done.extend(beam.iter().cloned());
+            self.extend(&beam, WIDTH, LEAST_GAIN);
+            self.reduce(&beam);
+            let after = self.best().map_or(f64::NEG_INFINITY, |f| f.log_evidence);
+            idle = if after > best + 0.01 { 0 } else { idle + 1 };
+            best = after;
+            (self.progress)("sets");
+            let front: Vec<Vec<usize>> = self.ranked().iter().take(2).map(|f| f.set.clone()).collect();
+            if idle >= 2 && front.iter().all(|s| done.contains(s)) {
+                break;
+            }
+        }
+        self.exchange();
+    }
+
+    /// Every member of the best set against every other candidate, with responses taken beside it.
+    pub fn exchange(&mut self) {
+        for _ in 0..3 {
+            let Some(best) = self.best().cloned() else { return };
+            self.refresh(&best.set);
+            self.reduce(std::slice::from_ref(&best.set));
+            let smaller: Vec<Vec<usize>> = (0..best.set.len()).map(|m| without(self.setting, &best, m).0).collect();
+            self.extend(&smaller, 3, LEAST_GAIN);
+            self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
+            (self.progress)("exchange");
+            if self.best().is_some_and(|b| b.set == best.set) {
+                break;
+            }
+        }
+    }
+}
+
+/// Least squares by a scaled Cholesky with a trace of ridge; `None` when nothing is to be solved.
+fn solve(columns: &DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let n = columns.ncols();
+    let mut h = columns.tr_mul(columns);
+    let g = columns.tr_mul(right);
+    let scale: Vec<f64> = (0..n).map(|i| h[(i, i)].sqrt()).map(|d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect();
+    for i in 0..n {
+        for j in 0..n {
+            h[(i, j)] *= scale[i] * scale[j];
+        }
+        h[(i, i)] += 1e-10;
+    }
+    let scaled = DVector::from_fn(n, |i, _| g[i] * scale[i]);
+    let x = h.cholesky()?.solve(&scaled);
+    Some(DVector::from_fn(n, |i, _| x[i] * scale[i]))
+}

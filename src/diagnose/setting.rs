@@ -1,0 +1,312 @@
+//! What is diagnosed: the runs of one DOF, the rig's model of it, and the candidates.
+
+use hydroline_rigs::{Dof, Rig, Vehicle};
+use hydroline_sim::effect::{CheckedEffect, EffectError, EffectStack, check};
+use hydroline_sim::single::{Feed, Instant, Line, Single};
+use hydroline_sim::vehicle::Hydrodynamics;
+use hydroline_sim::{Dual, Real};
+use nalgebra::DMatrix;
+
+use super::candidate::{Candidate, vocabulary};
+use crate::identify::data::{CHANNELS, Run};
+use crate::identify::parameter::{Coefficient, Term};
+
+/// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
+const STEP_MAX_S: f64 = 0.04;
+/// A log whose motion starts this late is one cut to a window: the state is free at its first stamp \[s\].
+const START_SLACK_S: f64 = 1.0;
+/// Derivatives per pass.
+pub const PASS: usize = 16;
+
+/// One run along one DOF.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// Name of the run.
+    pub name: String,
+    /// Stamps of the measured positions \[s\].
+    pub times_s: Vec<f64>,
+    /// Positions along the line \[m, rad\].
+    pub measured: Vec<f64>,
+    /// (time, load of this DOF), only changes.
+    pub edges: Vec<(f64, f64)>,
+    /// Where the state is given \[s\].
+    pub start_s: f64,
+    /// The line.
+    pub line: Line,
+}
+
+impl Track {
+    /// The run's motion along one DOF; `None` where its channel has fewer than 8 samples.
+    pub fn of(run: &Run, dof: Dof) -> Option<Track> {
+        let i = dof.index();
+        let mut rest = [0.0; 6];
+        for (c, value) in rest.iter_mut().enumerate() {
+            *value = run.median(c).unwrap_or(0.0);
+        }
+        let both = run.count(0) > 0 && run.count(1) > 0;
+        if i < 2 && !both {
+            rest[5] = 0.0;
+        }
+        let line = Line { dof: i, rest };
+        let (mut times_s, mut measured) = (Vec::new(), Vec::new());
+        for sample in &run.samples {
+            let pose: [f64; 6] = std::array::from_fn(|c| {
+                let v = sample.values[c];
+                if c == i || (i < 2 && c < 2 && both) { v } else { rest[c] }
+            });
+            let s = line.along(&pose);
+            if s.is_finite() {
+                times_s.push(sample.t_s);
+                measured.push(s);
+            }
+        }
+        if times_s.len() < 8 {
+            return None;
+        }
+        let first_s = times_s.first().copied().unwrap_or(0.0);
+        let start_s = if first_s > START_SLACK_S { first_s } else { 0.0 };
+        let mut edges: Vec<(f64, f64)> = Vec::new();
+        for c in &run.commands {
+            let load = c.wrench[i];
+            if edges.last().map_or(load != 0.0, |e| e.1 != load) {
+                edges.push((c.t_s, load));
+            }
+        }
+        Some(Track { name: run.name.clone(), times_s, measured, edges, start_s, line })
+    }
+
+    /// Last stamp \[s\].
+    pub fn end_s(&self) -> f64 {
+        self.times_s.last().copied().unwrap_or(0.0)
+    }
+}
+
+/// The problem of one DOF.
+#[derive(Debug)]
+pub struct Setting {
+    /// Degree of freedom.
+    pub dof: Dof,
+    /// The rig's vehicle: where the coefficients start.
+    pub vehicle: Vehicle,
+    /// Effects that the rig already has switched on, held as they are.
+    pub base: Vec<CheckedEffect>,
+    /// Runs to fit.
+    pub tracks: Vec<Track>,
+    /// What may have been left out.
+    pub vocabulary: Vec<Candidate>,
+    /// rms that matters in this DOF \[m, rad\].
+    pub tolerance: f64,
+}
+
+/// Coefficients of one DOF.
+pub const COEFFICIENTS: usize = 3;
+
+impl Setting {
+    /// One DOF of these runs.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn new(runs: &[Run], rig: &Rig, dof: Dof) -> Result<Setting, EffectError> {
+        let base = check(&rig.physics)?;
+        Ok(Setting {
+            dof,
+            vehicle: rig.vehicle.clone(),
+            tracks: runs.iter().filter_map(|r| Track::of(r, dof)).collect(),
+            vocabulary: vocabulary(dof, &base),
+            base,
+            tolerance: if dof.index() < 3 { rig.tolerance.position_m } else { rig.tolerance.attitude_rad },
+        })
+    }
+
+    /// The same model with other runs.
+    #[must_use]
+    pub fn with_tracks(&self, tracks: Vec<Track>) -> Setting {
+        Setting {
+            dof: self.dof,
+            vehicle: self.vehicle.clone(),
+            base: self.base.clone(),
+            tracks,
+            vocabulary: self.vocabulary.clone(),
+            tolerance: self.tolerance,
+        }
+    }
+
+    /// Name of the measured channel.
+    pub fn channel(&self) -> &'static str {
+        CHANNELS[self.dof.index()]
+    }
+
+    /// The rig's coefficients of this DOF.
+    pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
+        Coefficient::of(self.dof).map(|c| c.of_vehicle(&self.vehicle))
+    }
+
+    /// Number of parameters of a set of effects.
+    pub fn parameters(&self, set: &[usize]) -> usize {
+        set.iter().map(|c| self.vocabulary[*c].info.parameters.len()).sum()
+    }
+
+    /// Place of each member's first parameter in the vector of globals.
+    pub fn places(&self, set: &[usize]) -> Vec<usize> {
+        let mut at = COEFFICIENTS;
+        set.iter()
+            .map(|c| {
+                let here = at;
+                at += self.vocabulary[*c].info.parameters.len();
+                here
+            })
+            .collect()
+    }
+
+    fn hydrodynamics<T: Real>(&self, globals: &[T]) -> Hydrodynamics<T> {
+        let mut h: Hydrodynamics<T> = Hydrodynamics::new(&self.vehicle);
+        for (c, value) in Coefficient::of(self.dof).iter().zip(globals) {
+            let place = match c.term {
+                Term::Added => &mut h.added,
+                Term::Linear => &mut h.linear,
+                Term::Quadratic => &mut h.quadratic,
+            };
+            place[self.dof.index()] = *value;
+        }
+        h
+    }
+
+    fn checked(&self, set: &[usize]) -> Vec<CheckedEffect> {
+        let mut on = self.base.clone();
+        for c in set {
+            let candidate = &self.vocabulary[*c];
+            on.push(CheckedEffect {
+                info: candidate.info,
+                numbers: vec![0.0; candidate.info.parameters.len()],
+                words: candidate.words.clone(),
+                notes: Vec::new(),
+            });
+        }
+        on
+    }
+
+    /// The stack of a set; `change(place, value)` may bend a parameter.
+    pub fn stack<T: Real>(
+        &self,
+        on: &[CheckedEffect],
+        set: &[usize],
+        globals: &[T],
+        change: impl Fn(usize, T) -> T,
+    ) -> Result<EffectStack<T>, EffectError> {
+        let places = self.places(set);
+        let fixed = self.base.len();
+        EffectStack::assemble(on, |e, p, value| match e.checked_sub(fixed) {
+            Some(member) => {
+                let place = places[member] + p;
+                change(place, globals[place])
+            }
+            None => T::from_f64(value),
+        })
+    }
+
+    /// Positions of one run as a set of effects would have them measured.
+    pub fn simulate<T: Real>(
+        &self,
+        run: usize,
+        set: &[usize],
+        globals: &[T],
+        start: (T, T),
+        extra: impl Fn(&Instant<T>) -> T,
+    ) -> Vec<T> {
+        let on = self.checked(set);
+        match self.stack(&on, set, globals, |_, v| v) {
+            Ok(stack) => self.drive(run, &stack, globals, start, |_| None, extra),
+            // More own states than fit: such a set is no candidate.
+            Err(_) => vec![T::from_f64(f64::NAN); self.tracks[run].times_s.len()],
+        }
+    }
+
+    /// As [`Setting::simulate`], with one parameter that depends on where the motion is:
+    /// `bend(instant)` is what it is multiplied by.
+    pub fn simulate_bent<T: Real>(
+        &self,
+        run: usize,
+        set: &[usize],
+        globals: &[T],
+        start: (T, T),
+        place: usize,
+        bend: impl Fn(&Instant<T>) -> T,
+    ) -> Vec<T> {
+        let on = self.checked(set);
+        let retune = |here: &Instant<T>| {
+            let factor = bend(here);
+            self.stack(&on, set, globals, |p, v| if p == place { v * factor } else { v }).ok()
+        };
+        match self.stack(&on, set, globals, |_, v| v) {
+            Ok(stack) => self.drive(run, &stack, globals, start, retune, |_| T::zero()),
+            Err(_) => vec![T::from_f64(f64::NAN); self.tracks[run].times_s.len()],
+        }
+    }
+
+    fn drive<T: Real>(
+        &self,
+        run: usize,
+        stack: &EffectStack<T>,
+        globals: &[T],
+        start: (T, T),
+        retune: impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        extra: impl Fn(&Instant<T>) -> T,
+    ) -> Vec<T> {
+        let track = &self.tracks[run];
+        let feed = Feed {
+            start_s: track.start_s,
+            edges: &track.edges,
+            stamps_s: &track.times_s,
+            step_max_s: STEP_MAX_S,
+        };
+        let mut out = Vec::with_capacity(track.times_s.len());
+        Single::new(self.hydrodynamics(globals), track.line)
+            .run(stack, &feed, start, retune, extra, |x| out.push(x));
+        out
+    }
+
+    /// Plain positions.
+    pub fn values(&self, run: usize, set: &[usize], globals: &[f64], start: (f64, f64)) -> Vec<f64> {
+        self.simulate(run, set, globals, start, |_| 0.0)
+    }
+
+    /// Positions and their derivatives: columns = globals, start position, start rate.
+    pub fn sensitivities(
+        &self,
+        run: usize,
+        set: &[usize],
+        globals: &[f64],
+        start: (f64, f64),
+    ) -> (Vec<f64>, DMatrix<f64>) {
+        let all: Vec<f64> = globals.iter().copied().chain([start.0, start.1]).collect();
+        match all.len() {
+            0..=6 => self.passes::<6>(run, set, &all),
+            7..=8 => self.passes::<8>(run, set, &all),
+            9..=12 => self.passes::<12>(run, set, &all),
+            _ => self.passes::<PASS>(run, set, &all),
+        }
+    }
+
+    fn passes<const N: usize>(&self, run: usize, set: &[usize], all: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
+        let p = all.len();
+        let rows = self.tracks[run].times_s.len();
+        let mut jacobian = DMatrix::zeros(rows, p);
+        let mut values = Vec::new();
+        for first in (0..p).step_by(N) {
+            let duals: Vec<Dual<N>> = all
+                .iter()
+                .enumerate()
+                .map(|(i, v)| if i >= first { Dual::variable(*v, i - first) } else { Dual::constant(*v) })
+                .collect();
+            let (globals, start) = duals.split_at(p - 2);
+            let out = self.simulate(run, set, globals, (start[0], start[1]), |_| Dual::constant(0.0));
+            for (row, value) in out.iter().enumerate() {
+                for (i, slope) in value.slope.iter().take(p - first).enumerate() {
+                    jacobian[(row, first + i)] = *slope;
+                }
+            }
+            values = out.into_iter().map(|d| d.value).collect();
+        }
+        (values, jacobian)
+    }
+}

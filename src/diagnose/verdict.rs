@@ -1,0 +1,252 @@
+//! The verdict, as `diagnose --json` prints it (interfaces.md).
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+/// One word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Word {
+    /// Nothing established, or nothing that matters.
+    None,
+    /// The list is the best explanation by far.
+    Named,
+    /// Sets that this data cannot tell apart.
+    Ambiguous,
+    /// Something matters and nothing in the vocabulary explains it.
+    Unknown,
+    /// The data are wrong before any physics.
+    DataFault,
+}
+
+/// Whether an effect acts by the vocabulary's law.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// Nothing speaks against it.
+    Exact,
+    /// The mechanism is right, its law is not quite.
+    Inexact,
+}
+
+/// A number with its spread.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Value {
+    /// Estimate.
+    pub value: f64,
+    /// Standard deviation; `None` = not determined.
+    pub sd: Option<f64>,
+}
+
+/// An effect that was left out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Effect {
+    /// Id.
+    pub effect: String,
+    /// Its words, e.g. dof.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub words: BTreeMap<String, String>,
+    /// Probability that it is part of the explanation.
+    pub probability: f64,
+    /// rms per channel \[SI\] after the vehicle's coefficients are refitted.
+    pub weight: BTreeMap<String, f64>,
+    /// Weight above the rig's tolerance.
+    pub matters: bool,
+    /// Law.
+    pub law: Law,
+    /// How a law that is not exact differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub law_note: Option<String>,
+    /// Parameters by name.
+    pub parameters: BTreeMap<String, Value>,
+    /// What lies outside of what a tank is expected to show.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+}
+
+/// Where the mismatch acts.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Where {
+    /// Stage of the heaviest effect.
+    pub stage: Option<String>,
+    /// Degrees of freedom.
+    pub dof: Vec<String>,
+    /// Windows of the first run in which the model without effects misses by more than its noise \[s\].
+    pub windows_s: Vec<[f64; 2]>,
+    /// The same, run by run.
+    pub windows: BTreeMap<String, Vec<[f64; 2]>>,
+    /// What it depends on, in words with numbers.
+    pub regime: String,
+    /// Log Bayes factor of a free force as a function of each variable, without effects.
+    pub depends_on: BTreeMap<String, f64>,
+}
+
+/// Is there a mismatch at all?
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Test {
+    /// What was tested.
+    pub statistic: String,
+    /// Its value.
+    pub value: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
+    /// Probability of it without any effect.
+    pub p_value: f64,
+    /// Ljung-Box p of the whitened residuals that are left, per run.
+    pub whiteness_p: Vec<f64>,
+    /// Noise per channel \[SI\].
+    pub noise_rms: BTreeMap<String, f64>,
+}
+
+/// rms per channel before and after.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct BeforeAfter {
+    /// Vehicle refitted, no effect.
+    pub before: BTreeMap<String, f64>,
+    /// With the effects.
+    pub after: BTreeMap<String, f64>,
+    /// Noise floor.
+    pub noise: BTreeMap<String, f64>,
+}
+
+/// Fit and prediction.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct FitTable {
+    /// Runs fitted.
+    pub train: BeforeAfter,
+    /// Runs held out (or, without any, each run predicted by the others).
+    pub held_out: BeforeAfter,
+    /// How the second was made.
+    pub held_out_by: String,
+}
+
+/// The vehicle's own coefficients without and with the effects.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Parameters {
+    /// Without.
+    pub before: BTreeMap<String, Value>,
+    /// With.
+    pub after: BTreeMap<String, Value>,
+}
+
+/// Noise of a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct NoiseFound {
+    /// sd of one sample \[SI\].
+    pub sd: f64,
+    /// White part \[SI\].
+    pub white_sd: f64,
+    /// Correlated part \[SI\].
+    pub coloured_sd: f64,
+    /// Its correlation time; 0 = white \[s\].
+    pub correlation_s: f64,
+    /// Share of samples left out.
+    pub outliers: f64,
+}
+
+/// Something wrong with the data.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DataFault {
+    /// Kind.
+    pub fault: String,
+    /// Channel.
+    pub channel: String,
+    /// Run.
+    pub run: String,
+    /// What shows it.
+    pub evidence: String,
+    /// Stops the diagnosis.
+    pub fatal: bool,
+}
+
+/// An explanation and how it did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Its effects.
+    pub effects: Vec<String>,
+    /// Log evidence below the best.
+    pub log_evidence: f64,
+    /// Probability.
+    pub probability: f64,
+    /// rms on runs held out per channel \[SI\].
+    pub held_out: BTreeMap<String, f64>,
+}
+
+/// A force or change that nothing in the vocabulary explains.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// Channel it shows in.
+    pub channel: String,
+    /// Weight there \[SI\].
+    pub weight: f64,
+    /// Variable it depends on best.
+    pub depends_on: String,
+    /// Where it acts, in the variable's unit.
+    pub range: [f64; 2],
+    /// Mean force there \[N, N m\].
+    pub force: f64,
+    /// The sparse term in words.
+    pub term: String,
+    /// Knots of the free function.
+    pub knots: Vec<f64>,
+    /// Force at each \[N, N m\].
+    pub force_at: Vec<f64>,
+    /// sd of each.
+    pub force_sd: Vec<f64>,
+    /// Log Bayes factor over none.
+    pub log_bayes_factor: f64,
+}
+
+/// What to run next.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NextExperiment {
+    /// Name of the plan.
+    pub plan: String,
+    /// The plan file.
+    pub plan_toml: String,
+    /// Explanations it parts.
+    pub separates: Vec<Vec<String>>,
+    /// Expected log Bayes factor between the two closest of them.
+    pub expected_log_bayes_factor: f64,
+    /// All plans asked, with the same figure.
+    pub considered: BTreeMap<String, f64>,
+}
+
+/// Everything.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// One word.
+    pub verdict: Word,
+    /// One sentence.
+    pub sentence: String,
+    /// What was left out together, heaviest first.
+    pub effects: Vec<Effect>,
+    /// Complete sets of what matters that this data cannot tell apart, most probable first.
+    pub equivalent: Vec<Vec<String>>,
+    /// Where.
+    #[serde(rename = "where")]
+    pub place: Where,
+    /// Test.
+    pub test: Test,
+    /// Fit.
+    pub fit: FitTable,
+    /// Coefficients.
+    pub parameters: Parameters,
+    /// What no data of this kind can show.
+    pub blind_spots: Vec<String>,
+    /// Next run.
+    pub next_experiment: Option<NextExperiment>,
+    /// Noise per channel.
+    pub noise: BTreeMap<String, NoiseFound>,
+    /// Faults of the data.
+    pub data_faults: Vec<DataFault>,
+    /// What else was considered.
+    pub alternatives: Vec<Alternative>,
+    /// What nothing explains.
+    pub unexplained: Vec<Unexplained>,
+    /// Remarks.
+    pub notes: Vec<String>,
+    /// Sets of effects looked at.
+    pub sets_looked_at: usize,
+}

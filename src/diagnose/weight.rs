@@ -1,0 +1,50 @@
+//! Weight of an effect: what it leaves in the motion after the vehicle's coefficients are refitted.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::bank::{basis, motion, outside};
+use super::fit::Fit;
+use super::setting::{COEFFICIENTS, Setting};
+
+/// Span of the raw derivatives of the motion without effects to the DOF's own coefficients.
+fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
+    let globals = &fit.at[..COEFFICIENTS];
+    let blocks: Vec<DMatrix<f64>> = (0..setting.tracks.len())
+        .map(|run| setting.sensitivities(run, &[], globals, fit.start(setting, run)).1.columns(0, COEFFICIENTS).into_owned())
+        .collect();
+    let rows: usize = blocks.iter().map(DMatrix::nrows).sum();
+    let mut all = DMatrix::zeros(rows, COEFFICIENTS);
+    let mut first = 0;
+    for block in &blocks {
+        all.view_mut((first, 0), (block.nrows(), COEFFICIENTS)).copy_from(block);
+        first += block.nrows();
+    }
+    basis(&all)
+}
+
+fn rms(column: &DVector<f64>) -> f64 {
+    column.norm() / (column.len().max(1) as f64).sqrt()
+}
+
+/// Weight of each member of a fit \[m, rad\] (interfaces.md): rms over all stamps of motion with
+/// this effect alone minus motion with none, at the fitted vehicle, outside of the span of the
+/// derivatives to the DOF's own coefficients.
+pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
+    let span = own_span(setting, fit);
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len()).map(|r| (fit.start(setting, r).0, 0.0)).collect();
+    let vehicle = &fit.at[..COEFFICIENTS];
+    let none = motion(setting, &[], vehicle, &starts);
+    (0..fit.set.len())
+        .map(|member| {
+            let mut globals = vehicle.to_vec();
+            globals.extend_from_slice(fit.member(setting, member));
+            let with = motion(setting, &[fit.set[member]], &globals, &starts);
+            rms(&outside(&span, &(with - &none)))
+        })
+        .collect()
+}
+
+/// The same of any additional motion (a free function's response).
+pub fn weight_of(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
+    rms(&outside(&own_span(setting, fit), response))
+}

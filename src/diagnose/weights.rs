@@ -1,0 +1,146 @@
+//! How residuals are weighed: noise with its colour, the samples that count, and series laid end to end.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::setting::{Setting, Track};
+use crate::identify::noise::{Noise, Series, Whitener, estimate};
+use crate::identify::statistics::{difference_sd, robust_sd};
+
+/// Noise of a DOF's channel and which samples count; the same for every set that is compared.
+#[derive(Debug, Clone)]
+pub struct Weights {
+    /// The noise.
+    pub noise: Noise,
+    /// `[run][sample]`: counts.
+    pub used: Vec<Vec<bool>>,
+    whiteners: Vec<Whitener>,
+}
+
+impl Weights {
+    /// Of this noise.
+    pub fn new(tracks: &[Track], noise: Noise, used: Vec<Vec<bool>>) -> Weights {
+        let whiteners = tracks
+            .iter()
+            .zip(&used)
+            .map(|(t, u)| Whitener::new(&t.times_s, noise, |k| u[k]))
+            .collect();
+        Weights { noise, used, whiteners }
+    }
+
+    /// White noise from third differences; a sample is left out where it stands apart from the cubic
+    /// through its four neighbours: no model is asked.
+    pub fn first(tracks: &[Track]) -> Weights {
+        let sd = tracks.iter().map(|t| difference_sd(&t.measured)).fold(0.0, f64::max);
+        let used = tracks.iter().map(|t| not_apart(&t.times_s, &t.measured)).collect();
+        Weights::new(tracks, Noise::white(if sd > 0.0 { sd } else { 1e-6 }), used)
+    }
+
+    /// Whitens one run's series in place; what does not count becomes 0.
+    pub fn whiten<'a>(&self, run: usize, series: impl Iterator<Item = &'a mut f64>) {
+        self.whiteners[run].apply(series);
+    }
+
+    /// All runs' series whitened and laid end to end.
+    pub fn stack(&self, mut series: Vec<Vec<f64>>) -> DVector<f64> {
+        for (run, values) in series.iter_mut().enumerate() {
+            self.whiten(run, values.iter_mut());
+        }
+        DVector::from_vec(series.into_iter().flatten().collect())
+    }
+
+    /// Samples that count.
+    pub fn samples(&self) -> usize {
+        self.used.iter().flatten().filter(|u| **u).count()
+    }
+
+    /// Share of samples left out.
+    pub fn outliers(&self) -> f64 {
+        let all: usize = self.used.iter().map(Vec::len).sum();
+        1.0 - self.samples() as f64 / all.max(1) as f64
+    }
+}
+
+/// Samples within six robust sd of the cubic through their neighbours.
+fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
+    let n = values.len();
+    let mut used = vec![true; n];
+    for _ in 0..4 {
+        let present: Vec<usize> = (0..n).filter(|k| used[*k]).collect();
+        let mut apart = vec![0.0; present.len()];
+        for i in 2..present.len().saturating_sub(2) {
+            let around = [present[i - 2], present[i - 1], present[i + 1], present[i + 2]];
+            let t = times_s[present[i]];
+            // Lagrange's weights.
+            let mut expected = 0.0;
+            for a in around {
+                let weight: f64 = around
+                    .iter()
+                    .filter(|b| **b != a)
+                    .map(|b| (t - times_s[*b]) / (times_s[a] - times_s[*b]))
+                    .product();
+                expected += weight * values[a];
+            }
+            apart[i] = values[present[i]] - expected;
+        }
+        let limit = 6.0 * robust_sd(&apart);
+        let mut found = false;
+        for i in 0..present.len() {
+            let around = apart[i.saturating_sub(2)..(i + 3).min(apart.len())].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            if limit > 0.0 && apart[i].abs() > limit && apart[i].abs() >= around {
+                used[present[i]] = false;
+                found = true;
+            }
+        }
+        if !found {
+            break;
+        }
+    }
+    used
+}
+
+/// Noise of residuals from which `columns` (raw, runs end to end) have been fitted out.
+///
+/// Restricted likelihood: what the columns took of slow noise is put back.
+pub fn noise_beyond(setting: &Setting, residuals: &[Vec<f64>], columns: &DMatrix<f64>) -> Option<(Noise, Vec<Vec<bool>>)> {
+    let mut first = 0;
+    let jacobians: Vec<DMatrix<f64>> = residuals
+        .iter()
+        .map(|r| {
+            let rows = columns.rows(first, r.len()).into_owned();
+            first += r.len();
+            rows
+        })
+        .collect();
+    let series: Vec<Series<'_>> = setting
+        .tracks
+        .iter()
+        .zip(residuals)
+        .zip(&jacobians)
+        .map(|((t, r), j)| Series { times_s: &t.times_s, values: r, jacobian: Some(j) })
+        .collect();
+    estimate(&series)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_apart_is_left_out_and_a_kink_is_not() {
+        let times: Vec<f64> = (0..300).map(|k| 0.04 * f64::from(k)).collect();
+        // Deterministic roughness of 0.1 mm over a start from rest.
+        let mut values: Vec<f64> = times
+            .iter()
+            .enumerate()
+            .map(|(k, t)| 1e-4 * ((k * 7919 % 101) as f64 / 50.0 - 1.0) + 0.05 * (t - 4.0).max(0.0).powi(2))
+            .collect();
+        values[50] += 0.004;
+        values[51] += 0.004;
+        values[200] -= 0.01;
+        let used = not_apart(&times, &values);
+        assert!(!used[50] || !used[51]);
+        assert!(!used[200]);
+        assert!(used.iter().filter(|u| !**u).count() <= 6);
+        assert!(used[98..104].iter().all(|u| *u));
+    }
+}
