@@ -121,6 +121,7 @@ mod tests {
     fn means_reach_into_the_neighbouring_groups_and_no_farther() {
         let value = |i: usize| Some([i as f64]);
         let (mut scratch, mut out) = (Vec::new(), Vec::new());
+        #[allow(clippy::single_range_in_vec_init)] // one run of columns
         pooled(&[0..40], GROUP, [0.0], value, &mut scratch, &mut out);
         // Mean of 8..32 in the middle group, of 0..16 in the first.
         assert_eq!((out[16], out[23], out[0]), ([19.5], [19.5], [7.5]));

@@ -106,7 +106,7 @@ fn light_is_the_renderers() {
                 worst = worst.max(difference.abs());
             }
         }
-        let rms = (square / count as f64).sqrt();
+        let rms = (square / count).sqrt();
         println!("x {x_m}: rms {rms:.3} grey levels of 200, worst {worst:.2}, {count} pixels");
         assert!(rms < 0.6, "x {x_m}: {rms}");
     }
