@@ -64,11 +64,6 @@ impl Rig {
         Ok(rig)
     }
 
-    /// The rig as a file that reads back to the same rig, nothing left to defaults.
-    pub fn to_toml(&self) -> String {
-        effective::rig(self)
-    }
-
     /// A rig compiled in, e.g. `lshpi`.
     ///
     /// # Errors

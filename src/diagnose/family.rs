@@ -425,7 +425,7 @@ impl FamilyFit {
                     (j.tr_mul(&r), j.tr_mul(&j))
                 })
                 .collect();
-            let mut gradient = DVector::zeros(n + m);
+            let mut gradient = DVector::<f64>::zeros(n + m);
             hessian.fill(0.0);
             for (run, (gr, h)) in blocks.iter().enumerate() {
                 let column = |i: usize| match i {
