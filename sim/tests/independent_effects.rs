@@ -5,7 +5,7 @@
 //! to the grey levels. Where our effect is theirs, what is left is their noise. The key is read by this
 //! test only.
 
-#![allow(clippy::unwrap_used)] // a test
+#![allow(clippy::unwrap_used, clippy::panic)] // a test
 
 use std::path::{Path, PathBuf};
 
