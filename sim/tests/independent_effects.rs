@@ -244,7 +244,7 @@ fn their_effects_are_ours() {
         let without = Renderer::new(&plain).unwrap();
         let mut sums = [0.0; 2];
         let mut used = 0.0;
-        for (t_s, frame) in frames.iter().skip(3).step_by(4) {
+        for (t_s, frame) in frames.iter().skip(3).step_by(8) {
             let mut world = World::new(&plain, plain.tank.start_pose).unwrap();
             let ahead = Wrench {
                 surge_n: 8.0,
@@ -268,12 +268,15 @@ fn their_effects_are_ours() {
         if with > 1.8 {
             worst.push(format!("{name}: {with} grey levels left"));
         }
-        // A tilt of the sheet goes into the pose; the other two do not fit any pose.
-        if ["a", "c"].contains(&name) {
-            assert!(
-                without > 1.1 * with,
-                "{name}: {without} without, {with} with"
-            );
+        // Port and tilt fit no pose. A target 1.5 % larger shows at its edges alone, few of all lit pixels.
+        let gain = match name {
+            "a" | "b" => 2.0,
+            "c" => 1.01,
+            _ => 0.0,
+        };
+        if without < gain * with {
+            worst.push(format!("{name}: {without} without, {with} with"));
         }
     }
+    assert!(worst.is_empty(), "{worst:?}");
 }

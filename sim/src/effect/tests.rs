@@ -351,8 +351,8 @@ fn every_image_level_effect_changes_the_image() {
 /// At the stiff end of its limits each law stays inside RK4's region of stability on the simulator's grid.
 #[test]
 fn stiff_limits_stay_stable() {
-    type Stiff = (&'static str, &'static [(&'static str, f64)], &'static str);
-    let stiff: [Stiff; 11] = [
+    type Stiff<'a> = (&'a str, &'a [(&'a str, f64)], &'a str);
+    let stiff: [Stiff<'_>; 11] = [
         ("thruster_lag", &[("lag_s", 0.005)], "surge"),
         ("linear_damping", &[("coefficient", -1000.0)], "roll"),
         ("quadratic_damping", &[("coefficient", -1e4)], "roll"),

@@ -5,6 +5,7 @@
 
 use super::frame_poses::FramePoses;
 use super::rays::Sight;
+use super::sheet::Light;
 use super::solid::{Hit, Surface};
 use super::{Pose6, Renderer};
 
@@ -55,6 +56,8 @@ impl Renderer {
         sight: impl Fn(&Pose6) -> S,
     ) -> Vec<ColumnTruth> {
         let still = poses.still().map(&sight);
+        // Once per frame: it takes a tangent and a logarithm.
+        let still_light = still.as_ref().map(|view| self.light(view));
         let mut points = Vec::with_capacity(self.width_px + 16);
         let levels: Vec<(f64, Surface)> = self.solid.levels().collect();
         // A fan that ends just outside the image still cuts the stripe's oblique end inside it:
@@ -63,11 +66,11 @@ impl Renderer {
         for column in -margin..self.width_px as i64 + margin {
             let first = points.len();
             for &(height_m, surface) in &levels {
-                let point = match &still {
-                    Some(view) => self.point(view, column, height_m, surface),
+                let point = match &still_light {
+                    Some(light) => self.point(light, column, height_m, surface),
                     None => {
                         let view = self.sight_at_stripe(poses, &sight, column, height_m);
-                        view.and_then(|v| self.point(&v, column, height_m, surface))
+                        view.and_then(|v| self.point(&self.light(&v), column, height_m, surface))
                     }
                 };
                 points.extend(point.map(|p| (column, p)));
@@ -98,11 +101,12 @@ impl Renderer {
 
     fn point<S: Sight>(
         &self,
-        view: &S,
+        light: &Light<'_, S>,
         column: i64,
         height_m: f64,
         surface: Surface,
     ) -> Option<ColumnTruth> {
+        let view = light.view;
         let u = column as f64;
         let (row_px, t) = view.row_of(u, height_m, 0.0)?;
         if !(-0.5..=self.height_px as f64 - 0.5).contains(&row_px) {
@@ -118,7 +122,7 @@ impl Renderer {
         let line = view.line(&ray);
         let [fan_y, fan_z] = view.fan(&ray, t);
         let point = std::array::from_fn(|i| line.origin[i] + t * line.direction[i]);
-        if !self.light(view).reaches(fan_y, fan_z, point) {
+        if !light.reaches(fan_y, fan_z, point) {
             return None;
         }
         // Across the sheet's thickness the same surface must be seen, or the stripe's centre is not its middle.
