@@ -211,7 +211,7 @@ fn log(
     for message in LogReader::open(path).map_err(CliError::run)? {
         let message = message.map_err(CliError::run)?;
         if let Record::Frame(frame) = message.record {
-            if index % u64::from(every) == 0 {
+            if index.is_multiple_of(u64::from(every)) {
                 frames.push((index / u64::from(every), frame));
             }
             index += 1;
