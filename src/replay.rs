@@ -8,7 +8,7 @@ use crate::analysis::Analyst;
 use crate::frame::{Frame, GreyImage};
 use crate::log::messages::{
     self,
-    pb::{FrameInfo, StripeProfile},
+    pb::{FrameInfo, StripeProfile, VehicleMotion},
     unix_ns,
 };
 use crate::log::{
@@ -18,6 +18,7 @@ use crate::log::{
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::stripe::{ExtractorConfig, Profile};
 use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::Rig;
 use prost::Message;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -26,6 +27,10 @@ use std::collections::{HashMap, HashSet};
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+mod smoothed;
+
+pub use smoothed::SmoothReport;
 
 /// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
 const BATCH: usize = 64;
@@ -41,6 +46,8 @@ pub struct Options {
     pub map: Option<Arc<dyn PlaneMap>>,
     /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
     pub poses: Option<PoseRun>,
+    /// Binds the poses of the run through this rig's dynamics ([`crate::smooth`]): two passes over the log.
+    pub smooth: Option<Box<Rig>>,
     /// The rig to state in the new log, when it is another than the recording's own.
     pub rig_toml: Option<String>,
     /// The calibration in force, for the new log's head.
@@ -70,6 +77,8 @@ pub struct Report {
     pub poses: u64,
     /// Frames whose pose was left out, by reason.
     pub without_pose: std::collections::BTreeMap<String, u64>,
+    /// What binding the frames did, where it was asked for.
+    pub smoothed: Option<SmoothReport>,
     /// Commands carried over.
     pub commands: u64,
     /// First and last stamp of a frame, UNIX \[ns\].
@@ -92,6 +101,15 @@ pub enum ReplayError {
     /// Reading or writing a log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Binding the frames.
+    #[error(transparent)]
+    Smooth(#[from] crate::smooth::SmoothError),
+    /// The rig's thrusters make no wrench.
+    #[error("the rig's dynamics cannot be used to smooth: {reason}")]
+    Dynamics {
+        /// Why.
+        reason: String,
+    },
     /// Nothing to extract from.
     #[error(
         "{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it"
@@ -131,6 +149,10 @@ pub fn replay(
             path: log.to_owned(),
         });
     }
+    let bound = match &options.smooth {
+        Some(rig) => Some(smoothed::bound(log, options, rig)?),
+        None => None,
+    };
     let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
     let mut state = Replay {
         writer: FileRecorder::create(out, false, head, settings)?,
@@ -142,9 +164,14 @@ pub fn replay(
         report: Report::default(),
         index: 0,
         info: None,
-        run: options.poses.clone(),
+        run: options.poses.clone().filter(|_| bound.is_none()),
+        bound: HashMap::new(),
         posed: HashSet::new(),
     };
+    if let Some((motions, report)) = bound {
+        state.bound = motions;
+        state.report.smoothed = Some(report);
+    }
     for message in first.into_iter().map(Ok).chain(reader) {
         state.take(message?)?;
         progress(state.report.frames);
@@ -222,6 +249,8 @@ struct Replay<'a> {
     /// With images kept: a frame's account waiting for the image that brings it along.
     info: Option<(u64, FrameInfo)>,
     run: Option<PoseRun>,
+    /// Smoothed motion by stamp, in place of the frames' own poses.
+    bound: HashMap<u64, VehicleMotion>,
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
 }
@@ -367,6 +396,11 @@ impl Replay<'_> {
         stamp_ns: u64,
         pixels: Option<(GreyImage, Profile)>,
     ) -> Result<(), ReplayError> {
+        if let Some(motion) = self.bound.get(&stamp_ns).cloned() {
+            self.posed.insert(stamp_ns);
+            self.report.poses += 1;
+            return self.write_motion(log_ns, &motion);
+        }
         let (Some(run), Some((image, profile))) = (&mut self.run, pixels) else {
             return Ok(());
         };
@@ -374,12 +408,7 @@ impl Replay<'_> {
         let why = match run.pose(stamp_ns, &image, &profile) {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
-                let motion = motion_message(stamp_ns, &fit);
-                self.writer.write(log_ns, &Entry::motion(&motion))?;
-                if let Some(pose) = messages::pose_message(&motion) {
-                    self.writer.write(log_ns, &Entry::pose(&pose))?;
-                }
-                return Ok(());
+                return self.write_motion(log_ns, &motion_message(stamp_ns, &fit));
             }
             RunPose::Doubtful(fit) => fit
                 .caveats
@@ -391,6 +420,14 @@ impl Replay<'_> {
         };
         let reason: String = why.chars().filter(|c| !c.is_ascii_digit()).collect();
         *self.report.without_pose.entry(reason).or_default() += 1;
+        Ok(())
+    }
+
+    fn write_motion(&mut self, log_ns: u64, motion: &VehicleMotion) -> Result<(), ReplayError> {
+        self.writer.write(log_ns, &Entry::motion(motion))?;
+        if let Some(pose) = messages::pose_message(motion) {
+            self.writer.write(log_ns, &Entry::pose(&pose))?;
+        }
         Ok(())
     }
 
