@@ -185,15 +185,18 @@ fn places(
         path,
     );
     let mut last_m: Option<f64> = None;
+    let mut pace_m = 0.0;
     let crossings: Vec<Option<Crossing>> = seen.iter().map(|s| s.crossing).collect();
     let fixes = crossings
         .iter()
         .map(|c| {
             let fix = chain.fix(c.as_ref()?, near).ok()?;
-            // As fast as from the last frame to this one.
+            // About as fast as over the last frames: one fix beside a corner may be off by
+            // millimetres, and must not throw the next one onto another flank.
             let moved_m = last_m.map_or(0.0, |last| fix.x_s_m - last);
+            pace_m += 0.2 * (moved_m - pace_m);
             last_m = Some(fix.x_s_m);
-            near = (fix.x_s_m + moved_m, fix.psi_s_rad);
+            near = (fix.x_s_m + pace_m, fix.psi_s_rad);
             Some(fix)
         })
         .collect();
