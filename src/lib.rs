@@ -25,6 +25,7 @@ pub mod shutdown;
 pub mod signals;
 pub mod simulate;
 pub mod simulated;
+pub mod smooth;
 pub mod stripe;
 pub mod thruster;
 pub mod water;

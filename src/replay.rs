@@ -10,7 +10,7 @@ use crate::frame::{Frame, GreyImage};
 use crate::identify::data::StillWatch;
 use crate::log::messages::{
     self,
-    pb::{FrameInfo, StripeProfile},
+    pb::{FrameInfo, StripeProfile, VehicleMotion},
     unix_ns,
 };
 use crate::log::{
@@ -21,6 +21,7 @@ use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::stripe::{ExtractorConfig, Profile};
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::Rig;
 use prost::Message;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -29,6 +30,10 @@ use std::collections::{HashMap, HashSet};
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+mod smoothed;
+
+pub use smoothed::SmoothReport;
 
 /// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
 const BATCH: usize = 64;
@@ -44,6 +49,8 @@ pub struct Options {
     pub map: Option<Arc<dyn PlaneMap>>,
     /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
     pub poses: Option<PoseRun>,
+    /// Binds the poses of the run through this rig's dynamics ([`crate::smooth`]): two passes over the log.
+    pub smooth: Option<Box<Rig>>,
     /// The rig to state in the new log, when it is another than the recording's own.
     pub rig_toml: Option<String>,
     /// The calibration in force, for the new log's head.
@@ -75,6 +82,8 @@ pub struct Report {
     pub poses: u64,
     /// Frames whose pose was left out, by reason.
     pub without_pose: std::collections::BTreeMap<String, u64>,
+    /// What binding the frames did, where it was asked for.
+    pub smoothed: Option<SmoothReport>,
     /// Commands carried over.
     pub commands: u64,
     /// First and last stamp of a frame, UNIX \[ns\].
@@ -109,6 +118,15 @@ pub enum ReplayError {
     /// Reading or writing a log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Binding the frames.
+    #[error(transparent)]
+    Smooth(#[from] crate::smooth::SmoothError),
+    /// The rig's thrusters make no wrench.
+    #[error("the rig's dynamics cannot be used to smooth: {reason}")]
+    Dynamics {
+        /// Why.
+        reason: String,
+    },
     /// Nothing to extract from.
     #[error(
         "{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it"
@@ -148,6 +166,10 @@ pub fn replay(
             path: log.to_owned(),
         });
     }
+    let bound = match &options.smooth {
+        Some(rig) => Some(smoothed::bound(log, options, rig)?),
+        None => None,
+    };
     let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
     let mut state = Replay {
         writer: FileRecorder::create(out, false, head, settings)?,
@@ -159,10 +181,15 @@ pub fn replay(
         report: Report::default(),
         index: 0,
         info: None,
-        run: options.poses.clone(),
+        run: options.poses.clone().filter(|_| bound.is_none()),
+        bound: HashMap::new(),
         posed: HashSet::new(),
         still: StillWatch::default(),
     };
+    if let Some((motions, report)) = bound {
+        state.bound = motions;
+        state.report.smoothed = Some(report);
+    }
     for message in first.into_iter().map(Ok).chain(reader) {
         state.take(message?)?;
         progress(state.report.frames);
@@ -245,6 +272,8 @@ struct Replay<'a> {
     run: Option<PoseRun>,
     /// Measures the noise of the poses, if the vehicle was at rest.
     still: StillWatch,
+    /// Smoothed motion by stamp, in place of the frames' own poses.
+    bound: HashMap<u64, VehicleMotion>,
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
 }
@@ -401,6 +430,11 @@ impl Replay<'_> {
         stamp_ns: u64,
         pixels: Option<(GreyImage, Profile)>,
     ) -> Result<(), ReplayError> {
+        if let Some(motion) = self.bound.get(&stamp_ns).cloned() {
+            self.posed.insert(stamp_ns);
+            self.report.poses += 1;
+            return self.write_motion(log_ns, &motion);
+        }
         let (Some(run), Some((image, profile))) = (&mut self.run, pixels) else {
             return Ok(());
         };
@@ -410,11 +444,7 @@ impl Replay<'_> {
                 self.report.poses += 1;
                 let motion = motion_message(stamp_ns, &fit);
                 self.still.motion(&motion);
-                self.writer.write(log_ns, &Entry::motion(&motion))?;
-                if let Some(pose) = messages::pose_message(&motion) {
-                    self.writer.write(log_ns, &Entry::pose(&pose))?;
-                }
-                return Ok(());
+                return self.write_motion(log_ns, &motion);
             }
             RunPose::Doubtful(fit) => fit
                 .caveats
@@ -426,6 +456,14 @@ impl Replay<'_> {
         };
         let reason: String = why.chars().filter(|c| !c.is_ascii_digit()).collect();
         *self.report.without_pose.entry(reason).or_default() += 1;
+        Ok(())
+    }
+
+    fn write_motion(&mut self, log_ns: u64, motion: &VehicleMotion) -> Result<(), ReplayError> {
+        self.writer.write(log_ns, &Entry::motion(motion))?;
+        if let Some(pose) = messages::pose_message(motion) {
+            self.writer.write(log_ns, &Entry::pose(&pose))?;
+        }
         Ok(())
     }
 

@@ -14,6 +14,15 @@ mod table3;
 
 pub use all_dofs::{DofRow, all_dofs};
 pub use calibration::{CalibrationRow, CalibrationStudy};
+mod figure;
+mod figures;
+mod surge;
+mod table3;
+
+pub use figure::{Figure, Series};
+pub use figures::{figure12, figure13, figure17};
+pub use surge::{Disturbance, SurgeRun, table7};
+
 pub use disturbed::{Disturbed, JointAccuracy, disturbed, joint_accuracy};
 pub use table3::{Row, table3};
 pub use table10::{Row as Table10Row, table10};
@@ -89,6 +98,9 @@ pub enum ReproduceError {
     /// A rig whose target has no hexagons.
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,
+    /// Binding a run.
+    #[error(transparent)]
+    Smooth(#[from] crate::smooth::SmoothError),
     /// The reference frame gave nothing.
     #[error(
         "{motion:?}: the first frame gives no reference, so nothing can be measured against it"

@@ -5,7 +5,8 @@
 
 use hydroline::frame::GreyImage;
 use hydroline::log::{LogReader, Record};
-use hydroline::pose::joint::{Hint, JointPose, PoseFitter};
+use hydroline::pose::estimators::pitch_rad;
+use hydroline::pose::joint::{Held, Hint, JointPose, PoseFitter, squared_distance};
 use hydroline::stripe::{Extractor, ExtractorConfig};
 use hydroline_calib::{IdealMap, Pose};
 use hydroline_rigs::Rig;
@@ -140,10 +141,8 @@ fn score(name: &str, rig: &Rig) -> Option<Score> {
             line += &format!(" {:.3}({:.1})", errors[i] * UNIT[i], errors[i] / sd);
         }
         if measured == [true; 6] {
-            let e = nalgebra::Vector6::from_iterator(errors.iter().copied());
-            if let Some(inv) = covariance.try_inverse() {
-                score.mean_chi2 += (e.transpose() * inv * e)[0] / 6.0;
-            }
+            score.mean_chi2 +=
+                squared_distance(&pose, &covariance, &truth, &rig.mounts).unwrap() / 6.0;
         }
         if std::env::var_os("POSE_VERBOSE").is_some() {
             println!("  {name} {k}:{line}");
@@ -177,28 +176,80 @@ const ASKED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 
 #[test]
 fn joint_pose_on_independent_frames() {
-    for name in ["surge-4n", "surge-4n-disturbed", "yaw"] {
+    // What is asked for is printed beside what is reached. The edges of these frames lie off by
+    // about a tenth of a pixel, row by row alike (found from the frames themselves: edge doubt),
+    // which the weak direction feels: x, z and θ stay up to 1.35 times above what is asked.
+    for (name, within) in [("surge-4n", 1.5), ("surge-4n-disturbed", 1.5), ("yaw", 3.0)] {
         let Some(score) = score(name, &target_rig()) else {
             return;
         };
         assert_eq!(score.failed, 0, "{name}");
         assert!(
-            score.rms[3] <= ASKED[3],
-            "{name}: roll {} deg rms",
-            score.rms[3]
+            score.worst_sds < 4.5,
+            "{name}: a frame {} sd off",
+            score.worst_sds
         );
-        // No jump to another hexagon or flank, and no gross error; what is asked for is printed
-        // beside what is reached, and not everything is (x, y, z, θ by up to a factor of three).
-        for i in [0, 1, 2, 4, 5] {
+        for i in 0..6 {
             println!(
                 "{name}: {} asked {:.4}, reached {:.4}",
                 ["x", "y", "z", "phi", "theta", "psi"][i],
                 ASKED[i],
                 score.rms[i]
             );
-            assert!(score.rms[i] < 3.0 * ASKED[i], "{name}: {:?}", score.rms);
+            assert!(score.rms[i] < within * ASKED[i], "{name}: {:?}", score.rms);
         }
+        assert!(score.rms[3] <= ASKED[3], "{name}: roll");
     }
+}
+
+/// With θ known, as the paper's decoupled motions have it: Table 3's limits for ours.
+#[test]
+fn surge_and_yaw_with_pitch_known() {
+    for name in ["surge-4n", "yaw"] {
+        let Some(images) = shared() else { return };
+        let rig = target_rig();
+        let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
+        let mut extractor = Extractor::new(ExtractorConfig::default());
+        let (mut x_mm, mut psi_deg) = (0.0f64, 0.0f64);
+        for (image, truth) in frames(&images.join(format!("{name}.mcap"))) {
+            let profile = extractor.extract(&image);
+            let hint = Hint {
+                x_m: Some(truth.x_m),
+                held: Held {
+                    theta_rad: Some(0.0),
+                    thickness: false,
+                },
+            };
+            let fit = fitter.fit(&image, &profile, &hint).unwrap();
+            x_mm = x_mm.max((fit.pose.x_m - truth.x_m).abs() * 1e3);
+            psi_deg = psi_deg.max((fit.pose.psi_rad - truth.psi_rad).to_degrees().abs());
+        }
+        println!("{name}, pitch known: x within {x_mm:.3} mm, yaw within {psi_deg:.4} deg");
+        assert!(x_mm <= 0.1 && psi_deg <= 0.1, "{name}: {x_mm} {psi_deg}");
+    }
+}
+
+#[test]
+fn pitch_by_the_formula() {
+    let Some(images) = shared() else { return };
+    let mut rig = target_rig();
+    rig.target = None;
+    let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
+    let mut extractor = Extractor::new(ExtractorConfig::default());
+    let mut worst_deg = 0.0f64;
+    for (image, truth) in frames(&images.join("pitch.mcap")) {
+        let profile = extractor.extract(&image);
+        let levels = fitter.levels(&image, &profile).unwrap();
+        let level = Pose {
+            theta_rad: 0.0,
+            ..truth
+        };
+        let line = level.level_in_plane(&rig.mounts, 0.0).unwrap();
+        let theta = pitch_rad(&levels, line.eta_at_zero_m, &rig.mounts).unwrap();
+        worst_deg = worst_deg.max((theta.value - truth.theta_rad).to_degrees().abs());
+    }
+    println!("pitch by Eq. 5: within {worst_deg:.4} deg, asked 0.05");
+    assert!(worst_deg <= 0.05, "{worst_deg}");
 }
 
 #[test]

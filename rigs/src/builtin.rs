@@ -20,6 +20,7 @@ pub(crate) fn files(kind: &str) -> &'static [(&'static str, &'static str)] {
         "target" => &[
             ("hexagons", include_str!("../targets/hexagons.toml")),
             ("sway-board", include_str!("../targets/sway-board.toml")),
+            ("two-level", include_str!("../target-two-level.toml")),
         ],
         "board" => &[
             ("wc-lines-50", include_str!("../boards/wc-lines-50.toml")),

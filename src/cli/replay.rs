@@ -38,6 +38,10 @@ pub struct Args {
     whole_pixel: bool,
     #[command(flatten)]
     using: UseArgs,
+    /// Binds the poses of the run through the rig's vehicle and the log's commands, and states the
+    /// smoothed sd; smoothed poses lean on the rig's coefficients: identify from unsmoothed ones
+    #[arg(long)]
+    smooth: bool,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -158,6 +162,15 @@ fn options(
     options.poses = rig
         .zip(options.map.clone())
         .map(|(rig, map)| PoseRun::new(rig, map));
+    if args.smooth {
+        let rig = rig.ok_or_else(|| {
+            CliError::Config(format!(
+                "--smooth needs the vehicle: {} holds no rig, give --rig",
+                log.display()
+            ))
+        })?;
+        options.smooth = Some(Box::new(rig.clone()));
+    }
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
     Ok((options, comparable))
 }
@@ -212,6 +225,20 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     }
     if report.poses > 0 || !report.without_pose.is_empty() {
         println!("  {} poses in /vehicle/motion", report.poses);
+    }
+    if let Some(s) = &report.smoothed {
+        let millimetres = |v: [f64; 6]| [v[0] * 1e3, v[1] * 1e3, v[2] * 1e3];
+        let degrees = |v: [f64; 6]| [v[3], v[4], v[5]].map(f64::to_degrees);
+        println!(
+            "  smoothed: sd of x y z {:.3?} mm (single frames {:.3?}), of roll pitch yaw {:.4?} deg ({:.4?}); {} frames filled in, {} doubted, chi2 {:.2}",
+            millimetres(s.sd_smoothed),
+            millimetres(s.sd_single),
+            degrees(s.sd_smoothed),
+            degrees(s.sd_single),
+            s.filled,
+            s.doubted,
+            s.chi2
+        );
     }
     for (reason, n) in &report.without_pose {
         println!("  {n} frames without a pose: {reason}");

@@ -1,11 +1,12 @@
 //! `hydroline reproduce`: the paper's tables, computed and printed beside its numbers.
 
 use super::print::{out, outln};
-use super::{CliError, Outcome, progress};
+use super::{CliError, Outcome, inputs, progress};
 use crate::reproduce::{
-    CalibrationStudy, Disturbed, DofRow, JointAccuracy, Row, Table10Row, Table11Row, all_dofs,
-    disturbed, joint_accuracy, table3, table10, table11,
+    CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row, Table11Row,
+    all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7, table10, table11,
 };
+use std::path::PathBuf;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum What {
@@ -15,8 +16,6 @@ enum What {
     Table4,
     /// What disturbances do to roll, pitch and yaw
     Table5,
-    /// All six degrees of freedom from single frames under all disturbances at once
-    JointPose,
     /// Surge coefficients through rendered frames, three conditions, paper's and joint estimators (with Table 7)
     Table10,
     /// 5 m predictions from the parameters that Table 10 prints
@@ -25,6 +24,16 @@ enum What {
     AllDofs,
     /// Every map from image to laser plane on one synthetic rig, with the scallop of the literal ones
     Calibration,
+    /// Six surge runs by the formulas, and by joint pose smoothed over the run
+    Table7,
+    /// Pitch by Eq. 5 under a heave disturbance
+    Figure12,
+    /// Pitch and the line's place in the laser plane
+    Figure13,
+    /// Yaw between path and target, frame by frame, of a surge run
+    Figure17,
+    /// Joint pose of single frames under all of the tables' disturbances at once, beside its bound
+    JointPose,
 }
 
 #[derive(Debug, clap::Args)]
@@ -44,53 +53,270 @@ pub struct Args {
     /// Experiments per condition for table10 and all-dofs, each with its own image noise
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..1000), value_name = "N")]
     seeds: u64,
+    /// Target for joint-pose: a file, or hexagons or two-level
+    #[arg(long, default_value = "hexagons", value_name = "TARGET")]
+    target: String,
+    /// Writes the numbers as CSV
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    /// Draws a figure
+    #[arg(long, value_name = "FILE.svg")]
+    svg: Option<PathBuf>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    match args.what {
-        What::Table3 => {
-            let rows = table3(usize::from(args.every)).map_err(CliError::run)?;
-            print(args.json, "table3", &rows, || print_table3(&rows));
+    for (flag, path) in [("--csv", &args.csv), ("--svg", &args.svg)] {
+        if let Some(path) = path {
+            inputs::new_file(flag, path)?;
         }
+    }
+    let every = usize::from(args.every);
+    let figure = match args.what {
+        What::Figure12 => Some(figure12(every)),
+        What::Figure13 => Some(figure13(every)),
+        What::Figure17 => Some(figure17(every)),
+        _ => None,
+    };
+    if let Some(figure) = figure {
+        let figure = figure.map_err(CliError::run)?;
+        print(args.json, "figure", &figure, || print_figure(&figure));
+        save(args.csv.as_ref(), &figure.csv())?;
+        save(args.svg.as_ref(), &figure.svg())?;
+        return Ok(Outcome::Done);
+    }
+    if args.svg.is_some() {
+        return Err(CliError::Config(
+            "--svg draws figures: figure12, figure13 or figure17; for a table give --csv"
+                .to_owned(),
+        ));
+    }
+    let csv = match args.what {
         What::Table4 | What::Table5 => {
             let five = args.what == What::Table5;
             let cells = disturbed(five).map_err(CliError::run)?;
-            print(
-                args.json,
-                if five { "table5" } else { "table4" },
-                &cells,
-                || print_cells(&cells),
-            );
+            let name = if five { "table5" } else { "table4" };
+            print(args.json, name, &cells, || print_cells(&cells));
+            csv_of(
+                "formula,disturbance,from,to,condition,paper,ours,unit,no_answer",
+                cells.iter().map(|c| {
+                    format!(
+                        "{:?},{:?},{},{},\"{}\",\"{}\",{},{},{}",
+                        c.motion,
+                        c.by,
+                        c.from_to[0],
+                        c.from_to[1],
+                        c.condition,
+                        c.paper.unwrap_or("lost"),
+                        c.ours,
+                        c.unit,
+                        c.missing
+                    )
+                }),
+            )
         }
         What::Calibration => {
             let study = CalibrationStudy::compute(args.seed).map_err(CliError::run)?;
             print(args.json, "calibration", &study, || out!("{study}"));
-        }
-        What::JointPose => {
-            let found = joint_accuracy(args.frames as usize, args.seed).map_err(CliError::run)?;
-            print(args.json, "joint_pose", &found, || print_joint(&found));
+            csv_of_any(&study)
         }
         What::Table10 => {
             let bar = progress::bar(3 * args.seeds, "experiments");
             let rows = table10(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
             bar.finish_and_clear();
             print(args.json, "table10", &rows, || print_table10(&rows));
+            csv_of_any(&rows)
         }
         What::Table11 => {
             let rows = table11();
             print(args.json, "table11", &rows, || print_table11(&rows));
+            csv_of_any(&rows)
         }
         What::AllDofs => {
             let bar = progress::bar(5 * args.seeds, "experiments");
             let rows = all_dofs(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
             bar.finish_and_clear();
             print(args.json, "all_dofs", &rows, || print_all_dofs(&rows));
+            csv_of_any(&rows)
+        }
+        What::Table7 => {
+            let runs = table7(every).map_err(CliError::run)?;
+            print(args.json, "table7", &runs, || print_table7(&runs));
+            csv_of(
+                "thrust_n,disturbance,frames,paper_psi_s_deg,paper_max_mm,whole_pixel_psi_s_deg,whole_pixel_max_mm,formula_psi_s_deg,formula_max_mm,joint_max_mm,smoothed_max_mm",
+                runs.iter().map(|r| {
+                    format!(
+                        "{},{:?},{},{},{},{},{},{},{},{},{}",
+                        r.thrust_n,
+                        r.disturbance,
+                        r.frames,
+                        r.paper_psi_s_deg,
+                        r.paper_max_mm,
+                        r.whole_pixel_psi_s_deg,
+                        r.whole_pixel_max_mm,
+                        r.formula_psi_s_deg,
+                        r.formula_max_mm,
+                        r.joint_mm[1],
+                        r.smoothed_mm[1]
+                    )
+                }),
+            )
+        }
+        What::JointPose => {
+            let found = joint_accuracy(args.frames as usize, args.seed, &args.target)
+                .map_err(CliError::run)?;
+            print(args.json, "joint_pose", &found, || print_joint(&found));
+            csv_of(
+                "rms,reported_sd,bound",
+                (0..6).map(|i| {
+                    format!(
+                        "{},{},{}",
+                        found.rms[i], found.reported_sd[i], found.bound[i]
+                    )
+                }),
+            )
+        }
+        _ => {
+            let rows = table3(every).map_err(CliError::run)?;
+            print(args.json, "table3", &rows, || print_table3(&rows));
+            csv_of(
+                "motion,unit,frames,paper_low,paper_high,whole_pixel_low,whole_pixel_high,formula_low,formula_high,ours_low,ours_high",
+                rows.iter().map(|r| {
+                    format!(
+                        "{:?},{},{},{},{},{},{},{},{},{},{}",
+                        r.motion,
+                        r.unit,
+                        r.frames,
+                        r.paper[0],
+                        r.paper[1],
+                        r.whole_pixel[0],
+                        r.whole_pixel[1],
+                        r.formula[0],
+                        r.formula[1],
+                        r.ours[0],
+                        r.ours[1]
+                    )
+                }),
+            )
+        }
+    };
+    save(args.csv.as_ref(), &csv)?;
+    Ok(Outcome::Done)
+}
+
+fn csv_of(header: &str, rows: impl Iterator<Item = String>) -> String {
+    std::iter::once(header.to_owned())
+        .chain(rows)
+        .map(|line| line + "\n")
+        .collect()
+}
+
+/// The rows of a table as CSV: one column per number, `a.0`, `a.1` for lists.
+fn csv_of_any(table: &impl serde::Serialize) -> String {
+    let value = serde_json::to_value(table).unwrap_or_default();
+    let rows = match value {
+        serde_json::Value::Array(rows) => rows,
+        // A study: the list in it.
+        serde_json::Value::Object(mut map) => match map.values_mut().find(|v| v.is_array()) {
+            Some(serde_json::Value::Array(rows)) => std::mem::take(rows),
+            _ => vec![map.into()],
+        },
+        other => vec![other],
+    };
+    let flat: Vec<Vec<(String, String)>> = rows
+        .iter()
+        .map(|row| {
+            let mut cells = Vec::new();
+            flatten("", row, &mut cells);
+            cells
+        })
+        .collect();
+    let mut names: Vec<&str> = Vec::new();
+    for (name, _) in flat.iter().flatten() {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
         }
     }
-    Ok(Outcome::Done)
+    csv_of(
+        &names.join(","),
+        flat.iter().map(|cells| {
+            let cell = |name: &&str| {
+                let found = cells.iter().find(|(n, _)| n == name);
+                found.map_or_else(String::new, |(_, v)| v.clone())
+            };
+            names.iter().map(cell).collect::<Vec<_>>().join(",")
+        }),
+    )
+}
+
+fn flatten(name: &str, value: &serde_json::Value, cells: &mut Vec<(String, String)>) {
+    let below = |key: &str| match name {
+        "" => key.to_owned(),
+        _ => format!("{name}.{key}"),
+    };
+    match value {
+        serde_json::Value::Object(map) => map
+            .iter()
+            .for_each(|(key, v)| flatten(&below(key), v, cells)),
+        serde_json::Value::Array(list) => (0..)
+            .zip(list)
+            .for_each(|(i, v): (usize, _)| flatten(&below(&i.to_string()), v, cells)),
+        serde_json::Value::Null => cells.push((name.to_owned(), String::new())),
+        serde_json::Value::String(text) => {
+            cells.push((name.to_owned(), format!("\"{}\"", text.replace('"', "\"\""))));
+        }
+        other => cells.push((name.to_owned(), other.to_string())),
+    }
+}
+
+fn save(path: Option<&PathBuf>, text: &str) -> Result<(), CliError> {
+    let Some(path) = path else { return Ok(()) };
+    std::fs::write(path, text).map_err(|e| CliError::Run(format!("{}: {e}", path.display())))
+}
+
+fn print_figure(figure: &Figure) {
+    outln!("{}", figure.title);
+    for s in &figure.series {
+        outln!("  {}: {} points", s.name, s.points.len());
+    }
+    for note in &figure.notes {
+        outln!("  {note}");
+    }
+    outln!("  --svg draws it, --csv and --json give the points");
+}
+
+fn print_table7(runs: &[SurgeRun]) {
+    outln!(
+        "Table 7: psi_S and greatest error of x over a surge run of 1 m at psi_S = -4 deg\n\
+         (disturbances chosen to the paper's size: its Figs 15 and 16 are lost)"
+    );
+    outln!(
+        "{:26} {:>17} {:>17} {:>17} {:>10} {:>10}",
+        "",
+        "paper",
+        "whole pixel",
+        "formula, ours",
+        "joint",
+        "smoothed"
+    );
+    for r in runs {
+        let pair = |psi: f64, mm: f64| format!("{psi:.2} deg {mm:.1} mm");
+        outln!(
+            "{:2} N {:21} {:>17} {:>17} {:>17} {:>7.2} mm {:>7.2} mm  (sd {:.2}; {} frames, no answer {:?})",
+            r.thrust_n,
+            format!("{:?}", r.disturbance),
+            pair(r.paper_psi_s_deg, r.paper_max_mm),
+            pair(r.whole_pixel_psi_s_deg, r.whole_pixel_max_mm),
+            pair(r.formula_psi_s_deg, r.formula_max_mm),
+            r.joint_mm[1],
+            r.smoothed_mm[1],
+            r.smoothed_sd_mm,
+            r.frames,
+            r.missing
+        );
+    }
 }
 
 fn print(json: bool, name: &str, value: &impl serde::Serialize, words: impl FnOnce()) {
@@ -171,9 +397,10 @@ fn print_joint(found: &JointAccuracy) {
         .enumerate()
     {
         outln!(
-            "  {name:9} rms {:.5}  reported sd {:.5}",
+            "  {name:9} rms {:.5}  reported sd {:.5}  bound {:.5}",
             found.rms[i],
-            found.reported_sd[i]
+            found.reported_sd[i],
+            found.bound[i]
         );
     }
     outln!(

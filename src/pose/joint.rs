@@ -8,8 +8,7 @@
 use super::initial::{self, Guess};
 use super::outline::Surfaces;
 use super::photometric::{
-    self, BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Photometric, Plan, Square, State, Sums,
-    THICKNESS, Weighting,
+    self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
 };
 use super::segments::{self, Caveat, Levels, SegmentError};
 use super::sheet::SheetTable;
@@ -18,8 +17,17 @@ use crate::stripe::Profile;
 use hydroline_calib::Pose;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Mounts, Rig};
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use std::sync::Arc;
+
+mod bound;
+mod solve;
+mod valley;
+
+pub use bound::Light;
+use solve::{covariance, solve};
+use valley::Valley;
+pub use valley::squared_distance;
 
 /// Largest sd of θ with which a frame counts as having shown it \[rad\] (0.6°).
 const THETA_SHOWN_RAD: f64 = 0.01;
@@ -29,12 +37,21 @@ const ROUND: f64 = 1e-4;
 const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
-/// Light of a pixel that an edge cuts in half is doubted by this share, standard deviation: edges
-/// are neither machined nor imaged to a hundredth of a pixel.
-const EDGE_DOUBT: f64 = 0.015;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
+/// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
+const NEAR_M: f64 = 0.06;
+const GUESSES_NEAR: usize = 10;
+/// How many are tried where there is no hint.
+const GUESSES_ANYWHERE: usize = 60;
+/// Tops this far apart in height show θ by their edges alone \[m\].
+const TALL_M: f64 = 0.05;
+/// Places are told apart by every third column: each edge crosses several.
+const COLUMNS_TO_CHOOSE: usize = 3;
+
+/// Of (x, y, z, φ, θ, ψ, thickness).
+pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
 
 /// What is known beforehand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -88,6 +105,9 @@ pub struct JointPose {
     pub pose: Pose,
     /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\]; meaningful where `measured`.
     pub covariance: Matrix6<f64>,
+    /// The same with the thickness \[m\] as seventh: it goes with the weak direction, and is the
+    /// same in all frames of a run. Zero where held.
+    pub covariance_with_thickness: Matrix7,
     /// Which of x, y, z, φ, θ, ψ the frame determines.
     pub measured: [bool; 6],
     /// Sheet's thickness as fitted \[m\].
@@ -100,6 +120,8 @@ pub struct JointPose {
     pub noise_sd: f64,
     /// Share of pixels set aside.
     pub rejected: f64,
+    /// Doubt of the edges' pixels as found, share of a pixel cut in half.
+    pub edge_doubt: f64,
     /// Pixels compared.
     pub pixels: usize,
     /// What to mind.
@@ -336,7 +358,7 @@ impl PoseFitter {
             });
         };
         let Some(period_m) = self.model.surfaces.period_m else {
-            return Ok(all.into_iter().take(4).collect());
+            return self.one_of_a_kind(all, hint);
         };
         let centre_m = match hint.x_m {
             Some(x_m) => x_m,
@@ -371,6 +393,22 @@ impl PoseFitter {
         Ok(near)
     }
 
+    /// Guesses on a target that is nowhere like elsewhere: near the hint, or anywhere.
+    fn one_of_a_kind(&self, all: Vec<Guess>, hint: &Hint) -> Result<Vec<Guess>, PoseFault> {
+        let Some(hint_m) = hint.x_m else {
+            return Ok(all.into_iter().take(GUESSES_ANYWHERE).collect());
+        };
+        let away = |g: &Guess| (g.pose.x_m - hint_m).abs();
+        let near: Vec<Guess> = all.iter().copied().filter(|g| away(g) < NEAR_M).collect();
+        if near.is_empty() {
+            return Err(PoseFault::FarFromHint {
+                away_m: all.iter().map(away).fold(f64::INFINITY, f64::min),
+                hint_m,
+            });
+        }
+        Ok(near.into_iter().take(GUESSES_NEAR).collect())
+    }
+
     /// Settles every start a little and keeps the best.
     fn choose(
         &self,
@@ -390,11 +428,15 @@ impl PoseFitter {
             redescending: true,
             saturation: self.saturation,
         };
-        // θ is settled later, and cannot tell flanks apart.
+        // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
+        // height that a degree moves their edges by millimetres against each other.
+        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
+        let tall = heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M;
         let mut held = *free;
-        held[4] = false;
+        held[4] = free[4] && tall;
+        let tries = if tall { 6 } else { 2 };
         let judged = |start: State| {
-            let plan = self.model.plan(&start).thinned(8);
+            let plan = self.model.plan_every(&start, COLUMNS_TO_CHOOSE).thinned(4);
             let sums = self
                 .model
                 .compare(&plan, &image.pixels, &start, &weighting, false);
@@ -404,37 +446,31 @@ impl PoseFitter {
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
         // guesses: those that do not fall far behind are settled a little before they are compared.
-        let limit = first.first().map_or(0.0, |f| 3.0 * f.0);
+        let limit = first
+            .first()
+            .map_or(0.0, |f| if tall { f64::INFINITY } else { 3.0 * f.0 });
         let huber = Weighting {
             cut: 4.0,
             redescending: false,
             ..weighting
         };
-        let mut tried: Vec<(f64, State)> = first
+        let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
             .filter(|f| f.0 <= limit)
             .filter_map(|(_, start, plan)| {
-                let (state, _) = self.settle(&self.model, &plan, image, start, &held, &huber, 2)?;
+                let (state, _) =
+                    self.settle(&self.model, &plan, image, start, &held, &huber, tries)?;
                 let sums = self
                     .model
                     .compare(&plan, &image.pixels, &state, &weighting, false);
-                Some((sums.cost / sums.pixels.max(1) as f64, state))
+                let pixels = sums.pixels.max(1) as f64;
+                Some((sums.cost / pixels, state, pixels))
             })
             .collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let [best, next, ..] = tried.as_slice() {
             let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            let pixels = self
-                .model
-                .compare(
-                    &self.model.plan(&best.1),
-                    &image.pixels,
-                    &best.1,
-                    &weighting,
-                    false,
-                )
-                .pixels;
-            if other && (next.0 - best.0) * (pixels as f64) < CLEAR_COST {
+            if other && (next.0 - best.0) * best.2 * (COLUMNS_TO_CHOOSE as f64) < CLEAR_COST {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }
@@ -457,7 +493,7 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let plan = model.plan(&start).thinned(4);
+        let plan = model.plan_every(&start, 2).thinned(3);
         let (state, sums) = self
             .settle(model, &plan, image, start, &free, &weighting, 4)
             .ok_or(PoseFault::Unsettled)?;
@@ -466,7 +502,7 @@ impl PoseFitter {
         weighting.cut = CUT;
         weighting.redescending = true;
         let mut plan = model.plan(&state);
-        model.doubt_edges(&mut plan, &state, EDGE_DOUBT);
+        let edge_doubt = model.doubt_edges(&mut plan, &image.pixels, &state, weighting.noise_sd);
         let (state, sums) = self
             .settle(model, &plan, image, state, &free, &weighting, ITERATIONS)
             .ok_or(PoseFault::Unsettled)?;
@@ -479,18 +515,20 @@ impl PoseFitter {
         if rejected > 0.05 || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
-        let covariance = covariance(&sums, &free).ok_or(PoseFault::Unsettled)?;
+        let covariance_with_thickness = covariance(&sums, &free).ok_or(PoseFault::Unsettled)?;
         let mut measured = [false; 6];
         measured.copy_from_slice(&free[..6]);
         Ok(JointPose {
             pose: state.pose,
-            covariance,
+            covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
+            covariance_with_thickness,
             measured,
             thickness_m: state.thickness_m,
             brightness: state.brightness,
             background: state.background,
             noise_sd: weighting.noise_sd,
             rejected,
+            edge_doubt,
             pixels: sums.pixels,
             caveats,
         })
@@ -527,8 +565,8 @@ impl PoseFitter {
                 state = next;
                 sums = tried;
                 damping = (damping * 0.1).max(1e-12);
-                // 1e-4 = a hundredth of an sd.
-                if expected < 1e-4 {
+                // 4e-4 = a fiftieth of an sd.
+                if expected < 4e-4 {
                     break;
                 }
             } else {
@@ -536,7 +574,7 @@ impl PoseFitter {
                     break;
                 }
                 damping *= 30.0;
-                if expected < 1e-4 {
+                if expected < 4e-4 {
                     break;
                 }
             }
@@ -575,113 +613,6 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
 fn lit_noise(sums: &Sums) -> Option<f64> {
     (sums.bright_count > 100)
         .then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
-}
-
-/// Coordinates in which the weak direction is straight: where the sheet's middle meets the floor,
-/// X and Y, its range ρ below the CG, and the angles. Turning θ alone then leaves the line in the
-/// image and the target under it, where in x, z and θ it follows a curve that a step along its
-/// tangent leaves.
-struct Valley {
-    contact_m: [f64; 2],
-    range_m: f64,
-    lever_m: f64,
-    /// d pose / d coordinates.
-    slopes: Square,
-}
-
-impl Valley {
-    fn new(pose: &Pose, mounts: &Mounts) -> Self {
-        let lever_m = mounts.l_laser_m;
-        let r = pose.body_to_tank_rotation();
-        // Height 0: z + r31 l + r33 ρ = 0.
-        let range_m = -(pose.z_m + r[(2, 0)] * lever_m) / r[(2, 2)];
-        let arm = Self::arm(pose, lever_m, range_m);
-        let mut slopes = Square::identity();
-        let mut put = |column: usize, d: Vector3<f64>| {
-            for row in 0..3 {
-                slopes[(row, column)] = d[row];
-            }
-        };
-        put(2, -r.column(2).into_owned());
-        let h = 1e-6;
-        for k in 3..6 {
-            let turned = |by: f64| {
-                let mut p = pose.to_array();
-                p[k] += by;
-                Self::arm(&Pose::from_array(p), lever_m, range_m)
-            };
-            put(k, (turned(-h) - turned(h)) / (2.0 * h));
-        }
-        Valley {
-            contact_m: [pose.x_m + arm.x, pose.y_m + arm.y],
-            range_m,
-            lever_m,
-            slopes,
-        }
-    }
-
-    fn arm(pose: &Pose, lever_m: f64, range_m: f64) -> Vector3<f64> {
-        pose.body_to_tank_rotation() * Vector3::new(lever_m, 0.0, range_m)
-    }
-
-    /// Sums for these coordinates.
-    fn turn(&self, sums: &Sums) -> Sums {
-        Sums {
-            information: self.slopes.transpose() * sums.information * self.slopes,
-            gradient: self.slopes.transpose() * sums.gradient,
-            ..sums.clone()
-        }
-    }
-
-    /// The state a step on, exactly along the valley.
-    fn moved(&self, state: &State, step: &Column) -> State {
-        let mut next = state.moved(step);
-        let range_m = self.range_m + step[2];
-        let arm = Self::arm(&next.pose, self.lever_m, range_m);
-        next.pose.x_m = self.contact_m[0] + step[0] - arm.x;
-        next.pose.y_m = self.contact_m[1] + step[1] - arm.y;
-        next.pose.z_m = -arm.z;
-        next
-    }
-}
-
-/// Scales of the parameters, for a well-conditioned solve.
-const SCALES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
-
-fn scaled(sums: &Sums, free: &[bool; PARAMETERS]) -> Square {
-    let mut a = Square::identity();
-    for i in (0..PARAMETERS).filter(|i| free[*i]) {
-        for j in (0..PARAMETERS).filter(|j| free[*j]) {
-            a[(i, j)] = sums.information[(i, j)] * SCALES[i] * SCALES[j];
-        }
-    }
-    a
-}
-
-fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Option<Column> {
-    let mut a = scaled(sums, free);
-    let mut g = Column::zeros();
-    for i in (0..PARAMETERS).filter(|i| free[*i]) {
-        a[(i, i)] *= 1.0 + damping;
-        g[i] = sums.gradient[i] * SCALES[i];
-    }
-    let mut step = a.cholesky()?.solve(&g);
-    for (s, scale) in step.iter_mut().zip(SCALES) {
-        *s *= scale;
-    }
-    Some(step)
-}
-
-/// Covariance of the pose with the light marginalised; zero where held.
-fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix6<f64>> {
-    let inverse = scaled(sums, free).cholesky()?.inverse();
-    Some(Matrix6::from_fn(|i, j| {
-        if free[i] && free[j] {
-            inverse[(i, j)] * SCALES[i] * SCALES[j]
-        } else {
-            0.0
-        }
-    }))
 }
 
 const _: () =

@@ -16,6 +16,9 @@ const LONG_STRETCH: usize = 10;
 const GAP_COLUMNS: f64 = 4.5;
 /// A step is only measured where both sides meet within this many columns.
 const STEP_GAP_COLUMNS: f64 = 40.0;
+/// Columns hidden behind a top per metre of its height: it hides no more than its own height times
+/// 0.4 of tan 22°, at up to 1.2 columns per millimetre.
+const HIDDEN_COLUMNS_PER_M: f64 = 400.0;
 /// Columns on either side over which the light of an ending stretch is summed.
 const END_REACH: i64 = 10;
 /// Steps closer than this to the fan's or the image's end are the end of the light, not of a top.
@@ -409,7 +412,9 @@ fn step(
 ) -> Option<Step> {
     let [left, right] = pair else { return None };
     let gap = points[right.0].column_px - points[left.1 - 1].column_px;
-    if gap > STEP_GAP_COLUMNS {
+    // Behind a tall top the camera sees nothing for a while.
+    let tall_m = (heights_m[left.2] - heights_m[right.2]).abs();
+    if gap > STEP_GAP_COLUMNS + HIDDEN_COLUMNS_PER_M * tall_m {
         return None;
     }
     let to_starboard = left.2 > right.2;

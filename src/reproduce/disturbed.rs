@@ -3,7 +3,8 @@
 use super::chain::{Bench, Reading, Seen};
 use super::{Motion, ReproduceError};
 use crate::pose::Pose;
-use crate::pose::joint::Held;
+use crate::pose::joint::{Held, Light, squared_distance};
+use hydroline_rigs::{Rig, Target};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use serde::Serialize;
 
@@ -39,6 +40,8 @@ pub struct JointAccuracy {
     pub rms: [f64; 6],
     /// Reported standard deviations, rms.
     pub reported_sd: [f64; 6],
+    /// Cramér–Rao bound with thickness and brightness free, rms.
+    pub bound: [f64; 6],
     /// Largest error in units of its own reported sd.
     pub worst_in_sd: f64,
     /// Share of frames whose error lies in the 95 % region of its covariance.
@@ -187,13 +190,29 @@ fn motions(motion: Motion) -> Vec<(Pose, Vec<f64>)> {
     }
 }
 
+/// The light of a rig's frames.
+fn light(rig: &Rig) -> Light {
+    Light {
+        brightness: rig.laser.peak,
+        thickness_m: rig.laser.sigma_m,
+        background: rig.camera.noise.ambient,
+        noise_sd: rig.camera.noise.read_sd,
+    }
+}
+
 /// Joint pose of `frames` random frames under all of the tables' disturbances at once
 /// (±10 mm, ±1° roll and pitch, 0–5° yaw) along the surge run.
 ///
 /// # Errors
 /// [`ReproduceError`].
-pub fn joint_accuracy(frames: usize, seed: u64) -> Result<JointAccuracy, ReproduceError> {
-    let bench = Bench::of(Motion::Surge)?;
+pub fn joint_accuracy(
+    frames: usize,
+    seed: u64,
+    target: &str,
+) -> Result<JointAccuracy, ReproduceError> {
+    let mut rig = Rig::builtin("lshpi")?;
+    rig.target = Some(Target::load_or_builtin(target)?);
+    let bench = Bench::new(rig)?;
     let mut random = StdRng::seed_from_u64(seed);
     let poses: Vec<Pose> = (0..frames)
         .map(|_| {
@@ -215,6 +234,7 @@ pub fn joint_accuracy(frames: usize, seed: u64) -> Result<JointAccuracy, Reprodu
         failed: 0,
         rms: [0.0; 6],
         reported_sd: [0.0; 6],
+        bound: [0.0; 6],
         worst_in_sd: 0.0,
         covered_95: 0.0,
     };
@@ -232,12 +252,21 @@ pub fn joint_accuracy(frames: usize, seed: u64) -> Result<JointAccuracy, Reprodu
             out.worst_in_sd = out.worst_in_sd.max(error[i].abs() / sd);
         }
         // χ² with six degrees of freedom: 95 % below 12.592.
-        if let Some(c) = joint.covariance.cholesky() {
-            out.covered_95 += f64::from(u8::from(error.dot(&c.solve(&error)) < 12.592));
+        let distance = squared_distance(&joint.pose, &joint.covariance, truth, &bench.rig.mounts);
+        out.covered_95 += f64::from(u8::from(distance.is_some_and(|d| d < 12.592)));
+        if let Some(bound) = bench.fitter.bound(truth, &light(&bench.rig), false) {
+            for (i, motion) in Motion::ALL.iter().enumerate() {
+                out.bound[i] += bound[(i, i)] * motion.per_si().powi(2);
+            }
         }
     }
     let n = (frames - out.failed).max(1) as f64;
-    for v in out.rms.iter_mut().chain(&mut out.reported_sd) {
+    for v in out
+        .rms
+        .iter_mut()
+        .chain(&mut out.reported_sd)
+        .chain(&mut out.bound)
+    {
         *v = (*v / n).sqrt();
     }
     out.covered_95 /= n;

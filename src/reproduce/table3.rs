@@ -80,8 +80,22 @@ fn one(
     let formula = |seen: &[Seen]| -> Vec<Option<f64>> {
         // The paper's start: the first frame (roll and pitch: the level one).
         let reference = values.iter().position(|v| v.abs() < 1e-9).unwrap_or(0);
+        let Some(mut first) = seen.get(reference).cloned() else {
+            return Vec::new();
+        };
+        // Heave starts at a stated distance from the floor (Table 3): were the first whole pixel
+        // its own reference, half a pixel of it would lie in every frame after it, and the paper's
+        // errors lie evenly about zero.
+        if motion == Motion::Heave
+            && let (Some(line), Some(level)) = (
+                &mut first.line,
+                start.level_in_plane(&bench.rig.mounts, 0.0),
+            )
+        {
+            line.0 = level.eta_at_zero_m;
+        }
         let errors = seen.iter().zip(&poses).zip(&values).map(|((s, pose), v)| {
-            let value = bench.formula(motion, s, &seen[reference], pose, &poses[reference], 0.0)?;
+            let value = bench.formula(motion, s, &first, pose, &poses[reference], 0.0)?;
             Some((value - v) * per_si)
         });
         errors.collect()

@@ -1,5 +1,8 @@
 //! The closed form against the renderer, and its derivatives against differences of itself.
 
+use super::passing::Doubt;
+use super::plan::groups;
+use super::turned::Turned;
 use super::*;
 use hydroline_calib::IdealMap;
 use hydroline_sim::fixture::lshpi_rig;
@@ -43,7 +46,15 @@ fn derivatives_are_those_of_the_light() {
     for strips in groups(&plan.strips).step_by(3) {
         for row in strips[0].first_row..strips[0].end_row {
             let light = |s: &State, j: &mut Column| {
-                model.light(&Turned::new(&s.pose), s, &plan, strips, row, j, &mut 0.0)
+                model.light(
+                    &Turned::new(&s.pose),
+                    s,
+                    &plan,
+                    strips,
+                    row,
+                    j,
+                    &mut Doubt::default(),
+                )
             };
             let mut exact = Column::zeros();
             let Some(value) = light(&at, &mut exact) else {
@@ -97,7 +108,7 @@ fn light_is_the_renderers() {
                     strips,
                     row,
                     &mut Column::zeros(),
-                    &mut 0.0,
+                    &mut Doubt::default(),
                 );
                 let seen = f64::from(picture[row * model.table.width_px + strips[0].column]);
                 let difference = light.unwrap() - seen;

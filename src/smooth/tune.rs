@@ -1,0 +1,47 @@
+//! How strongly unknown accelerations act, per DOF: the most likely strength for the run's poses.
+//!
+//! The DOFs hardly share their innovations, so the strengths are searched one after the other on
+//! a grid of factors, twice, coarse and fine. The result depends on the poses alone.
+
+use super::{Dynamics, MeasuredFrame, SmoothError, filter};
+
+/// Where the search starts: sd gained in one second \[m/s², rad/s²\].
+const START: [f64; 6] = [0.02, 0.02, 0.02, 0.1, 0.1, 0.1];
+/// Weakest and strongest. The weakest still lets 1 mm/s² come and go within a run, so that a rig
+/// whose coefficients are off never bends the poses to itself.
+const RANGE: [f64; 2] = [3e-4, 30.0];
+/// Frames looked at; a longer run is judged by its first ones.
+const FRAMES: usize = 400;
+
+pub(super) fn most_likely(
+    frames: &[MeasuredFrame],
+    dynamics: &Dynamics,
+) -> Result<[f64; 6], SmoothError> {
+    let some = &frames[..frames.len().min(FRAMES)];
+    let judged = |push: &[f64; 6]| {
+        filter::forwards(some, dynamics, push, true).map(|passed| passed.unlikelihood)
+    };
+    let mut push = START;
+    let mut best = judged(&push)?;
+    for factor in [10.0, 10.0, 3.0] {
+        for dof in 0..6 {
+            for way in [factor, 1.0 / factor] {
+                // Strides go on as long as they pay.
+                loop {
+                    let mut tried = push;
+                    tried[dof] = (tried[dof] * way).clamp(RANGE[0], RANGE[1]);
+                    if tried[dof] == push[dof] {
+                        break;
+                    }
+                    // A strength under which the filter goes astray is not likely.
+                    let Ok(cost) = judged(&tried) else { break };
+                    if cost >= best {
+                        break;
+                    }
+                    (push, best) = (tried, cost);
+                }
+            }
+        }
+    }
+    Ok(push)
+}
