@@ -12,6 +12,7 @@ use hydroline_rigs::{Dof, Rig, Vehicle, VehicleModel};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::{EffectStack, Pose6, Renderer, Trajectory};
+use nalgebra::{Matrix2, Vector2};
 
 use super::ReproduceError;
 use crate::frame::GreyImage;
@@ -210,7 +211,11 @@ struct Eye {
     chain: Option<Chain>,
     heights_m: Vec<f64>,
     eta_level_m: f64,
+    /// Which of the places that fit l and r is meant: X_S and ψ_S to within centimetres and degrees,
+    /// from the start, then from where the vehicle was seen last. Near a joint the formula alone cannot
+    /// tell a place from its mirror image.
     near: (f64, f64),
+    ahead_m: f64,
     levels: Vec<Option<Levels>>,
     crossings: Vec<Option<Crossing>>,
     fixes: Vec<Option<ChainFix>>,
@@ -221,7 +226,6 @@ impl Eye {
     fn new(rig: &Rig, experiment: &Experiment) -> Self {
         let run = PoseRun::new(rig, Arc::new(IdealMap::of(rig)));
         let start = experiment.start;
-        let (sin, cos) = start.psi_rad.sin_cos();
         let ahead_m = rig.mounts.l_laser_m;
         Eye {
             dof: experiment.dof,
@@ -231,11 +235,8 @@ impl Eye {
             chain: rig.target.as_ref().and_then(Chain::new),
             // Eq. 5's level line: H = h_centre − η_level, at the start's height.
             eta_level_m: rig.mounts.h_centre_m + start.z_m,
-            // Which hexagon: the start is known, then by continuity.
-            near: (
-                start.x_m + ahead_m * cos + (start.y_m + ahead_m * sin) * start.psi_rad.tan(),
-                start.psi_rad,
-            ),
+            near: crossing_of(&start, ahead_m),
+            ahead_m,
             levels: Vec::new(),
             crossings: Vec::new(),
             fixes: Vec::new(),
@@ -247,18 +248,18 @@ impl Eye {
         let profile = self.extractor.extract(image);
         let levels = self.run.fitter().levels(image, &profile).ok();
         let crossing = levels.as_ref().map(|l| Crossing::new(l, &self.heights_m));
+        let pose = match self.run.pose(stamp_ns, image, &profile) {
+            RunPose::Good(fit) => Some(*fit),
+            RunPose::Doubtful(_) | RunPose::None(_) => None,
+        };
+        if let Some(fit) = &pose {
+            self.near = crossing_of(&fit.pose, self.ahead_m);
+        }
         let fix = self
             .chain
             .as_ref()
             .zip(crossing.as_ref())
             .and_then(|(chain, c)| chain.fix(c, self.near).ok());
-        if let Some(fix) = fix {
-            self.near = (fix.x_s_m, fix.psi_s_rad);
-        }
-        let pose = match self.run.pose(stamp_ns, image, &profile) {
-            RunPose::Good(fit) => Some(*fit),
-            RunPose::Doubtful(_) | RunPose::None(_) => None,
-        };
         self.levels.push(levels);
         self.crossings.push(crossing);
         self.fixes.push(fix);
@@ -321,11 +322,73 @@ impl Eye {
                 .collect()
         };
         if self.dof == Dof::Surge {
-            along_track(&of(0), &of(1))
+            let light = |f: &dyn Fn(&JointPose) -> f64| -> Vec<f64> {
+                self.poses
+                    .iter()
+                    .map(|p| p.as_ref().map_or(f64::NAN, f))
+                    .collect()
+            };
+            one_sheet(
+                &along_track(&of(0), &of(1)),
+                &light(&|p| p.thickness_m),
+                &light(&|p| p.brightness),
+            )
         } else {
             of(i)
         }
     }
+}
+
+/// Positions under one thickness and one brightness for the whole run.
+///
+/// Every frame fits both anew, and what it gets wrong there it gets wrong in x too: near θ = 0 the stripe's
+/// thickness is what fixes the weak direction. A laser has one sheet, so their deviations from the run's
+/// means are errors, and the part of the position's error that goes with them comes off:
+/// x − β·(thickness, brightness − mean). β is the regression of third differences, in which the
+/// motion itself (smooth over four frames) drops out.
+fn one_sheet(position: &[f64], thickness_m: &[f64], brightness: &[f64]) -> Vec<f64> {
+    let about_mean = |v: &[f64]| -> Vec<f64> {
+        let (sum, n) = v
+            .iter()
+            .filter(|x| x.is_finite())
+            .fold((0.0, 0usize), |(s, n), x| (s + x, n + 1));
+        let mean = sum / n.max(1) as f64;
+        v.iter().map(|x| x - mean).collect()
+    };
+    let third = |v: &[f64]| -> Vec<f64> {
+        v.windows(4)
+            .map(|w| w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0])
+            .collect()
+    };
+    let (t, b) = (about_mean(thickness_m), about_mean(brightness));
+    let (dx, dt, db) = (third(position), third(&t), third(&b));
+    let mut normal = Matrix2::zeros();
+    let mut right = Vector2::zeros();
+    for ((x, t), b) in dx.iter().zip(&dt).zip(&db) {
+        // Thickness in tenths of a millimetre: a sum of squares of its own size.
+        let j = Vector2::new(t * 1e4, *b);
+        if x.is_finite() && j.iter().all(|v| v.is_finite()) {
+            normal += j * j.transpose();
+            right += j * *x;
+        }
+    }
+    let Some(beta) = normal.cholesky().map(|c| c.solve(&right)) else {
+        return position.to_vec();
+    };
+    position
+        .iter()
+        .zip(t.iter().zip(&b))
+        .map(|(x, (t, b))| x - beta.x * t * 1e4 - beta.y * b)
+        .collect()
+}
+
+/// (X_S, ψ_S): where the sheet's middle meets the floor, carried along the stripe to the centre line.
+fn crossing_of(pose: &Pose, ahead_m: f64) -> (f64, f64) {
+    // θ swings the sheet about the CG: H tan θ farther on.
+    let reach_m = ahead_m * pose.theta_rad.cos() - pose.z_m * pose.theta_rad.tan();
+    let (sin, cos) = pose.psi_rad.sin_cos();
+    let (x_m, y_m) = (pose.x_m + reach_m * cos, pose.y_m + reach_m * sin);
+    (x_m + y_m * pose.psi_rad.tan(), pose.psi_rad)
 }
 
 /// Way along the straight line that fits the positions best (smallest squares across it).
@@ -364,6 +427,67 @@ fn along_track(x_m: &[f64], y_m: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{SeedableRng, rngs::StdRng};
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn errors_that_come_with_the_sheets_thickness_come_off_and_the_motion_stays() {
+        let mut rng = StdRng::seed_from_u64(5);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let (mut x, mut thickness, mut bright, mut truth) = (vec![], vec![], vec![], vec![]);
+        for k in 0..400 {
+            let t_s = 0.04 * f64::from(k);
+            truth.push(0.006 * t_s * t_s);
+            let (d, e) = (2e-5 * normal(), 0.5 * normal());
+            x.push(truth[truth.len() - 1] + 25.0 * d - 4e-4 * e + 1e-4 * normal());
+            thickness.push(2e-3 + d);
+            bright.push(200.0 + e);
+        }
+        x[100] = f64::NAN;
+        thickness[100] = f64::NAN;
+        bright[100] = f64::NAN;
+        let bound = one_sheet(&x, &thickness, &bright);
+        assert!(bound[100].is_nan());
+        let rms = |v: &[f64]| {
+            let e: Vec<f64> = v
+                .iter()
+                .zip(&truth)
+                .map(|(a, b)| a - b)
+                .filter(|e| e.is_finite())
+                .collect();
+            let mean = e.iter().sum::<f64>() / e.len() as f64;
+            (e.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / e.len() as f64).sqrt()
+        };
+        assert!(
+            rms(&x) > 4e-4 && rms(&bound) < 1.2e-4,
+            "{} {}",
+            rms(&x),
+            rms(&bound)
+        );
+    }
+
+    #[test]
+    fn the_place_of_a_crossing_follows_pitch_and_yaw() {
+        let pose = Pose {
+            x_m: 0.3,
+            y_m: 0.02,
+            z_m: -0.8,
+            theta_rad: 0.03,
+            psi_rad: -0.07,
+            ..Pose::default()
+        };
+        let (x_m, psi) = crossing_of(&pose, 0.27);
+        // By the pose's own rotation: along the sheet's middle down to the floor, then along the stripe.
+        let floor = (0..2000)
+            .map(|k| pose.body_to_tank(&nalgebra::Vector3::new(0.27, 0.0, 5e-4 * f64::from(k))))
+            .min_by(|a, b| a.z.abs().total_cmp(&b.z.abs()))
+            .unwrap();
+        let by_hand = floor.x + floor.y * (-0.07_f64).tan();
+        assert!(
+            (x_m - by_hand).abs() < 1e-3 && psi == -0.07,
+            "{x_m} {by_hand}"
+        );
+    }
 
     #[test]
     fn a_track_is_measured_along_itself_in_the_direction_of_travel() {
