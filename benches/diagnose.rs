@@ -13,9 +13,21 @@ fn main() {
 
 /// 24 s at 25 Hz with reversals, 0.15 mm of roughness.
 fn run(rig: &Rig, k: usize) -> Run {
-    let edges = [(0.0, 4.0 + 2.0 * k as f64), (8.0 + k as f64, -6.0), (16.0, 0.0)];
-    let mut path = Trajectory::new(Model::from_rig(rig).unwrap(), ModelState::at_rest([0.0; 6]), 0.01).unwrap();
-    let mut made = Run { name: format!("run{k}"), ..Run::default() };
+    let edges = [
+        (0.0, 4.0 + 2.0 * k as f64),
+        (8.0 + k as f64, -6.0),
+        (16.0, 0.0),
+    ];
+    let mut path = Trajectory::new(
+        Model::from_rig(rig).unwrap(),
+        ModelState::at_rest([0.0; 6]),
+        0.01,
+    )
+    .unwrap();
+    let mut made = Run {
+        name: format!("run{k}"),
+        ..Run::default()
+    };
     for (t_s, load) in edges {
         let wrench = [load, 0.0, 0.0, 0.0, 0.0, 0.0];
         path.command(t_s, wrench).unwrap();
@@ -26,7 +38,11 @@ fn run(rig: &Rig, k: usize) -> Run {
         let mut values = [f64::NAN; 12];
         let rough = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
         values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * rough;
-        made.samples.push(Sample { t_s, values, covariance: None });
+        made.samples.push(Sample {
+            t_s,
+            values,
+            covariance: None,
+        });
     }
     made
 }

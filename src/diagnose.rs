@@ -25,6 +25,6 @@ pub mod verdict;
 pub mod weight;
 pub mod weights;
 
-pub use conclude::{Diagnosis, DiagnoseError, diagnose};
+pub use conclude::{DiagnoseError, Diagnosis, diagnose};
 pub use source::{Source, read};
 pub use verdict::Verdict;

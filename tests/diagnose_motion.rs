@@ -10,8 +10,10 @@ use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
 
 fn shared() -> Option<PathBuf> {
-    let path = std::env::var_os("HYDROLINE_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let path = std::env::var_os("HYDROLINE_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    );
     let there = path.join("cases/motion/key.json").exists();
     if !there {
         println!("skipped: {} is not there", path.display());
@@ -47,7 +49,10 @@ fn named(verdict: &Verdict, key: &serde_json::Value, least_mm: f64) -> Vec<Strin
         }
         let Some(found) = verdict.effects.iter().find(|e| &e.effect == effect) else {
             if !verdict.equivalent.iter().any(|s| s.contains(effect)) {
-                wrong.push(format!("{effect} ({weight} mm) is not named: {}", verdict.sentence));
+                wrong.push(format!(
+                    "{effect} ({weight} mm) is not named: {}",
+                    verdict.sentence
+                ));
             }
             continue;
         };
@@ -55,18 +60,31 @@ fn named(verdict: &Verdict, key: &serde_json::Value, least_mm: f64) -> Vec<Strin
         if (mm / weight - 1.0).abs() > 0.1 {
             wrong.push(format!("{effect} weighs {mm:.3} mm, key {weight}"));
         }
-        let truth = key["effects"].get(effect).or_else(|| key["background"].get(effect)).unwrap();
+        let truth = key["effects"]
+            .get(effect)
+            .or_else(|| key["background"].get(effect))
+            .unwrap();
         for (name, value) in truth.as_object().unwrap() {
             let (value, p) = (value.as_f64().unwrap(), found.parameters[name]);
             let z = (p.value - value) / p.sd.unwrap_or(f64::INFINITY);
             if z.abs() > 3.0 {
-                wrong.push(format!("{effect} {name} = {} (sd {:?}), key {value}: z = {z:.1}", p.value, p.sd));
+                wrong.push(format!(
+                    "{effect} {name} = {} (sd {:?}), key {value}: z = {z:.1}",
+                    p.value, p.sd
+                ));
             }
         }
     }
     for e in &verdict.effects {
-        if e.weight["x_m"] > 0.5e-3 && key["masked_rms_mm"].get(&e.effect).is_none() && verdict.equivalent.is_empty() {
-            wrong.push(format!("{} ({:.2} mm) is invented", e.effect, e.weight["x_m"] * 1e3));
+        if e.weight["x_m"] > 0.5e-3
+            && key["masked_rms_mm"].get(&e.effect).is_none()
+            && verdict.equivalent.is_empty()
+        {
+            wrong.push(format!(
+                "{} ({:.2} mm) is invented",
+                e.effect,
+                e.weight["x_m"] * 1e3
+            ));
         }
     }
     wrong
@@ -78,12 +96,32 @@ fn the_two_run_protocol_is_ambiguous_and_the_next_run_would_split_it() {
     let Some(shared) = shared() else { return };
     let (verdict, _) = case(&shared, "case104");
     assert_eq!(verdict.verdict, Word::Ambiguous, "{}", verdict.sentence);
-    assert!(verdict.equivalent.contains(&vec!["thruster_deadband".to_owned()]), "{:?}", verdict.equivalent);
+    assert!(
+        verdict
+            .equivalent
+            .contains(&vec!["thruster_deadband".to_owned()]),
+        "{:?}",
+        verdict.equivalent
+    );
     assert!(verdict.equivalent.len() <= 6);
     let next = verdict.next_experiment.unwrap();
-    assert!(next.expected_log_bayes_factor > 10.0, "{} {}", next.plan, next.expected_log_bayes_factor);
-    for spot in ["thrust_scale", "position_scale", "thrust_asymmetry", "astern_drag"] {
-        assert!(verdict.blind_spots.iter().any(|s| s == spot), "{spot}: {:?}", verdict.blind_spots);
+    assert!(
+        next.expected_log_bayes_factor > 10.0,
+        "{} {}",
+        next.plan,
+        next.expected_log_bayes_factor
+    );
+    for spot in [
+        "thrust_scale",
+        "position_scale",
+        "thrust_asymmetry",
+        "astern_drag",
+    ] {
+        assert!(
+            verdict.blind_spots.iter().any(|s| s == spot),
+            "{spot}: {:?}",
+            verdict.blind_spots
+        );
     }
 }
 
@@ -94,12 +132,17 @@ fn all_twelve_independent_cases() {
     let Some(shared) = shared() else { return };
     let mut wrong = Vec::new();
     for name in [
-        "case101", "case102", "case103", "case104", "case105", "case106", "case107", "case108", "case201", "case202",
-        "case203", "case204",
+        "case101", "case102", "case103", "case104", "case105", "case106", "case107", "case108",
+        "case201", "case202", "case203", "case204",
     ] {
         let started = std::time::Instant::now();
         let (verdict, key) = case(&shared, name);
-        println!("{name} ({:.0} s): {:?}: {}", started.elapsed().as_secs_f64(), verdict.verdict, verdict.sentence);
+        println!(
+            "{name} ({:.0} s): {:?}: {}",
+            started.elapsed().as_secs_f64(),
+            verdict.verdict,
+            verdict.sentence
+        );
         let words: &[Word] = match name {
             "case103" | "case108" | "case203" => &[Word::None],
             "case104" => &[Word::Ambiguous],
@@ -111,7 +154,10 @@ fn all_twelve_independent_cases() {
         }
         if name == "case106" {
             let snag = &key["effects"]["snag"];
-            let range = verdict.unexplained.first().map_or([f64::NAN; 2], |u| u.range);
+            let range = verdict
+                .unexplained
+                .first()
+                .map_or([f64::NAN; 2], |u| u.range);
             for (found, name) in range.iter().zip(["from_x_m", "to_x_m"]) {
                 if !((found - snag[name].as_f64().unwrap()).abs() < 0.05) {
                     wrong.push(format!("case106: {name} {found}"));
@@ -119,7 +165,11 @@ fn all_twelve_independent_cases() {
             }
             continue;
         }
-        wrong.extend(named(&verdict, &key, 0.5).into_iter().map(|w| format!("{name}: {w}")));
+        wrong.extend(
+            named(&verdict, &key, 0.5)
+                .into_iter()
+                .map(|w| format!("{name}: {w}")),
+        );
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
@@ -128,7 +178,9 @@ fn all_twelve_independent_cases() {
 fn noise(seed: &mut u64) -> f64 {
     let mut sum = -6.0;
     for _ in 0..12 {
-        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        *seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         sum += (*seed >> 11) as f64 / (1u64 << 53) as f64;
     }
     sum
@@ -138,7 +190,10 @@ fn noise(seed: &mut u64) -> f64 {
 fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run {
     let model = Model::from_rig(rig).unwrap();
     let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.01).unwrap();
-    let mut run = Run { name: name.to_owned(), ..Run::default() };
+    let mut run = Run {
+        name: name.to_owned(),
+        ..Run::default()
+    };
     for (t_s, load) in edges {
         let wrench = [*load, 0.0, 0.0, 0.0, 0.0, 0.0];
         path.command(*t_s, wrench).unwrap();
@@ -152,13 +207,20 @@ fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run {
         for c in 0..6 {
             values[c] = eta[c] + if c < 3 { 1.5e-4 } else { 1.7e-4 } * noise(&mut state);
         }
-        run.samples.push(Sample { t_s, values, covariance: None });
+        run.samples.push(Sample {
+            t_s,
+            values,
+            covariance: None,
+        });
     }
     run
 }
 
 fn clean(run: Run) -> Source {
-    Source { run, faults: Vec::new() }
+    Source {
+        run,
+        faults: Vec::new(),
+    }
 }
 
 #[test]
@@ -172,21 +234,38 @@ fn a_left_out_current_is_named_and_written_into_a_rig_that_predicts() {
     });
     let runs = [
         clean(simulated(&water, "a", &[(0.0, 4.0), (9.0, 0.0)], 1)),
-        clean(simulated(&water, "b", &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)], 2)),
+        clean(simulated(
+            &water,
+            "b",
+            &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)],
+            2,
+        )),
     ];
-    let held = [clean(simulated(&water, "c", &[(0.0, 12.0), (5.0, -6.0)], 3))];
+    let held = [clean(simulated(
+        &water,
+        "c",
+        &[(0.0, 12.0), (5.0, -6.0)],
+        3,
+    ))];
     let found = diagnose(&runs, &held, &rig, &|_| {}).unwrap();
     let v = &found.verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
     assert_eq!(v.effects[0].effect, "current");
     let p = v.effects[0].parameters["vx_mps"];
     assert!((p.value - 0.008).abs() < 4.0 * p.sd.unwrap(), "{p:?}");
-    assert!(v.fit.held_out.after["x_m"] < 1.2 * v.fit.held_out.noise["x_m"], "{:?}", v.fit.held_out);
+    assert!(
+        v.fit.held_out.after["x_m"] < 1.2 * v.fit.held_out.noise["x_m"],
+        "{:?}",
+        v.fit.held_out
+    );
     assert!(v.fit.held_out.before["x_m"] > 3.0 * v.fit.held_out.noise["x_m"]);
     // The written rig reads back and holds it.
     let again = Rig::from_toml(&found.rig.to_toml(), "written.toml", None).unwrap();
     assert_eq!(again.physics[0].effect, "current");
-    assert!((again.vehicle.coefficients[0].linear / water.vehicle.coefficients[0].linear - 1.0).abs() < 0.05);
+    assert!(
+        (again.vehicle.coefficients[0].linear / water.vehicle.coefficients[0].linear - 1.0).abs()
+            < 0.05
+    );
 }
 
 #[test]
@@ -194,7 +273,12 @@ fn nothing_left_out_is_nothing_named() {
     let rig = Rig::builtin("lshpi").unwrap();
     let runs = [
         clean(simulated(&rig, "a", &[(0.0, 4.0), (9.0, 0.0)], 11)),
-        clean(simulated(&rig, "b", &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)], 12)),
+        clean(simulated(
+            &rig,
+            "b",
+            &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)],
+            12,
+        )),
     ];
     let v = diagnose(&runs, &[], &rig, &|_| {}).unwrap().verdict;
     assert_eq!(v.verdict, Word::None, "{}", v.sentence);

@@ -168,14 +168,32 @@ impl<T: Real> Single<T> {
                 }
             };
             while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
-                state = self.advance(effects, state, now, t, (load, edge_s), step_max_s, &mut retune, &extra);
+                state = self.advance(
+                    effects,
+                    state,
+                    now,
+                    t,
+                    (load, edge_s),
+                    step_max_s,
+                    &mut retune,
+                    &extra,
+                );
                 now = t;
                 if let Some(new) = new {
                     (load, edge_s) = (new, t.value());
                 }
             }
             if seen_s.value() > feed.start_s {
-                state = self.advance(effects, state, now, seen_s, (load, edge_s), step_max_s, &mut retune, &extra);
+                state = self.advance(
+                    effects,
+                    state,
+                    now,
+                    seen_s,
+                    (load, edge_s),
+                    step_max_s,
+                    &mut retune,
+                    &extra,
+                );
                 now = seen_s;
             }
             let effects = seen_by.as_ref().unwrap_or(effects);
@@ -207,15 +225,19 @@ impl<T: Real> Single<T> {
             let begin = t.value();
             let tuned = retune(&instant(t, begin, edge_s, &state, load));
             let effects = tuned.as_ref().unwrap_or(effects);
-            let at = |t: T, s: &State<T>| self.slope(effects, &instant(t, begin, edge_s, s, load), &s.own, extra);
+            let at = |t: T, s: &State<T>| {
+                self.slope(effects, &instant(t, begin, edge_s, s, load), &s.own, extra)
+            };
             let k1 = at(t, &state);
             let k2 = at(t + half, &self.stepped(&state, &k1, half));
             let k3 = at(t + half, &self.stepped(&state, &k2, half));
             let k4 = at(t + step, &self.stepped(&state, &k3, step));
-            state.position = state.position + (k1.position + (k2.position + k3.position) * 2.0 + k4.position) * sixth;
+            state.position = state.position
+                + (k1.position + (k2.position + k3.position) * 2.0 + k4.position) * sixth;
             state.rate = state.rate + (k1.rate + (k2.rate + k3.rate) * 2.0 + k4.rate) * sixth;
             for i in 0..self.states {
-                state.own[i] = state.own[i] + (k1.own[i] + (k2.own[i] + k3.own[i]) * 2.0 + k4.own[i]) * sixth;
+                state.own[i] =
+                    state.own[i] + (k1.own[i] + (k2.own[i] + k3.own[i]) * 2.0 + k4.own[i]) * sixth;
             }
         }
         state
@@ -278,7 +300,13 @@ impl<T: Real> Single<T> {
     }
 }
 
-fn instant<T: Real>(t_s: T, step_start_s: f64, edge_s: f64, state: &State<T>, load: f64) -> Instant<T> {
+fn instant<T: Real>(
+    t_s: T,
+    step_start_s: f64,
+    edge_s: f64,
+    state: &State<T>,
+    load: f64,
+) -> Instant<T> {
     Instant {
         t_s,
         step_start_s,
@@ -307,7 +335,11 @@ mod tests {
             words: info
                 .words
                 .iter()
-                .map(|w| w.absent.and_then(|a| w.allowed.iter().position(|x| *x == a)).unwrap_or(0))
+                .map(|w| {
+                    w.absent
+                        .and_then(|a| w.allowed.iter().position(|x| *x == a))
+                        .unwrap_or(0)
+                })
                 .collect(),
             notes: Vec::new(),
         }
@@ -333,7 +365,10 @@ mod tests {
             }
             let mut single = Single::new(
                 Hydrodynamics::new(&vehicle),
-                Line { dof: 0, rest: [0.0; 6] },
+                Line {
+                    dof: 0,
+                    rest: [0.0; 6],
+                },
             );
             let mut seen = Vec::new();
             let feed = Feed {
@@ -342,7 +377,14 @@ mod tests {
                 stamps_s: &stamps,
                 step_max_s: 0.04,
             };
-            single.run(&stack(), &feed, (0.0, 0.0), |_| None, |_| 0.0, |x| seen.push(x));
+            single.run(
+                &stack(),
+                &feed,
+                (0.0, 0.0),
+                |_| None,
+                |_| 0.0,
+                |x| seen.push(x),
+            );
             let mut turned = 0.0_f64;
             let mut worst = 0.0_f64;
             for (stamp, x) in stamps.iter().zip(&seen) {

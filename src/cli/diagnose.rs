@@ -42,7 +42,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         inputs::new_file("--write-rig", path)?;
     }
     let load = |paths: &[PathBuf]| -> Result<Vec<Source>, CliError> {
-        paths.iter().map(|p| read(p, &rig).map_err(CliError::run)).collect()
+        paths
+            .iter()
+            .map(|p| read(p, &rig).map_err(CliError::run))
+            .collect()
     };
     let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
     let bar = progress::bar(0, "diagnosing");
@@ -59,16 +62,29 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             files.push(("next.toml", next.plan_toml.clone()));
         }
         std::fs::create_dir_all(dir)
-            .and_then(|()| files.iter().try_for_each(|(name, text)| std::fs::write(dir.join(name), text)))
-            .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", dir.display())))?;
+            .and_then(|()| {
+                files
+                    .iter()
+                    .try_for_each(|(name, text)| std::fs::write(dir.join(name), text))
+            })
+            .map_err(|e| {
+                CliError::Run(format!(
+                    "{}: {e}; check that the folder is writable",
+                    dir.display()
+                ))
+            })?;
         eprintln!("{}", dir.join("diagnose.json").display());
     }
     if let Some(path) = &args.write_rig {
         if found.verdict.verdict == Word::DataFault {
             eprintln!("hydroline: --write-rig: no rig written, the data are at fault");
         } else {
-            std::fs::write(path, found.rig.to_toml())
-                .map_err(|e| CliError::Run(format!("{}: {e}; check that the folder is writable", path.display())))?;
+            std::fs::write(path, found.rig.to_toml()).map_err(|e| {
+                CliError::Run(format!(
+                    "{}: {e}; check that the folder is writable",
+                    path.display()
+                ))
+            })?;
         }
     }
     if args.json {
@@ -85,9 +101,19 @@ fn print(v: &Verdict) {
         let numbers: Vec<String> = e
             .parameters
             .iter()
-            .map(|(n, p)| format!("{n} = {} (sd {})", significant(p.value), p.sd.map_or("-".to_owned(), significant)))
+            .map(|(n, p)| {
+                format!(
+                    "{n} = {} (sd {})",
+                    significant(p.value),
+                    p.sd.map_or("-".to_owned(), significant)
+                )
+            })
             .collect();
-        let weight: Vec<String> = e.weight.iter().map(|(c, w)| format!("{c} {w:.2e}")).collect();
+        let weight: Vec<String> = e
+            .weight
+            .iter()
+            .map(|(c, w)| format!("{c} {w:.2e}"))
+            .collect();
         outln!(
             "  {:<20} p {:.3}  weight {}  {}{}{}",
             e.effect,
@@ -95,14 +121,21 @@ fn print(v: &Verdict) {
             weight.join(" "),
             if e.matters { "matters  " } else { "" },
             numbers.join(", "),
-            e.law_note.as_ref().map_or(String::new(), |n| format!("  LAW INEXACT: {n}"))
+            e.law_note
+                .as_ref()
+                .map_or(String::new(), |n| format!("  LAW INEXACT: {n}"))
         );
         for note in &e.notes {
             outln!("    {note}");
         }
     }
     for u in &v.unexplained {
-        outln!("  unnamed: {} (weight {:.2e}, log Bayes factor {:.1})", u.term, u.weight, u.log_bayes_factor);
+        outln!(
+            "  unnamed: {} (weight {:.2e}, log Bayes factor {:.1})",
+            u.term,
+            u.weight,
+            u.log_bayes_factor
+        );
     }
     for set in &v.equivalent {
         outln!("  possible: {}", set.join(" + "));
@@ -112,18 +145,38 @@ fn print(v: &Verdict) {
         outln!(
             "  {channel} predicted ({}): {before:.3e} before, {:.3e} after, noise {:.3e}",
             v.fit.held_out_by,
-            v.fit.held_out.after.get(channel).copied().unwrap_or(f64::NAN),
-            v.fit.held_out.noise.get(channel).copied().unwrap_or(f64::NAN)
+            v.fit
+                .held_out
+                .after
+                .get(channel)
+                .copied()
+                .unwrap_or(f64::NAN),
+            v.fit
+                .held_out
+                .noise
+                .get(channel)
+                .copied()
+                .unwrap_or(f64::NAN)
         );
     }
     for f in &v.data_faults {
-        outln!("  data: {} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence);
+        outln!(
+            "  data: {} in {} of {}: {}",
+            f.fault,
+            f.channel,
+            f.run,
+            f.evidence
+        );
     }
     if !v.blind_spots.is_empty() {
         outln!("  these runs cannot show: {}", v.blind_spots.join(", "));
     }
     if let Some(next) = &v.next_experiment {
-        outln!("  next: plan {} (expected log Bayes factor {:.1})", next.plan, next.expected_log_bayes_factor);
+        outln!(
+            "  next: plan {} (expected log Bayes factor {:.1})",
+            next.plan,
+            next.expected_log_bayes_factor
+        );
     }
     for note in &v.notes {
         eprintln!("  note: {note}");

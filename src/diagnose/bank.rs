@@ -32,7 +32,12 @@ pub struct Promise {
 }
 
 /// A fit with one more candidate at a point: its set (ascending) and its unknowns.
-pub fn joined(setting: &Setting, fit: &Fit, candidate: usize, point: &[f64]) -> (Vec<usize>, Vec<f64>) {
+pub fn joined(
+    setting: &Setting,
+    fit: &Fit,
+    candidate: usize,
+    point: &[f64],
+) -> (Vec<usize>, Vec<f64>) {
     let mut set = fit.set.clone();
     let member = set.partition_point(|c| *c < candidate);
     set.insert(member, candidate);
@@ -54,15 +59,23 @@ pub fn without(setting: &Setting, fit: &Fit, member: usize) -> (Vec<usize>, Vec<
 }
 
 /// Motion of all runs, end to end.
-pub fn motion(setting: &Setting, set: &[usize], globals: &[f64], starts: &[(f64, f64)]) -> DVector<f64> {
-    let all: Vec<Vec<f64>> =
-        (0..setting.tracks.len()).map(|run| setting.values(run, set, globals, starts[run])).collect();
+pub fn motion(
+    setting: &Setting,
+    set: &[usize],
+    globals: &[f64],
+    starts: &[(f64, f64)],
+) -> DVector<f64> {
+    let all: Vec<Vec<f64>> = (0..setting.tracks.len())
+        .map(|run| setting.values(run, set, globals, starts[run]))
+        .collect();
     DVector::from_vec(all.into_iter().flatten().collect())
 }
 
 /// Responses of every candidate outside of the fit's set that moves anything.
 pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
-    let starts: Vec<(f64, f64)> = (0..setting.tracks.len()).map(|r| fit.start(setting, r)).collect();
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
+        .map(|r| fit.start(setting, r))
+        .collect();
     let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
     let jobs: Vec<(usize, usize)> = (0..setting.vocabulary.len())
         .filter(|c| !fit.set.contains(c))
@@ -75,7 +88,11 @@ pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
             let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
             let column = motion(setting, &set, globals, &starts) - &plain;
             let moves = column.iter().all(|v| v.is_finite()) && column.amax() > 1e-9;
-            moves.then_some(Response { candidate, start, column })
+            moves.then_some(Response {
+                candidate,
+                start,
+                column,
+            })
         })
         .collect()
 }
@@ -147,12 +164,21 @@ impl View {
         let posed = Posed::new(setting, weights, &fit.set);
         let basis = basis(&posed.jacobian(&fit.at));
         let residual = weights.stack(fit.residuals(setting));
-        View { residual: outside(&basis, &residual), basis }
+        View {
+            residual: outside(&basis, &residual),
+            basis,
+        }
     }
 
     /// The best starting point of each candidate, best first; `whitened` in step with `responses`.
-    pub fn promises(&self, responses: &[Response], whitened: &[DVector<f64>], set: &[usize]) -> Vec<Vec<Promise>> {
-        let mut best: std::collections::BTreeMap<usize, Vec<Promise>> = std::collections::BTreeMap::new();
+    pub fn promises(
+        &self,
+        responses: &[Response],
+        whitened: &[DVector<f64>],
+        set: &[usize],
+    ) -> Vec<Vec<Promise>> {
+        let mut best: std::collections::BTreeMap<usize, Vec<Promise>> =
+            std::collections::BTreeMap::new();
         let all: Vec<Option<Promise>> = responses
             .par_iter()
             .zip(whitened)
@@ -189,9 +215,17 @@ impl View {
 }
 
 /// Greedy choice of columns that explain a residual (orthogonal matching pursuit): indices.
-pub fn pursue(view: &View, dictionary: &[DVector<f64>], least_gain: f64, most: usize) -> Vec<usize> {
+pub fn pursue(
+    view: &View,
+    dictionary: &[DVector<f64>],
+    least_gain: f64,
+    most: usize,
+) -> Vec<usize> {
     let mut residual = view.residual.clone();
-    let mut left: Vec<DVector<f64>> = dictionary.par_iter().map(|d| outside(&view.basis, d)).collect();
+    let mut left: Vec<DVector<f64>> = dictionary
+        .par_iter()
+        .map(|d| outside(&view.basis, d))
+        .collect();
     let floor: Vec<f64> = dictionary.iter().map(|d| 1e-8 * d.norm_squared()).collect();
     let mut chosen = Vec::new();
     while chosen.len() < most {
@@ -200,10 +234,19 @@ pub fn pursue(view: &View, dictionary: &[DVector<f64>], least_gain: f64, most: u
             .zip(&floor)
             .map(|(d, f)| {
                 let energy = d.norm_squared();
-                if energy > *f { 0.5 * d.dot(&residual).powi(2) / energy } else { 0.0 }
+                if energy > *f {
+                    0.5 * d.dot(&residual).powi(2) / energy
+                } else {
+                    0.0
+                }
             })
             .collect();
-        let Some((best, gain)) = gains.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else {
+        let Some((best, gain)) = gains
+            .iter()
+            .copied()
+            .enumerate()
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+        else {
             break;
         };
         if gain < least_gain {

@@ -24,7 +24,10 @@ pub struct Candidate {
 pub fn vocabulary(dof: Dof, on: &[CheckedEffect]) -> Vec<Candidate> {
     ALL.iter()
         .filter_map(|info| Candidate::new(info, dof))
-        .filter(|c| !on.iter().any(|o| o.info.id == c.info.id && o.words == c.words))
+        .filter(|c| {
+            !on.iter()
+                .any(|o| o.info.id == c.info.id && o.words == c.words)
+        })
         .collect()
 }
 
@@ -38,7 +41,11 @@ impl Candidate {
             .iter()
             .map(|w| {
                 let named = |name: &str| w.allowed.iter().position(|a| *a == name);
-                let own = if w.name == "dof" { named(dof.name()) } else { None };
+                let own = if w.name == "dof" {
+                    named(dof.name())
+                } else {
+                    None
+                };
                 own.or_else(|| w.absent.and_then(named)).unwrap_or(0)
             })
             .collect();
@@ -116,7 +123,10 @@ mod tests {
     #[test]
     fn every_start_is_plausible_and_every_effect_of_the_registry_is_asked() {
         let all = vocabulary(Dof::Roll, &[]);
-        assert_eq!(all.len(), ALL.iter().filter(|i| !i.parameters.is_empty()).count());
+        assert_eq!(
+            all.len(),
+            ALL.iter().filter(|i| !i.parameters.is_empty()).count()
+        );
         for c in &all {
             for start in &c.starts {
                 for ((v, p), (low, high)) in start.iter().zip(c.info.parameters).zip(&c.bounds) {
@@ -124,7 +134,11 @@ mod tests {
                 }
             }
             for (w, i) in c.info.words.iter().zip(&c.words) {
-                assert!(w.name != "dof" || w.allowed[*i] == "roll" || !w.allowed.contains(&"roll"), "{}", c.info.id);
+                assert!(
+                    w.name != "dof" || w.allowed[*i] == "roll" || !w.allowed.contains(&"roll"),
+                    "{}",
+                    c.info.id
+                );
             }
         }
     }

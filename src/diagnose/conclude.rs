@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::effect::{ALL, EffectError};
 
-use super::bank::{outside, responses, whitened, View};
+use super::bank::{View, outside, responses, whitened};
 use super::explain::{Explanation, explain};
 use super::family::{Acts, Variable};
 use super::fit::Fit;
@@ -17,8 +17,8 @@ use super::search::Search;
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::source::Source;
 use super::verdict::{
-    Alternative, BeforeAfter, Effect, FitTable, Law, NoiseFound, Parameters, Test, Unexplained, Value, Verdict, Where,
-    Word,
+    Alternative, BeforeAfter, Effect, FitTable, Law, NoiseFound, Parameters, Test, Unexplained,
+    Value, Verdict, Where, Word,
 };
 use super::weight::weights;
 use crate::identify::data::{Run, is_still};
@@ -38,13 +38,17 @@ const AT_REST_SD: f64 = 8.0;
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
     /// Nothing to fit.
-    #[error("no DOF moves in these {0} log(s): nothing to diagnose; give runs with commands, or a decay")]
+    #[error(
+        "no DOF moves in these {0} log(s): nothing to diagnose; give runs with commands, or a decay"
+    )]
     NothingMoves(usize),
     /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// No fit.
-    #[error("{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units")]
+    #[error(
+        "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
+    )]
     NoFit {
         /// DOF.
         dof: &'static str,
@@ -71,7 +75,11 @@ pub fn diagnose(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let mut verdict = empty();
-    verdict.data_faults = sources.iter().chain(held).flat_map(|s| s.faults.clone()).collect();
+    verdict.data_faults = sources
+        .iter()
+        .chain(held)
+        .flat_map(|s| s.faults.clone())
+        .collect();
     let fatal: Vec<String> = verdict
         .data_faults
         .iter()
@@ -81,21 +89,33 @@ pub fn diagnose(
     if let Some(first) = fatal.first() {
         verdict.verdict = Word::DataFault;
         verdict.sentence = format!("The data are at fault, not the model: {first}");
-        return Ok(Diagnosis { verdict, rig: rig.clone() });
+        return Ok(Diagnosis {
+            verdict,
+            rig: rig.clone(),
+        });
     }
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
-    let runs: Vec<Run> = sources.iter().map(|s| s.run.clone()).filter(|r| !is_still(r, tolerance)).collect();
+    let runs: Vec<Run> = sources
+        .iter()
+        .map(|s| s.run.clone())
+        .filter(|r| !is_still(r, tolerance))
+        .collect();
     let held: Vec<Run> = held.iter().map(|s| s.run.clone()).collect();
     let dofs = active(&runs, rig);
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
-    let mut made = Diagnosis { verdict, rig: rig.clone() };
+    let mut made = Diagnosis {
+        verdict,
+        rig: rig.clone(),
+    };
     for dof in dofs {
         one(&mut made, &runs, &held, rig, dof, progress)?;
     }
     let verdict = &mut made.verdict;
-    verdict.effects.sort_by(|a, b| relative(b, rig).total_cmp(&relative(a, rig)));
+    verdict
+        .effects
+        .sort_by(|a, b| relative(b, rig).total_cmp(&relative(a, rig)));
     verdict.sentence = sentence(verdict);
     Ok(made)
 }
@@ -125,7 +145,13 @@ fn empty() -> Verdict {
 fn relative(e: &Effect, rig: &Rig) -> f64 {
     e.weight
         .iter()
-        .map(|(c, w)| w / if c.ends_with("_rad") { rig.tolerance.attitude_rad } else { rig.tolerance.position_m })
+        .map(|(c, w)| {
+            w / if c.ends_with("_rad") {
+                rig.tolerance.attitude_rad
+            } else {
+                rig.tolerance.position_m
+            }
+        })
         .fold(0.0, f64::max)
 }
 
@@ -140,15 +166,27 @@ fn active(runs: &[Run], rig: &Rig) -> Vec<Dof> {
         .into_iter()
         .filter_map(|dof| {
             let i = dof.index();
-            let unit = if i < 3 { rig.tolerance.position_m } else { rig.tolerance.attitude_rad };
+            let unit = if i < 3 {
+                rig.tolerance.position_m
+            } else {
+                rig.tolerance.attitude_rad
+            };
             let moved = runs
                 .iter()
                 .filter_map(|r| Track::of(r, dof))
                 .map(|t| {
                     let sd = difference_sd(&t.measured);
-                    let (low, high) =
-                        t.measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-                    if high - low > 2.0 * AT_REST_SD * sd { (high - low) / unit } else { 0.0 }
+                    let (low, high) = t
+                        .measured
+                        .iter()
+                        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+                            (l.min(*v), h.max(*v))
+                        });
+                    if high - low > 2.0 * AT_REST_SD * sd {
+                        (high - low) / unit
+                    } else {
+                        0.0
+                    }
                 })
                 .fold(0.0, f64::max);
             let driven = largest[i] > 0.01 * top && top > 0.0;
@@ -181,23 +219,38 @@ fn one(
     search.run();
     search.settle();
     progress("explanations");
-    let Some(found) = explain(&mut search) else { return Err(DiagnoseError::NoFit { dof: dof.name() }) };
+    let Some(found) = explain(&mut search) else {
+        return Err(DiagnoseError::NoFit { dof: dof.name() });
+    };
     let post = posterior(&search);
-    let Some(plain) = search.get(&[]).cloned() else { return Err(DiagnoseError::NoFit { dof: dof.name() }) };
+    let Some(plain) = search.get(&[]).cloned() else {
+        return Err(DiagnoseError::NoFit { dof: dof.name() });
+    };
     made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
     let simple = found.family.is_none();
-    let mut groups: Vec<Group> = if simple { post.tied().into_iter().cloned().collect() } else { Vec::new() };
+    let mut groups: Vec<Group> = if simple {
+        post.tied().into_iter().cloned().collect()
+    } else {
+        Vec::new()
+    };
     let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     if groups.len() > 1 && !held_tracks.is_empty() {
         // The runs fitted cannot tell them apart; the one that predicts best comes first.
-        let miss = |g: &Group| held_out(&setting, &held_tracks, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY);
+        let miss = |g: &Group| {
+            held_out(&setting, &held_tracks, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
+        };
         let mut missed: Vec<(f64, Group)> = groups.into_iter().map(|g| (miss(&g), g)).collect();
-        let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max) > 1.5 * missed.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
+        let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max)
+            > 1.5 * missed.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
         if clear {
             missed.sort_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((rms, g)) = missed.first() {
-                let names: Vec<&str> = g.matters.iter().map(|c| setting.vocabulary[*c].info.id).collect();
+                let names: Vec<&str> = g
+                    .matters
+                    .iter()
+                    .map(|c| setting.vocabulary[*c].info.id)
+                    .collect();
                 made.verdict.notes.push(format!("the runs fitted leave {} explanations open; the runs held out speak for {} (rms {rms:.2e})", missed.len(), names.join(" + ")));
             }
         }
@@ -213,14 +266,28 @@ fn one(
     for (member, (candidate, weight)) in first.set.iter().zip(&shares).enumerate() {
         let info = setting.vocabulary[*candidate].info;
         // Something is there when the set without it is worse; which of its kin it is, is another question.
-        let there = if simple { evidence_share(&search, &first, member) } else { needed(&found, *candidate) };
+        let there = if simple {
+            evidence_share(&search, &first, member)
+        } else {
+            needed(&found, *candidate)
+        };
         if there < ESTABLISHED {
             continue;
         }
-        let probability = if simple { post.inclusion.get(candidate).copied().unwrap_or(0.0) } else { there };
+        let probability = if simple {
+            post.inclusion.get(candidate).copied().unwrap_or(0.0)
+        } else {
+            there
+        };
         let values = first.member(&setting, member);
         let like = groups.first().map_or(Vec::new(), |g| g.matters.clone());
-        let averaged = |i: usize| if simple { post.averaged(&setting, *candidate, i, &like) } else { None };
+        let averaged = |i: usize| {
+            if simple {
+                post.averaged(&setting, *candidate, i, &like)
+            } else {
+                None
+            }
+        };
         let weight = &averaged(0).map_or(*weight, |a| a.1);
         let mut notes = Vec::new();
         let parameters = info
@@ -230,11 +297,25 @@ fn one(
             .map(|(i, p)| {
                 let k = places[member] + i;
                 let variance = covariance[(k, k)];
-                if *weight > setting.tolerance && !(p.plausible.0..=p.plausible.1).contains(&values[i]) {
-                    notes.push(format!("{} = {:.4} {} lies outside of the {} .. {} that a tank run may show", p.name, values[i], p.unit, p.plausible.0, p.plausible.1));
+                if *weight > setting.tolerance
+                    && !(p.plausible.0..=p.plausible.1).contains(&values[i])
+                {
+                    notes.push(format!(
+                        "{} = {:.4} {} lies outside of the {} .. {} that a tank run may show",
+                        p.name, values[i], p.unit, p.plausible.0, p.plausible.1
+                    ));
                 }
-                let plain = Value { value: values[i], sd: variance.is_finite().then(|| variance.sqrt()) };
-                (p.name.to_owned(), averaged(i).map_or(plain, |(a, _)| Value { value: a.value, sd: a.sd }))
+                let plain = Value {
+                    value: values[i],
+                    sd: variance.is_finite().then(|| variance.sqrt()),
+                };
+                (
+                    p.name.to_owned(),
+                    averaged(i).map_or(plain, |(a, _)| Value {
+                        value: a.value,
+                        sd: a.sd,
+                    }),
+                )
             })
             .collect();
         let inexact = bent == Some(*candidate);
@@ -250,17 +331,41 @@ fn one(
             weight: BTreeMap::from([(channel.clone(), *weight)]),
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },
-            law_note: if inexact { found.family.as_ref().map(|f| format!("{} is not constant but depends on {} (log Bayes factor {:.1})", info.parameters[0].name, f.family.variable.name(), f.gain)) } else { None },
+            law_note: if inexact {
+                found.family.as_ref().map(|f| {
+                    format!(
+                        "{} is not constant but depends on {} (log Bayes factor {:.1})",
+                        info.parameters[0].name,
+                        f.family.variable.name(),
+                        f.gain
+                    )
+                })
+            } else {
+                None
+            },
             parameters,
             notes,
         });
     }
     if found.unnamed() && found.family_weight > setting.tolerance {
         verdict.unexplained.extend(unexplained(&setting, &found));
-    } else if let Some(f) = found.family.as_ref().filter(|f| f.family.acts == Acts::Force) {
-        verdict.notes.push(format!("{}: a remaining dependence on {} weighs {:.2e}, below what matters", dof.name(), f.family.variable.name(), found.family_weight));
+    } else if let Some(f) = found
+        .family
+        .as_ref()
+        .filter(|f| f.family.acts == Acts::Force)
+    {
+        verdict.notes.push(format!(
+            "{}: a remaining dependence on {} weighs {:.2e}, below what matters",
+            dof.name(),
+            f.family.variable.name(),
+            found.family_weight
+        ));
     }
-    let id = |set: &[usize]| -> Vec<String> { set.iter().map(|c| setting.vocabulary[*c].info.id.to_owned()).collect() };
+    let id = |set: &[usize]| -> Vec<String> {
+        set.iter()
+            .map(|c| setting.vocabulary[*c].info.id.to_owned())
+            .collect()
+    };
     let matters = verdict.effects.iter().any(|e| e.matters);
     let word = if !verdict.unexplained.is_empty() {
         Word::Unknown
@@ -283,16 +388,32 @@ fn one(
         table.after.extend(after.map(|v| (channel.clone(), v)));
         table.noise.insert(channel.clone(), noise.total_sd());
     };
-    put(&mut verdict.fit.train, Some(rms(&search, &plain)), Some(rms(&search, &first)));
+    put(
+        &mut verdict.fit.train,
+        Some(rms(&search, &plain)),
+        Some(rms(&search, &first)),
+    );
     if held_tracks.is_empty() {
         verdict.fit.held_out_by = "each run predicted by the others".to_owned();
-        put(&mut verdict.fit.held_out, left_out(&setting, &search.weights, &plain), left_out(&setting, &search.weights, &first));
+        put(
+            &mut verdict.fit.held_out,
+            left_out(&setting, &search.weights, &plain),
+            left_out(&setting, &search.weights, &first),
+        );
     } else {
         verdict.fit.held_out_by = "runs held out".to_owned();
-        put(&mut verdict.fit.held_out, held_out(&setting, &held_tracks, &plain, noise), held_out(&setting, &held_tracks, &first, noise));
+        put(
+            &mut verdict.fit.held_out,
+            held_out(&setting, &held_tracks, &plain, noise),
+            held_out(&setting, &held_tracks, &first, noise),
+        );
     }
     for (group, rank) in post.groups.iter().zip(0..12) {
-        let rms = if rank < 6 { held_out(&setting, &held_tracks, &group.fit, noise) } else { None };
+        let rms = if rank < 6 {
+            held_out(&setting, &held_tracks, &group.fit, noise)
+        } else {
+            None
+        };
         verdict.alternatives.push(Alternative {
             effects: id(&group.fit.set),
             log_evidence: group.fit.log_evidence - first.log_evidence,
@@ -304,10 +425,15 @@ fn one(
     let ratio = 2.0 * (plain.cost - first.cost);
     let freedom = setting.parameters(&first.set) as f64;
     if ratio > verdict.test.value || verdict.test.statistic.is_empty() {
-        verdict.test.statistic = "twice the log-likelihood ratio of the explanation over the vehicle alone".to_owned();
+        verdict.test.statistic =
+            "twice the log-likelihood ratio of the explanation over the vehicle alone".to_owned();
         verdict.test.value = ratio;
         verdict.test.freedom = freedom;
-        verdict.test.p_value = if freedom > 0.0 { chi2_above(ratio, freedom) } else { 1.0 };
+        verdict.test.p_value = if freedom > 0.0 {
+            chi2_above(ratio, freedom)
+        } else {
+            1.0
+        };
         verdict.test.whiteness_p = first
             .residuals(&setting)
             .into_iter()
@@ -318,7 +444,10 @@ fn one(
             })
             .collect();
     }
-    verdict.test.noise_rms.insert(channel.clone(), noise.total_sd());
+    verdict
+        .test
+        .noise_rms
+        .insert(channel.clone(), noise.total_sd());
     verdict.noise.insert(
         channel.clone(),
         NoiseFound {
@@ -337,24 +466,37 @@ fn one(
             .enumerate()
             .map(|(i, k)| {
                 let sd = c[(i, i)].is_finite().then(|| c[(i, i)].sqrt());
-                (k.key().to_owned(), Value { value: fit.at[i], sd })
+                (
+                    k.key().to_owned(),
+                    Value {
+                        value: fit.at[i],
+                        sd,
+                    },
+                )
             })
             .collect()
     };
     verdict.parameters.before.extend(coefficients(&plain));
     verdict.parameters.after.extend(coefficients(&first));
     // Where.
-    let heaviest = first.set.iter().zip(&shares).max_by(|a, b| a.1.total_cmp(b.1)).map(|(c, _)| setting.vocabulary[*c].info.stage.name());
+    let heaviest = first
+        .set
+        .iter()
+        .zip(&shares)
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .map(|(c, _)| setting.vocabulary[*c].info.stage.name());
     let place = locate(&search, &plain, heaviest);
     if verdict.place.dof.is_empty() {
         verdict.place = place;
     } else {
         verdict.place.dof.extend(place.dof);
         verdict.place.windows.extend(place.windows);
-        verdict.place.regime = format!("{}; {}: {}", verdict.place.regime, dof.name(), place.regime);
+        verdict.place.regime =
+            format!("{}; {}: {}", verdict.place.regime, dof.name(), place.regime);
     }
     for spot in blind(&search, &plain) {
-        let open = verdict.effects.iter().any(|e| e.effect == spot) || verdict.equivalent.iter().any(|s| s.contains(&spot));
+        let open = verdict.effects.iter().any(|e| e.effect == spot)
+            || verdict.equivalent.iter().any(|s| s.contains(&spot));
         if open {
             continue;
         }
@@ -367,7 +509,12 @@ fn one(
     if open.len() < 2 {
         // Nothing is tied: the runner-up, or nothing at all, is what a new run would have to beat.
         open = vec![first.clone()];
-        open.extend(post.groups.iter().find(|g| g.fit.set != first.set).map(|g| g.fit.clone()));
+        open.extend(
+            post.groups
+                .iter()
+                .find(|g| g.fit.set != first.set)
+                .map(|g| g.fit.clone()),
+        );
         if open.len() < 2 && !first.set.is_empty() {
             open.push(plain.clone());
         }
@@ -393,7 +540,11 @@ fn worst(a: Word, b: Word) -> Word {
 
 /// Probability of a member against the best explanation without it, a free function on either side.
 fn needed(found: &Explanation, candidate: usize) -> f64 {
-    let lacks = found.needed.iter().find(|(c, _)| *c == candidate).map_or(f64::INFINITY, |(_, l)| *l);
+    let lacks = found
+        .needed
+        .iter()
+        .find(|(c, _)| *c == candidate)
+        .map_or(f64::INFINITY, |(_, l)| *l);
     1.0 / (1.0 + (-lacks).exp())
 }
 
@@ -401,7 +552,9 @@ fn needed(found: &Explanation, candidate: usize) -> f64 {
 fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize) -> f64 {
     let mut smaller = fit.set.clone();
     smaller.remove(member);
-    let without = search.get(&smaller).map_or(f64::NEG_INFINITY, |f| f.log_evidence);
+    let without = search
+        .get(&smaller)
+        .map_or(f64::NEG_INFINITY, |f| f.log_evidence);
     1.0 / (1.0 + (without - fit.log_evidence).exp())
 }
 
@@ -419,9 +572,27 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
     let (range, force) = stands_out(f);
     let unit = match f.family.variable {
-        Variable::Place => if setting.dof.index() < 3 { "m" } else { "rad" },
-        Variable::Rate | Variable::Speed => if setting.dof.index() < 3 { "m/s" } else { "rad/s" },
-        Variable::Load | Variable::LoadSize => if setting.dof.index() < 3 { "N" } else { "N m" },
+        Variable::Place => {
+            if setting.dof.index() < 3 {
+                "m"
+            } else {
+                "rad"
+            }
+        }
+        Variable::Rate | Variable::Speed => {
+            if setting.dof.index() < 3 {
+                "m/s"
+            } else {
+                "rad/s"
+            }
+        }
+        Variable::Load | Variable::LoadSize => {
+            if setting.dof.index() < 3 {
+                "N"
+            } else {
+                "N m"
+            }
+        }
         _ => "s",
     };
     let load = if setting.dof.index() < 3 { "N" } else { "N m" };
@@ -431,7 +602,12 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
         depends_on: f.family.variable.name(),
         range,
         force,
-        term: format!("a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere", f.family.variable.name(), range[0], range[1]),
+        term: format!(
+            "a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere",
+            f.family.variable.name(),
+            range[0],
+            range[1]
+        ),
         knots: f.family.knots.clone(),
         force_at: f.amplitudes.clone(),
         force_sd: f.sds.clone(),
@@ -456,9 +632,12 @@ fn blind(search: &Search<'_>, fit: &Fit) -> Vec<String> {
     let probe = probe(setting);
     (0..setting.vocabulary.len())
         .filter(|c| !fit.set.contains(c))
-        .filter(|c| search.blind.contains(c) || match best.get(c) {
-            Some((size, share)) => *size < UNSEEN || *share < ABSORBED,
-            None => probe.contains(c),
+        .filter(|c| {
+            search.blind.contains(c)
+                || match best.get(c) {
+                    Some((size, share)) => *size < UNSEEN || *share < ABSORBED,
+                    None => probe.contains(c),
+                }
         })
         .map(|c| setting.vocabulary[c].info.id.to_owned())
         .collect()
@@ -466,8 +645,15 @@ fn blind(search: &Search<'_>, fit: &Fit) -> Vec<String> {
 
 /// Candidates that move this DOF in a run ahead, astern and at rest.
 fn probe(setting: &Setting) -> Vec<usize> {
-    let Some(like) = setting.tracks.first() else { return Vec::new() };
-    let size = setting.tracks.iter().flat_map(|t| &t.edges).map(|e| e.1.abs()).fold(0.0, f64::max);
+    let Some(like) = setting.tracks.first() else {
+        return Vec::new();
+    };
+    let size = setting
+        .tracks
+        .iter()
+        .flat_map(|t| &t.edges)
+        .map(|e| e.1.abs())
+        .fold(0.0, f64::max);
     let size = if size > 0.0 { size } else { 1.0 };
     let times_s: Vec<f64> = (0..200).map(|k| 0.006 + 0.1 * f64::from(k)).collect();
     let track = Track {
@@ -486,25 +672,39 @@ fn probe(setting: &Setting) -> Vec<usize> {
         hessian: nalgebra::DMatrix::zeros(0, 0),
         log_evidence: 0.0,
     };
-    let mut moved: Vec<usize> = responses(&there, &none).iter().map(|r| r.candidate).collect();
+    let mut moved: Vec<usize> = responses(&there, &none)
+        .iter()
+        .map(|r| r.candidate)
+        .collect();
     moved.dedup();
     moved
 }
 
 /// Puts the explanation into a rig.
 fn adopt(rig: &mut Rig, setting: &Setting, fit: &Fit, effects: &[Effect]) {
-    for (c, value) in Coefficient::of(setting.dof).iter().zip(&fit.at[..COEFFICIENTS]) {
+    for (c, value) in Coefficient::of(setting.dof)
+        .iter()
+        .zip(&fit.at[..COEFFICIENTS])
+    {
         c.put(&mut rig.vehicle, *value);
     }
     // The set's own fit, not the average over sets: coefficients and effects belong together.
     let fitted = |name: &str, e: &Effect| -> Option<f64> {
-        let member = fit.set.iter().position(|c| setting.vocabulary[*c].info.id == e.effect)?;
-        let i = setting.vocabulary[fit.set[member]].info.parameter_index(name)?;
+        let member = fit
+            .set
+            .iter()
+            .position(|c| setting.vocabulary[*c].info.id == e.effect)?;
+        let i = setting.vocabulary[fit.set[member]]
+            .info
+            .parameter_index(name)?;
         Some(fit.member(setting, member)[i])
     };
     for e in effects {
-        let mut parameters: Vec<(String, ParameterValue)> =
-            e.words.iter().map(|(n, w)| (n.clone(), ParameterValue::Word(w.clone()))).collect();
+        let mut parameters: Vec<(String, ParameterValue)> = e
+            .words
+            .iter()
+            .map(|(n, w)| (n.clone(), ParameterValue::Word(w.clone())))
+            .collect();
         if let Some(info) = ALL.iter().find(|i| i.id == e.effect) {
             for p in info.parameters {
                 if let Some(v) = fitted(p.name, e) {
@@ -512,7 +712,10 @@ fn adopt(rig: &mut Rig, setting: &Setting, fit: &Fit, effects: &[Effect]) {
                 }
             }
         }
-        let entry = PhysicsEntry { effect: e.effect.clone(), parameters };
+        let entry = PhysicsEntry {
+            effect: e.effect.clone(),
+            parameters,
+        };
         if !rig.physics.iter().any(|o| o.effect == entry.effect) {
             rig.physics.push(entry);
         }
@@ -525,26 +728,55 @@ fn sentence(v: &Verdict) -> String {
             .weight
             .iter()
             .map(|(c, w)| {
-                if c.ends_with("_rad") { format!("{:.2} deg", w.to_degrees()) } else { format!("{:.2} mm", w * 1e3) }
+                if c.ends_with("_rad") {
+                    format!("{:.2} deg", w.to_degrees())
+                } else {
+                    format!("{:.2} mm", w * 1e3)
+                }
             })
             .collect();
-        let numbers: Vec<String> = e.parameters.iter().map(|(n, p)| format!("{n} = {:.4}", p.value)).collect();
-        format!("{} ({}; {})", e.effect, weight.join(", "), numbers.join(", "))
+        let numbers: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|(n, p)| format!("{n} = {:.4}", p.value))
+            .collect();
+        format!(
+            "{} ({}; {})",
+            e.effect,
+            weight.join(", "),
+            numbers.join(", ")
+        )
     };
     let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
     let small = v.effects.iter().filter(|e| !e.matters).count();
-    let also = if small > 0 { format!("; {small} small effect(s) established that do not matter") } else { String::new() };
+    let also = if small > 0 {
+        format!("; {small} small effect(s) established that do not matter")
+    } else {
+        String::new()
+    };
     match v.verdict {
         Word::None => format!("Nothing that matters was left out{also}."),
         Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),
         Word::Ambiguous => format!(
             "These data cannot tell apart: {}{also}.",
-            v.equivalent.iter().map(|s| format!("[{}]", s.join(" + "))).collect::<Vec<_>>().join(" or ")
+            v.equivalent
+                .iter()
+                .map(|s| format!("[{}]", s.join(" + ")))
+                .collect::<Vec<_>>()
+                .join(" or ")
         ),
         Word::Unknown => format!(
             "Something that no effect of the vocabulary explains: {}{}{also}.",
-            v.unexplained.iter().map(|u| u.term.clone()).collect::<Vec<_>>().join("; "),
-            if heavy.is_empty() { String::new() } else { format!("; beside it {}", heavy.join(" and ")) }
+            v.unexplained
+                .iter()
+                .map(|u| u.term.clone())
+                .collect::<Vec<_>>()
+                .join("; "),
+            if heavy.is_empty() {
+                String::new()
+            } else {
+                format!("; beside it {}", heavy.join(" and "))
+            }
         ),
         Word::DataFault => v.sentence.clone(),
     }

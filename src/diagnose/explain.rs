@@ -47,7 +47,9 @@ impl Explanation {
 
     /// Whether an unnamed force is part of it.
     pub fn unnamed(&self) -> bool {
-        self.family.as_ref().is_some_and(|f| f.family.acts == Acts::Force)
+        self.family
+            .as_ref()
+            .is_some_and(|f| f.family.acts == Acts::Force)
     }
 }
 
@@ -78,8 +80,13 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
         .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
     tracing::debug!(
         "beside {:?}: {:?}",
-        fit.set.iter().map(|c| setting.vocabulary[*c].info.id).collect::<Vec<_>>(),
-        refined.as_ref().map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
+        fit.set
+            .iter()
+            .map(|c| setting.vocabulary[*c].info.id)
+            .collect::<Vec<_>>(),
+        refined
+            .as_ref()
+            .map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
     );
     match refined {
         Some((joint, family)) => Explanation {
@@ -111,8 +118,15 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
     }
     // Nothing at all, and the heaviest alone, beside a free function: the search may have needed
     // several effects to imitate one that it has no name for.
-    let mut tried: BTreeMap<Vec<usize>, Explanation> = BTreeMap::from([(first.set.clone(), best.clone())]);
-    let heaviest = best.fit.set.iter().zip(&best.weights).max_by(|a, b| a.1.total_cmp(b.1)).map(|(c, _)| vec![*c]);
+    let mut tried: BTreeMap<Vec<usize>, Explanation> =
+        BTreeMap::from([(first.set.clone(), best.clone())]);
+    let heaviest = best
+        .fit
+        .set
+        .iter()
+        .zip(&best.weights)
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .map(|(c, _)| vec![*c]);
     for set in [Some(Vec::new()), heaviest].into_iter().flatten() {
         if let Some(fit) = search.get(&set).cloned()
             && !tried.contains_key(&set)
@@ -132,10 +146,17 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
         for member in 0..best.fit.set.len() {
             let candidate = best.fit.set[member];
             let (smaller, _) = without(search.setting, &best.fit, member);
-            let Some(fit) = search.get(&smaller).cloned() else { continue };
-            let other = tried.entry(smaller).or_insert_with(|| look(search, &fit)).clone();
+            let Some(fit) = search.get(&smaller).cloned() else {
+                continue;
+            };
+            let other = tried
+                .entry(smaller)
+                .or_insert_with(|| look(search, &fit))
+                .clone();
             needed.push((candidate, best.log_evidence - other.log_evidence));
-            let bar = better.as_ref().map_or(best.log_evidence, |b| b.log_evidence);
+            let bar = better
+                .as_ref()
+                .map_or(best.log_evidence, |b| b.log_evidence);
             if other.log_evidence > bar {
                 better = Some(other);
             }

@@ -114,7 +114,8 @@ impl Family {
         } else if after == n {
             weights[n - 1] = 1.0;
         } else {
-            let share = (value - self.knots[after - 1]) / (self.knots[after] - self.knots[after - 1]);
+            let share =
+                (value - self.knots[after - 1]) / (self.knots[after] - self.knots[after - 1]);
             weights[after - 1] = 1.0 - share;
             weights[after] = share;
         }
@@ -132,27 +133,38 @@ impl Family {
                 if matches!(self.variable, Variable::TimeIn(only) if only != run) {
                     return block;
                 }
-                let globals: Vec<Dual<PASS>> =
-                    fit.globals(setting).iter().map(|v| Dual::constant(*v)).collect();
+                let globals: Vec<Dual<PASS>> = fit
+                    .globals(setting)
+                    .iter()
+                    .map(|v| Dual::constant(*v))
+                    .collect();
                 let (position, rate) = fit.start(setting, run);
                 let start = (Dual::constant(position), Dual::constant(rate));
                 for first in (0..m).step_by(PASS) {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
                         let value = self.variable.of(here).value;
-                        for (slope, hat) in made.slope.iter_mut().zip(self.hats(value).iter().skip(first)) {
+                        for (slope, hat) in made
+                            .slope
+                            .iter_mut()
+                            .zip(self.hats(value).iter().skip(first))
+                        {
                             *slope = *hat;
                         }
                         made
                     };
                     let out = match self.acts {
-                        Acts::Force => setting.simulate(run, &fit.set, &globals, start, |h| push(h, 0.0)),
+                        Acts::Force => {
+                            setting.simulate(run, &fit.set, &globals, start, |h| push(h, 0.0))
+                        }
                         Acts::Bends(candidate) => {
                             let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
                                 return block;
                             };
                             let place = setting.places(&fit.set)[member];
-                            setting.simulate_bent(run, &fit.set, &globals, start, place, |h| push(h, 1.0))
+                            setting.simulate_bent(run, &fit.set, &globals, start, place, |h| {
+                                push(h, 1.0)
+                            })
                         }
                     };
                     for (row, value) in out.iter().enumerate() {
@@ -168,21 +180,33 @@ impl Family {
         let mut all = DMatrix::zeros(rows, m);
         let mut first = 0;
         for block in &blocks {
-            all.view_mut((first, 0), (block.nrows(), m)).copy_from(block);
+            all.view_mut((first, 0), (block.nrows(), m))
+                .copy_from(block);
             first += block.nrows();
         }
         all
     }
 
     /// Fits the amplitudes linearly beside a set; `None` where the function does nothing.
-    pub fn fit(&self, setting: &Setting, weights: &Weights, fit: &Fit, view: &View) -> Option<FamilyFit> {
+    pub fn fit(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        view: &View,
+    ) -> Option<FamilyFit> {
         let raw = self.columns(setting, fit);
         if raw.iter().any(|v| !v.is_finite()) {
             return None;
         }
         let m = raw.ncols();
         let columns: Vec<DVector<f64>> = (0..m)
-            .map(|j| outside(&view.basis, &super::bank::whitened(setting, weights, &raw.column(j).into_owned())))
+            .map(|j| {
+                outside(
+                    &view.basis,
+                    &super::bank::whitened(setting, weights, &raw.column(j).into_owned()),
+                )
+            })
             .collect();
         let matrix = DMatrix::from_columns(&columns);
         let eigen = SymmetricEigen::new(matrix.tr_mul(&matrix));
@@ -201,7 +225,12 @@ impl Family {
                 .sum()
         };
         // A law that bends by more than its own size is another law.
-        let largest_load = setting.tracks.iter().flat_map(|t| &t.edges).map(|e| e.1.abs()).fold(1.0, f64::max);
+        let largest_load = setting
+            .tracks
+            .iter()
+            .flat_map(|t| &t.edges)
+            .map(|e| e.1.abs())
+            .fold(1.0, f64::max);
         let most = match self.acts {
             Acts::Bends(_) => 1.0,
             // Nor is a force beyond what drives it.
@@ -232,13 +261,19 @@ impl Family {
     }
 
     /// The function at an instant: value with its slope in the variable, and each hat as a derivative.
-    fn profile<const N: usize>(&self, here: &Instant<Dual<N>>, amplitudes: &[f64], first: Option<usize>) -> Dual<N> {
+    fn profile<const N: usize>(
+        &self,
+        here: &Instant<Dual<N>>,
+        amplitudes: &[f64],
+        first: Option<usize>,
+    ) -> Dual<N> {
         let v = self.variable.of(here);
         let hats = self.hats(v.value);
         let mut made = Dual::constant(hats.iter().zip(amplitudes).map(|(h, a)| h * a).sum());
         let after = self.knots.partition_point(|k| *k <= v.value);
         if after > 0 && after < self.knots.len() {
-            let slope = (amplitudes[after] - amplitudes[after - 1]) / (self.knots[after] - self.knots[after - 1]);
+            let slope = (amplitudes[after] - amplitudes[after - 1])
+                / (self.knots[after] - self.knots[after - 1]);
             for (s, d) in made.slope.iter_mut().zip(v.slope) {
                 *s += slope * d;
             }
@@ -265,7 +300,11 @@ impl Family {
         let acts_here = !matches!(self.variable, Variable::TimeIn(only) if only != run);
         match self.acts {
             Acts::Force => setting.simulate(run, set, globals, start, |h| {
-                if acts_here { self.profile(h, amplitudes, first) } else { Dual::constant(0.0) }
+                if acts_here {
+                    self.profile(h, amplitudes, first)
+                } else {
+                    Dual::constant(0.0)
+                }
             }),
             Acts::Bends(candidate) => {
                 let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
@@ -281,18 +320,31 @@ impl Family {
 impl FamilyFit {
     /// Fits set and function together, nonlinearly, from the linear fit; the set's evidence then
     /// includes the function's. `None` where the motion diverges.
-    pub fn refine(&self, setting: &Setting, weights: &Weights, fit: &Fit) -> Option<(Fit, FamilyFit)> {
+    pub fn refine(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+    ) -> Option<(Fit, FamilyFit)> {
         let posed = Posed::new(setting, weights, &fit.set);
         let precisions = posed.precisions();
-        let (g, n, m) = (fit.globals(setting).len(), fit.at.len(), self.amplitudes.len());
+        let (g, n, m) = (
+            fit.globals(setting).len(),
+            fit.at.len(),
+            self.amplitudes.len(),
+        );
         let family = &self.family;
         let tau2 = 1.0 / (self.prior_sd * self.prior_sd);
         let cost_of = |at: &[f64], a: &[f64]| -> f64 {
             let squares: f64 = (0..setting.tracks.len())
                 .into_par_iter()
                 .map(|run| {
-                    let globals: Vec<Dual<1>> = at[..g].iter().map(|v| Dual::constant(*v)).collect();
-                    let start = (Dual::constant(at[g + 2 * run]), Dual::constant(at[g + 2 * run + 1]));
+                    let globals: Vec<Dual<1>> =
+                        at[..g].iter().map(|v| Dual::constant(*v)).collect();
+                    let start = (
+                        Dual::constant(at[g + 2 * run]),
+                        Dual::constant(at[g + 2 * run + 1]),
+                    );
                     let mut r: Vec<f64> = family
                         .drive(setting, run, &fit.set, &globals, start, a, None)
                         .iter()
@@ -318,7 +370,11 @@ impl FamilyFit {
             let blocks: Vec<(DVector<f64>, DMatrix<f64>)> = (0..setting.tracks.len())
                 .into_par_iter()
                 .map(|run| {
-                    let all: Vec<f64> = at[..g].iter().copied().chain([at[g + 2 * run], at[g + 2 * run + 1]]).collect();
+                    let all: Vec<f64> = at[..g]
+                        .iter()
+                        .copied()
+                        .chain([at[g + 2 * run], at[g + 2 * run + 1]])
+                        .collect();
                     let rows = setting.tracks[run].times_s.len();
                     let mut j = DMatrix::zeros(rows, g + 2 + m);
                     let mut r = DVector::zeros(rows);
@@ -326,9 +382,23 @@ impl FamilyFit {
                         let duals: Vec<Dual<PASS>> = all
                             .iter()
                             .enumerate()
-                            .map(|(i, v)| if i >= first { Dual::variable(*v, i - first) } else { Dual::constant(*v) })
+                            .map(|(i, v)| {
+                                if i >= first {
+                                    Dual::variable(*v, i - first)
+                                } else {
+                                    Dual::constant(*v)
+                                }
+                            })
                             .collect();
-                        let out = family.drive(setting, run, &fit.set, &duals[..g], (duals[g], duals[g + 1]), &a, None);
+                        let out = family.drive(
+                            setting,
+                            run,
+                            &fit.set,
+                            &duals[..g],
+                            (duals[g], duals[g + 1]),
+                            &a,
+                            None,
+                        );
                         for (row, v) in out.iter().enumerate() {
                             r[row] = v.value - setting.tracks[run].measured[row];
                             for (i, s) in v.slope.iter().take(all.len() - first).enumerate() {
@@ -337,9 +407,17 @@ impl FamilyFit {
                         }
                     }
                     for first in (0..m).step_by(PASS) {
-                        let duals: Vec<Dual<PASS>> = all.iter().map(|v| Dual::constant(*v)).collect();
-                        let out =
-                            family.drive(setting, run, &fit.set, &duals[..g], (duals[g], duals[g + 1]), &a, Some(first));
+                        let duals: Vec<Dual<PASS>> =
+                            all.iter().map(|v| Dual::constant(*v)).collect();
+                        let out = family.drive(
+                            setting,
+                            run,
+                            &fit.set,
+                            &duals[..g],
+                            (duals[g], duals[g + 1]),
+                            &a,
+                            Some(first),
+                        );
                         for (row, v) in out.iter().enumerate() {
                             for (i, s) in v.slope.iter().take(m - first).enumerate() {
                                 j[(row, g + 2 + first + i)] = *s;
@@ -379,7 +457,9 @@ impl FamilyFit {
             if round == 6 {
                 break;
             }
-            let scale: Vec<f64> = (0..n + m).map(|i| 1.0 / hessian[(i, i)].sqrt().max(1e-150)).collect();
+            let scale: Vec<f64> = (0..n + m)
+                .map(|i| 1.0 / hessian[(i, i)].sqrt().max(1e-150))
+                .collect();
             let scaled = DMatrix::from_fn(n + m, n + m, |i, k| {
                 hessian[(i, k)] * scale[i] * scale[k] + if i == k { 1e-10 } else { 0.0 }
             });
@@ -389,7 +469,9 @@ impl FamilyFit {
             let mut gained = 0.0;
             for _ in 0..8 {
                 let there: Vec<f64> = (0..n).map(|i| at[i] + share * step[i] * scale[i]).collect();
-                let b: Vec<f64> = (0..m).map(|i| a[i] + share * step[n + i] * scale[n + i]).collect();
+                let b: Vec<f64> = (0..m)
+                    .map(|i| a[i] + share * step[n + i] * scale[n + i])
+                    .collect();
                 let now = cost_of(&there, &b);
                 if now < cost {
                     gained = cost - now;
@@ -405,23 +487,39 @@ impl FamilyFit {
         if !cost.is_finite() {
             return None;
         }
-        let mut joint = Fit { set: fit.set.clone(), at: at.clone(), cost, hessian: hessian.clone(), log_evidence: 0.0 };
+        let mut joint = Fit {
+            set: fit.set.clone(),
+            at: at.clone(),
+            cost,
+            hessian: hessian.clone(),
+            log_evidence: 0.0,
+        };
         joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
         let covariance = crate::identify::uncertainty::covariance(&hessian);
-        let sds = (0..m).map(|i| covariance[(n + i, n + i)].max(0.0).sqrt()).collect();
+        let sds = (0..m)
+            .map(|i| covariance[(n + i, n + i)].max(0.0).sqrt())
+            .collect();
         let response: Vec<f64> = (0..setting.tracks.len())
             .flat_map(|run| {
                 let globals: Vec<Dual<1>> = at[..g].iter().map(|v| Dual::constant(*v)).collect();
-                let start = (Dual::constant(at[g + 2 * run]), Dual::constant(at[g + 2 * run + 1]));
+                let start = (
+                    Dual::constant(at[g + 2 * run]),
+                    Dual::constant(at[g + 2 * run + 1]),
+                );
                 let with = family.drive(setting, run, &fit.set, &globals, start, &a, None);
-                let without = setting.simulate(run, &fit.set, &globals, start, |_| Dual::constant(0.0));
-                with.iter().zip(&without).map(|(w, o)| w.value - o.value).collect::<Vec<_>>()
+                let without =
+                    setting.simulate(run, &fit.set, &globals, start, |_| Dual::constant(0.0));
+                with.iter()
+                    .zip(&without)
+                    .map(|(w, o)| w.value - o.value)
+                    .collect::<Vec<_>>()
             })
             .collect();
         // Behind here only the set's own unknowns are asked for: the function's are integrated out.
         let cross = hessian.view((0, n), (n, m)).into_owned();
         let own = hessian.view((n, n), (m, m)).into_owned();
-        joint.hessian = hessian.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
+        joint.hessian =
+            hessian.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
         let made = FamilyFit {
             gain: joint.log_evidence - fit.log_evidence,
             amplitudes: a,
@@ -444,15 +542,25 @@ fn range(setting: &Setting, fit: &Fit, variable: Variable) -> Option<(f64, f64)>
             continue;
         }
         let seen = std::cell::RefCell::new((low, high));
-        let globals: Vec<Dual<1>> = fit.globals(setting).iter().map(|v| Dual::constant(*v)).collect();
+        let globals: Vec<Dual<1>> = fit
+            .globals(setting)
+            .iter()
+            .map(|v| Dual::constant(*v))
+            .collect();
         let (position, rate) = fit.start(setting, run);
-        let _ = setting.simulate(run, &fit.set, &globals, (Dual::constant(position), Dual::constant(rate)), |h| {
-            let v = variable.of(h).value;
-            let mut seen = seen.borrow_mut();
-            seen.0 = seen.0.min(v);
-            seen.1 = seen.1.max(v);
-            Dual::constant(0.0)
-        });
+        let _ = setting.simulate(
+            run,
+            &fit.set,
+            &globals,
+            (Dual::constant(position), Dual::constant(rate)),
+            |h| {
+                let v = variable.of(h).value;
+                let mut seen = seen.borrow_mut();
+                seen.0 = seen.0.min(v);
+                seen.1 = seen.1.max(v);
+                Dual::constant(0.0)
+            },
+        );
         (low, high) = seen.into_inner();
         if track.edges.is_empty() && matches!(variable, Variable::Load | Variable::LoadSize) {
             continue;
@@ -462,7 +570,13 @@ fn range(setting: &Setting, fit: &Fit, variable: Variable) -> Option<(f64, f64)>
 }
 
 /// Even knots over the range of a variable; times since an edge by ratio.
-fn family(setting: &Setting, fit: &Fit, acts: Acts, variable: Variable, count: usize) -> Option<Family> {
+fn family(
+    setting: &Setting,
+    fit: &Fit,
+    acts: Acts,
+    variable: Variable,
+    count: usize,
+) -> Option<Family> {
     let (low, high) = range(setting, fit, variable)?;
     let knots = if variable == Variable::SinceEdge {
         let first: f64 = 0.15;
@@ -470,11 +584,19 @@ fn family(setting: &Setting, fit: &Fit, acts: Acts, variable: Variable, count: u
             return None;
         }
         let ratio = (high / first).powf(1.0 / (count as f64 - 2.0));
-        std::iter::once(0.0).chain((0..count - 1).map(|k| first * ratio.powi(k as i32))).collect()
+        std::iter::once(0.0)
+            .chain((0..count - 1).map(|k| first * ratio.powi(k as i32)))
+            .collect()
     } else {
-        (0..count).map(|k| low + (high - low) * k as f64 / (count as f64 - 1.0)).collect()
+        (0..count)
+            .map(|k| low + (high - low) * k as f64 / (count as f64 - 1.0))
+            .collect()
     };
-    Some(Family { acts, variable, knots })
+    Some(Family {
+        acts,
+        variable,
+        knots,
+    })
 }
 
 /// Forces as functions of everything they may depend on.
@@ -487,7 +609,10 @@ pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
         (Variable::SinceEdge, 10),
     ];
     kinds.extend((0..setting.tracks.len()).map(|run| (Variable::TimeIn(run), 16)));
-    kinds.into_iter().filter_map(|(v, n)| family(setting, fit, Acts::Force, v, n)).collect()
+    kinds
+        .into_iter()
+        .filter_map(|(v, n)| family(setting, fit, Acts::Force, v, n))
+        .collect()
 }
 
 /// Ways in which a member's law may be bent.
@@ -501,5 +626,8 @@ pub fn bends(setting: &Setting, fit: &Fit, candidate: usize) -> Vec<Family> {
         (Variable::Time, 8),
         (Variable::SinceEdge, 8),
     ];
-    kinds.into_iter().filter_map(|(v, n)| family(setting, fit, Acts::Bends(candidate), v, n)).collect()
+    kinds
+        .into_iter()
+        .filter_map(|(v, n)| family(setting, fit, Acts::Bends(candidate), v, n))
+        .collect()
 }

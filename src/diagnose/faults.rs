@@ -34,7 +34,17 @@ impl Records {
     /// Takes a motion message.
     pub fn motion(&mut self, ns: u64, m: &pb::VehicleMotion) {
         let given = [
-            m.x_m, m.y_m, m.z_m, m.phi_rad, m.theta_rad, m.psi_rad, m.u_mps, m.v_mps, m.w_mps, m.p_radps, m.q_radps,
+            m.x_m,
+            m.y_m,
+            m.z_m,
+            m.phi_rad,
+            m.theta_rad,
+            m.psi_rad,
+            m.u_mps,
+            m.v_mps,
+            m.w_mps,
+            m.p_radps,
+            m.q_radps,
             m.r_radps,
         ];
         self.motion.push((ns, given.map(|v| v.unwrap_or(f64::NAN))));
@@ -51,20 +61,36 @@ pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
 }
 
 fn fault(run: &Run, kind: &str, channel: &str, evidence: String, fatal: bool) -> DataFault {
-    DataFault { fault: kind.to_owned(), channel: channel.to_owned(), run: run.name.clone(), evidence, fatal }
+    DataFault {
+        fault: kind.to_owned(),
+        channel: channel.to_owned(),
+        run: run.name.clone(),
+        evidence,
+        fatal,
+    }
 }
 
 /// Time, units, dead and stuck channels, kinematics: the checks an imported table goes through.
 fn table(run: &Run, records: &Records) -> Vec<DataFault> {
-    let Some(first) = records.motion.first().map(|m| m.0) else { return Vec::new() };
+    let Some(first) = records.motion.first().map(|m| m.0) else {
+        return Vec::new();
+    };
     let rows = records.motion.len();
     let data = Imported {
-        times_s: records.motion.iter().map(|m| (m.0 as i128 - i128::from(first)) as f64 * 1e-9).collect(),
+        times_s: records
+            .motion
+            .iter()
+            .map(|m| (m.0 as i128 - i128::from(first)) as f64 * 1e-9)
+            .collect(),
         start_ns: first,
         lines: (1..=rows as u64).collect(),
         motion: std::array::from_fn(|c| {
             let column: Vec<f64> = records.motion.iter().map(|m| m.1[c]).collect();
-            if column.iter().any(|v| v.is_finite()) { column } else { Vec::new() }
+            if column.iter().any(|v| v.is_finite()) {
+                column
+            } else {
+                Vec::new()
+            }
         }),
         ..Imported::default()
     };
@@ -75,7 +101,11 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         .into_iter()
         .filter(|f| f.severity > Severity::Info)
         .filter_map(|f| {
-            let channel = CHANNELS.iter().find(|c| f.message.starts_with(*c)).copied().unwrap_or("stamp");
+            let channel = CHANNELS
+                .iter()
+                .find(|c| f.message.starts_with(*c))
+                .copied()
+                .unwrap_or("stamp");
             let place = CHANNELS.iter().position(|c| *c == channel);
             let fatal = match f.kind {
                 "dead_channel" => place.is_some_and(|p| driven[p % 6] > 0.0),
@@ -93,7 +123,10 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
 /// Robust gain and correlation of measured on predicted displacement.
 fn gain(predicted: &[f64], measured: &[f64]) -> (f64, f64) {
     let n = predicted.len().max(1) as f64;
-    let (mp, mm) = (predicted.iter().sum::<f64>() / n, measured.iter().sum::<f64>() / n);
+    let (mp, mm) = (
+        predicted.iter().sum::<f64>() / n,
+        measured.iter().sum::<f64>() / n,
+    );
     let (mut pp, mut mm2, mut pm) = (0.0, 0.0, 0.0);
     for (p, m) in predicted.iter().zip(measured) {
         pp += (p - mp).powi(2);
@@ -104,7 +137,11 @@ fn gain(predicted: &[f64], measured: &[f64]) -> (f64, f64) {
 }
 
 fn span(values: &[f64]) -> f64 {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let (low, high) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(*v), h.max(*v))
+        });
     high - low
 }
 
@@ -122,12 +159,20 @@ const UNITS: [(f64, &str); 6] = [
 /// percent, these by factors.
 fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let mut found = Vec::new();
-    let Ok(base) = check(&rig.physics) else { return found };
+    let Ok(base) = check(&rig.physics) else {
+        return found;
+    };
     let largest = run.largest_wrench();
     for dof in Dof::ALL {
         let i = dof.index();
-        let tolerance = if i < 3 { rig.tolerance.position_m } else { rig.tolerance.attitude_rad };
-        let Some(track) = Track::of(run, dof) else { continue };
+        let tolerance = if i < 3 {
+            rig.tolerance.position_m
+        } else {
+            rig.tolerance.attitude_rad
+        };
+        let Some(track) = Track::of(run, dof) else {
+            continue;
+        };
         if largest[i] == 0.0 {
             continue;
         }
@@ -149,16 +194,22 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
         let moved = span(&track.measured);
         if r < -0.8 && g < -0.2 {
             found.push(fault(run, "sign", channel, format!("{channel} follows the commands with the opposite sign: {g:.2} times what the rig's model makes of them (correlation {r:.3})"), true));
-        } else if let Some((factor, words)) =
-            UNITS.iter().find(|(f, _)| r > 0.8 && (g / f > 0.45 && g / f < 2.2) && !(0.2..5.0).contains(&g))
+        } else if let Some((factor, words)) = UNITS
+            .iter()
+            .find(|(f, _)| r > 0.8 && (g / f > 0.45 && g / f < 2.2) && !(0.2..5.0).contains(&g))
         {
             found.push(fault(run, "units", channel, format!("{channel} moves {g:.4} times what the rig's model makes of the commands (correlation {r:.3}): {words}, a factor of {factor:.4}?"), true));
         } else if moved < 0.1 * expected || r.abs() < 0.3 {
             // Something else moves as this one should.
-            let other = Dof::ALL.into_iter().filter(|o| *o != dof && largest[o.index()] == 0.0).find_map(|o| {
-                let t = raw_channel(run, o.index());
-                (t.len() == predicted.len()).then(|| (o, gain(&predicted, &t))).filter(|(_, (g, r))| *r > 0.9 && (0.2..5.0).contains(g))
-            });
+            let other = Dof::ALL
+                .into_iter()
+                .filter(|o| *o != dof && largest[o.index()] == 0.0)
+                .find_map(|o| {
+                    let t = raw_channel(run, o.index());
+                    (t.len() == predicted.len())
+                        .then(|| (o, gain(&predicted, &t)))
+                        .filter(|(_, (g, r))| *r > 0.9 && (0.2..5.0).contains(g))
+                });
             match other {
                 Some((o, (g, r))) => found.push(fault(run, "swapped_columns", channel, format!("{} is commanded but {} moves, {g:.2} times as {channel} should (correlation {r:.3}): columns swapped?", dof.name(), CHANNELS[o.index()]), true)),
                 None if moved < 0.02 * expected => found.push(fault(run, "dead_channel", channel, format!("{channel} moves by {moved:.2e} where the rig's model makes {expected:.2e} of the commands"), true)),
@@ -170,7 +221,11 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
 }
 
 fn raw_channel(run: &Run, channel: usize) -> Vec<f64> {
-    run.samples.iter().map(|s| s.values[channel]).filter(|v| v.is_finite()).collect()
+    run.samples
+        .iter()
+        .map(|s| s.values[channel])
+        .filter(|v| v.is_finite())
+        .collect()
 }
 
 fn outliers(run: &Run) -> Vec<DataFault> {
@@ -213,7 +268,11 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
         && b.0 > a.0 + 2_000_000_000
     {
         let (mono, real) = ((b.0 - a.0) as f64, (b.1 as f64) - (a.1 as f64));
-        judge((real / mono - 1.0) * 1e6, 5.0, "realtime against the monotonic clock");
+        judge(
+            (real / mono - 1.0) * 1e6,
+            5.0,
+            "realtime against the monotonic clock",
+        );
     }
     found
 }

@@ -59,11 +59,15 @@ impl Fit {
     /// Members whose every parameter the other unknowns can do the work of: exactly confounded.
     pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
         let n = self.hessian.nrows();
-        let scale: Vec<f64> = (0..n).map(|i| self.hessian[(i, i)].sqrt().max(1e-150)).collect();
+        let scale: Vec<f64> = (0..n)
+            .map(|i| self.hessian[(i, i)].sqrt().max(1e-150))
+            .collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| {
             self.hessian[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
         });
-        let Some(inverse) = scaled.try_inverse() else { return self.set.clone() };
+        let Some(inverse) = scaled.try_inverse() else {
+            return self.set.clone();
+        };
         // 1 / (H^-1)_kk over H_kk: the share of a parameter's information that is its own.
         self.set
             .iter()
@@ -85,8 +89,17 @@ impl Fit {
     pub fn residuals(&self, setting: &Setting) -> Vec<Vec<f64>> {
         (0..setting.tracks.len())
             .map(|run| {
-                let values = setting.values(run, &self.set, self.globals(setting), self.start(setting, run));
-                values.iter().zip(&setting.tracks[run].measured).map(|(v, m)| v - m).collect()
+                let values = setting.values(
+                    run,
+                    &self.set,
+                    self.globals(setting),
+                    self.start(setting, run),
+                );
+                values
+                    .iter()
+                    .zip(&setting.tracks[run].measured)
+                    .map(|(v, m)| v - m)
+                    .collect()
             })
             .collect()
     }
@@ -105,9 +118,14 @@ pub struct Posed<'a> {
 impl<'a> Posed<'a> {
     /// The problem of a set.
     pub fn new(setting: &'a Setting, weights: &'a Weights, set: &'a [usize]) -> Posed<'a> {
-        let mut frees: Vec<Free> = Coefficient::of(setting.dof).iter().map(|c| free(*c, &setting.vehicle)).collect();
-        let mut priors: Vec<(f64, f64)> =
-            frees.iter().map(|f| (f.start, 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9))).collect();
+        let mut frees: Vec<Free> = Coefficient::of(setting.dof)
+            .iter()
+            .map(|c| free(*c, &setting.vehicle))
+            .collect();
+        let mut priors: Vec<(f64, f64)> = frees
+            .iter()
+            .map(|f| (f.start, 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9)))
+            .collect();
         for (f, p) in frees.iter().zip(&mut priors) {
             if f.start == 0.0 {
                 *p = (0.0, 0.0);
@@ -116,24 +134,47 @@ impl<'a> Posed<'a> {
         for c in set {
             let candidate = &setting.vocabulary[*c];
             for (p, (low, high)) in candidate.info.parameters.iter().zip(&candidate.bounds) {
-                frees.push(Free { name: p.name.to_owned(), start: p.typical, low: *low, high: *high });
+                frees.push(Free {
+                    name: p.name.to_owned(),
+                    start: p.typical,
+                    low: *low,
+                    high: *high,
+                });
                 priors.push((0.0, 0.0));
             }
         }
         for track in &setting.tracks {
             let first = track.measured.first().copied().unwrap_or(0.0);
-            let spread = track.measured.iter().fold(0.1_f64, |m, v| m.max((v - first).abs()));
+            let spread = track
+                .measured
+                .iter()
+                .fold(0.1_f64, |m, v| m.max((v - first).abs()));
             let mut any = |start: f64, range: f64| {
-                frees.push(Free { name: String::new(), start, low: start - range, high: start + range });
+                frees.push(Free {
+                    name: String::new(),
+                    start,
+                    low: start - range,
+                    high: start + range,
+                });
             };
             any(first, 2.0 * spread);
             any(0.0, 3.0 * spread);
             priors.push((0.0, 0.0));
             // Without commands it is a decay: the start is what moves it.
-            let rest = if track.edges.is_empty() { 0.0 } else { DRIFT_S / setting.tolerance };
+            let rest = if track.edges.is_empty() {
+                0.0
+            } else {
+                DRIFT_S / setting.tolerance
+            };
             priors.push((0.0, rest));
         }
-        Posed { setting, weights, set, free: frees, priors }
+        Posed {
+            setting,
+            weights,
+            set,
+            free: frees,
+            priors,
+        }
     }
 
     /// Starting values: the rig's coefficients, typical effects, rest.
@@ -174,21 +215,28 @@ impl<'a> Posed<'a> {
     /// The whole whitened Jacobian, runs end to end.
     pub fn jacobian(&self, at: &[f64]) -> DMatrix<f64> {
         let g = self.globals();
-        let blocks: Vec<DMatrix<f64>> =
-            (0..self.setting.tracks.len()).into_par_iter().map(|run| self.linearised(run, at).1).collect();
+        let blocks: Vec<DMatrix<f64>> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.linearised(run, at).1)
+            .collect();
         let rows = blocks.iter().map(DMatrix::nrows).sum();
         let mut all = DMatrix::zeros(rows, at.len());
         let mut first = 0;
         for (run, block) in blocks.iter().enumerate() {
-            all.view_mut((first, 0), (block.nrows(), g)).copy_from(&block.columns(0, g));
-            all.view_mut((first, g + 2 * run), (block.nrows(), 2)).copy_from(&block.columns(g, 2));
+            all.view_mut((first, 0), (block.nrows(), g))
+                .copy_from(&block.columns(0, g));
+            all.view_mut((first, g + 2 * run), (block.nrows(), 2))
+                .copy_from(&block.columns(g, 2));
             first += block.nrows();
         }
         all
     }
 
     fn prior_cost(&self, at: &[f64]) -> f64 {
-        at.iter().zip(&self.priors).map(|(v, (c, k))| 0.5 * ((v - c) * k).powi(2)).sum()
+        at.iter()
+            .zip(&self.priors)
+            .map(|(v, (c, k))| 0.5 * ((v - c) * k).powi(2))
+            .sum()
     }
 
     /// Fits from a point.
@@ -211,7 +259,10 @@ impl<'a> Posed<'a> {
 
     /// Prior precision of each unknown.
     pub fn precisions(&self) -> Vec<(f64, f64)> {
-        self.priors.iter().map(|(centre, k)| (*centre, k * k)).collect()
+        self.priors
+            .iter()
+            .map(|(centre, k)| (*centre, k * k))
+            .collect()
     }
 
     /// Half the priors' squares at a point.
@@ -224,7 +275,11 @@ impl<'a> Posed<'a> {
     pub fn log_evidence(&self, fit: &Fit) -> f64 {
         // The Hessian may hold more unknowns behind these (a free function's, with their prior).
         let n = fit.hessian.nrows();
-        let widths: Vec<f64> = self.set.iter().flat_map(|c| self.setting.vocabulary[*c].widths.iter().copied()).collect();
+        let widths: Vec<f64> = self
+            .set
+            .iter()
+            .flat_map(|c| self.setting.vocabulary[*c].widths.iter().copied())
+            .collect();
         let mut h = fit.hessian.clone();
         for (i, w) in widths.iter().enumerate() {
             let k = COEFFICIENTS + i;
@@ -234,9 +289,14 @@ impl<'a> Posed<'a> {
         let scaled = DMatrix::from_fn(n, n, |i, j| {
             h[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-13 } else { 0.0 }
         });
-        let logs = scaled.cholesky().map_or(0.0, |c| 2.0 * c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>());
+        let logs = scaled.cholesky().map_or(0.0, |c| {
+            2.0 * c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>()
+        });
         let log_det = logs + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
-        let widths: f64 = widths.iter().map(|w| 0.5 * std::f64::consts::TAU.ln() - w.ln()).sum();
+        let widths: f64 = widths
+            .iter()
+            .map(|w| 0.5 * std::f64::consts::TAU.ln() - w.ln())
+            .sum();
         -fit.cost - 0.5 * log_det + widths + INCLUSION * self.set.len() as f64
     }
 }
@@ -252,13 +312,18 @@ impl Squares for Posed<'_> {
             .map(|run| 0.5 * self.whitened(run, at).iter().map(|v| v * v).sum::<f64>())
             .sum();
         let total = squares + self.prior_cost(at);
-        if total.is_finite() { total } else { f64::INFINITY }
+        if total.is_finite() {
+            total
+        } else {
+            f64::INFINITY
+        }
     }
 
     fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
         let n = at.len();
         let g = self.globals();
-        let (mut cost, mut gradient, mut hessian) = (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
+        let (mut cost, mut gradient, mut hessian) =
+            (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
         let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
             .into_par_iter()
             .map(|run| {
@@ -270,7 +335,10 @@ impl Squares for Posed<'_> {
             if !c.is_finite() || h.iter().any(|v| !v.is_finite()) {
                 return Err(ForwardError {
                     run,
-                    reason: format!("{}: the motion grows without bounds", self.setting.tracks[run].name),
+                    reason: format!(
+                        "{}: the motion grows without bounds",
+                        self.setting.tracks[run].name
+                    ),
                 });
             }
             cost += c;
@@ -286,6 +354,10 @@ impl Squares for Posed<'_> {
             gradient[i] += (at[i] - centre) * k * k;
             hessian[(i, i)] += k * k;
         }
-        Ok(Normal { cost, gradient, hessian })
+        Ok(Normal {
+            cost,
+            gradient,
+            hessian,
+        })
     }
 }

@@ -17,17 +17,30 @@ const BEYOND: f64 = 4.0;
 pub fn windows(search: &Search<'_>, fit: &Fit) -> BTreeMap<String, Vec<[f64; 2]>> {
     let setting = search.setting;
     let mut out = BTreeMap::new();
-    for (run, (track, mut residual)) in setting.tracks.iter().zip(fit.residuals(setting)).enumerate() {
+    for (run, (track, mut residual)) in setting
+        .tracks
+        .iter()
+        .zip(fit.residuals(setting))
+        .enumerate()
+    {
         search.weights.whiten(run, residual.iter_mut());
         let mut found: Vec<[f64; 2]> = Vec::new();
         let mut first = 0;
         while first < residual.len() {
             let from_s = track.times_s[first];
-            let next = track.times_s.partition_point(|t| *t < from_s + WINDOW_S).max(first + 1);
-            let n = search.weights.used[run][first..next].iter().filter(|u| **u).count() as f64;
+            let next = track
+                .times_s
+                .partition_point(|t| *t < from_s + WINDOW_S)
+                .max(first + 1);
+            let n = search.weights.used[run][first..next]
+                .iter()
+                .filter(|u| **u)
+                .count() as f64;
             let sum: f64 = residual[first..next].iter().sum();
             let energy: f64 = residual[first..next].iter().map(|v| v * v).sum();
-            let high = n > 0.0 && (sum.abs() / n.sqrt() > BEYOND || (energy - n) / (2.0 * n).sqrt() > BEYOND + 2.0);
+            let high = n > 0.0
+                && (sum.abs() / n.sqrt() > BEYOND
+                    || (energy - n) / (2.0 * n).sqrt() > BEYOND + 2.0);
             if high {
                 let to_s = track.times_s[next - 1];
                 match found.last_mut().filter(|w| from_s - w[1] < 2.0 * WINDOW_S) {
@@ -78,8 +91,16 @@ pub fn stands_out(found: &FamilyFit) -> ([f64; 2], f64) {
         let share = (a[inside] - half) / (a[inside] - a[outside]);
         knots[inside] + share.clamp(0.0, 1.0) * (knots[outside] - knots[inside])
     };
-    let from = if low > 0 { cross(low, low - 1) } else { knots[0] };
-    let to = if high + 1 < a.len() { cross(high, high + 1) } else { knots[a.len() - 1] };
+    let from = if low > 0 {
+        cross(low, low - 1)
+    } else {
+        knots[0]
+    };
+    let to = if high + 1 < a.len() {
+        cross(high, high + 1)
+    } else {
+        knots[a.len() - 1]
+    };
     let mean = a[low..=high].iter().sum::<f64>() / (high - low + 1) as f64;
     ([from, to], mean)
 }
@@ -88,15 +109,24 @@ pub fn stands_out(found: &FamilyFit) -> ([f64; 2], f64) {
 pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
     let windows = windows(search, plain);
     let found = dependences(search, plain);
-    let depends_on: BTreeMap<String, f64> =
-        found.iter().filter(|f| f.family.acts == Acts::Force).map(|f| (f.family.variable.name(), f.gain)).collect();
+    let depends_on: BTreeMap<String, f64> = found
+        .iter()
+        .filter(|f| f.family.acts == Acts::Force)
+        .map(|f| (f.family.variable.name(), f.gain))
+        .collect();
     let regime = match found.first().filter(|f| f.gain > 5.0) {
         None => "no window, place, rate or command stands out".to_owned(),
         Some(f) => {
             let ([from, to], force) = stands_out(f);
-            let next = found.iter().find(|o| o.family.variable != f.family.variable);
+            let next = found
+                .iter()
+                .find(|o| o.family.variable != f.family.variable);
             let sure = next.map_or(String::new(), |n| {
-                format!("; {} explains {:.1} less in log evidence", n.family.variable.name(), f.gain - n.gain)
+                format!(
+                    "; {} explains {:.1} less in log evidence",
+                    n.family.variable.name(),
+                    f.gain - n.gain
+                )
             });
             let what = match f.family.variable {
                 Variable::SinceEdge => "after command edges",

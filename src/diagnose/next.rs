@@ -29,21 +29,82 @@ const TAIL_S: f64 = 6.0;
 pub fn library(dof: usize, size: f64) -> Vec<Plan> {
     let step = |for_s: f64, share: f64, shape: Shape| {
         let load = std::array::from_fn(|i| if i == dof { share * size } else { 0.0 });
-        PlanStep { for_s, load: StepLoad::Wrench(Wrench::from_array(load)), shape }
+        PlanStep {
+            for_s,
+            load: StepLoad::Wrench(Wrench::from_array(load)),
+            shape,
+        }
     };
     let hold = |for_s, share| step(for_s, share, Shape::Hold);
-    let sine = |for_s, share, period_s| step(for_s, share, Shape::Sine { period_s, phase_rad: 1.31 });
-    let plan = |name: &str, steps: Vec<PlanStep>| Plan { name: name.to_owned(), steps, source_toml: String::new() };
+    let sine = |for_s, share, period_s| {
+        step(
+            for_s,
+            share,
+            Shape::Sine {
+                period_s,
+                phase_rad: 1.31,
+            },
+        )
+    };
+    let plan = |name: &str, steps: Vec<PlanStep>| Plan {
+        name: name.to_owned(),
+        steps,
+        source_toml: String::new(),
+    };
     vec![
         plan("next-constant", vec![hold(12.0, 1.0)]),
         plan("next-coast-down", vec![hold(6.0, 1.0), hold(14.0, 0.0)]),
-        plan("next-reversal", vec![hold(6.0, 1.0), hold(8.0, -1.0), hold(6.0, 0.0)]),
-        plan("next-reversals", vec![hold(4.0, 1.0), hold(6.0, -1.0), hold(6.0, 1.0), hold(4.0, -1.0)]),
-        plan("next-steps", vec![hold(5.0, 0.25), hold(5.0, 0.5), hold(5.0, 1.0), hold(5.0, -0.25), hold(4.0, -1.0)]),
-        plan("next-small-steps", vec![hold(8.0, 0.1), hold(4.0, 0.0), hold(8.0, -0.1), hold(4.0, 0.05)]),
-        plan("next-still-then-go", vec![hold(12.0, 0.0), hold(6.0, 0.5), hold(6.0, -0.5)]),
-        plan("next-chirp", vec![step(20.0, 1.0, Shape::Chirp { f0_hz: 0.05, f1_hz: 1.0 })]),
-        plan("next-two-tone", vec![sine(12.0, 0.6, 8.0), sine(12.0, 1.0, 2.0)]),
+        plan(
+            "next-reversal",
+            vec![hold(6.0, 1.0), hold(8.0, -1.0), hold(6.0, 0.0)],
+        ),
+        plan(
+            "next-reversals",
+            vec![
+                hold(4.0, 1.0),
+                hold(6.0, -1.0),
+                hold(6.0, 1.0),
+                hold(4.0, -1.0),
+            ],
+        ),
+        plan(
+            "next-steps",
+            vec![
+                hold(5.0, 0.25),
+                hold(5.0, 0.5),
+                hold(5.0, 1.0),
+                hold(5.0, -0.25),
+                hold(4.0, -1.0),
+            ],
+        ),
+        plan(
+            "next-small-steps",
+            vec![
+                hold(8.0, 0.1),
+                hold(4.0, 0.0),
+                hold(8.0, -0.1),
+                hold(4.0, 0.05),
+            ],
+        ),
+        plan(
+            "next-still-then-go",
+            vec![hold(12.0, 0.0), hold(6.0, 0.5), hold(6.0, -0.5)],
+        ),
+        plan(
+            "next-chirp",
+            vec![step(
+                20.0,
+                1.0,
+                Shape::Chirp {
+                    f0_hz: 0.05,
+                    f1_hz: 1.0,
+                },
+            )],
+        ),
+        plan(
+            "next-two-tone",
+            vec![sine(12.0, 0.6, 8.0), sine(12.0, 1.0, 2.0)],
+        ),
         plan("next-slow-sine", vec![sine(24.0, 0.5, 12.0)]),
     ]
 }
@@ -64,10 +125,19 @@ fn track(rig: &Rig, plan: &Plan, like: &Track) -> Option<Track> {
         }
         k += 1;
     }
-    let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32).map(|k| 0.006 + f64::from(k) / RATE_HZ).collect();
+    let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32)
+        .map(|k| 0.006 + f64::from(k) / RATE_HZ)
+        .collect();
     let mut line = like.line;
     line.rest = rig.tank.start_pose;
-    Some(Track { name: plan.name.clone(), measured: vec![0.0; times_s.len()], times_s, edges, start_s: 0.0, line })
+    Some(Track {
+        name: plan.name.clone(),
+        measured: vec![0.0; times_s.len()],
+        times_s,
+        edges,
+        start_s: 0.0,
+        line,
+    })
 }
 
 /// How far one explanation can follow the data of another on a track: expected log Bayes factor.
@@ -86,7 +156,11 @@ fn apart(setting: &Setting, plan: &Track, noise: Noise, truth: &Fit, other: &Fit
     let mut best = f64::INFINITY;
     for _ in 0..5 {
         let (values, jacobian) = there.sensitivities(0, &other.set, &at, offset);
-        let mut d: Vec<f64> = values.iter().zip(&truth_motion).map(|(a, b)| a - b).collect();
+        let mut d: Vec<f64> = values
+            .iter()
+            .zip(&truth_motion)
+            .map(|(a, b)| a - b)
+            .collect();
         weights.whiten(0, d.iter_mut());
         let d = DVector::from_vec(d);
         let shift = DVector::from_fn(g, |i, _| at[i] - other.at[i]);
@@ -145,20 +219,36 @@ fn schur(h: &DMatrix<f64>, g: usize) -> Option<DMatrix<f64>> {
 pub fn propose(rig: &Rig, setting: &Setting, noise: Noise, open: &[Fit]) -> Option<NextExperiment> {
     let like = setting.tracks.first()?;
     let name = |f: &Fit| -> Vec<String> {
-        f.set.iter().map(|c| setting.vocabulary[*c].info.id.to_owned()).collect()
+        f.set
+            .iter()
+            .map(|c| setting.vocabulary[*c].info.id.to_owned())
+            .collect()
     };
     if open.len() < 2 {
         return None;
     }
-    let largest = setting.tracks.iter().flat_map(|t| &t.edges).map(|e| e.1.abs()).fold(0.0, f64::max);
-    let size = if largest > 0.0 { largest } else if setting.dof.index() < 3 { 8.0 } else { 1.0 };
+    let largest = setting
+        .tracks
+        .iter()
+        .flat_map(|t| &t.edges)
+        .map(|e| e.1.abs())
+        .fold(0.0, f64::max);
+    let size = if largest > 0.0 {
+        largest
+    } else if setting.dof.index() < 3 {
+        8.0
+    } else {
+        1.0
+    };
     let plans: Vec<Plan> = [1.0, 0.5]
         .iter()
         .flat_map(|share| {
-            library(setting.dof.index(), size * share).into_iter().map(move |mut p| {
-                p.name = format!("{}-{:.0}", p.name, 100.0 * share);
-                p
-            })
+            library(setting.dof.index(), size * share)
+                .into_iter()
+                .map(move |mut p| {
+                    p.name = format!("{}-{:.0}", p.name, 100.0 * share);
+                    p
+                })
         })
         .filter(|p| preflight(rig, p).is_ok_and(|c| c.violations.is_empty()))
         .collect();
@@ -170,7 +260,8 @@ pub fn propose(rig: &Rig, setting: &Setting, noise: Noise, open: &[Fit]) -> Opti
             let mut sum = 0.0;
             for (i, a) in open.iter().enumerate() {
                 for b in open.iter().skip(i + 1) {
-                    let factor = apart(setting, &there, noise, a, b)?.min(apart(setting, &there, noise, b, a)?);
+                    let factor = apart(setting, &there, noise, a, b)?
+                        .min(apart(setting, &there, noise, b, a)?);
                     least = least.min(factor);
                     // Beyond twenty it is decided.
                     sum += factor.min(20.0);
@@ -179,7 +270,10 @@ pub fn propose(rig: &Rig, setting: &Setting, noise: Noise, open: &[Fit]) -> Opti
             Some((plan, least, sum))
         })
         .collect();
-    let considered: BTreeMap<String, f64> = scored.iter().map(|(p, least, _)| (p.name.clone(), *least)).collect();
+    let considered: BTreeMap<String, f64> = scored
+        .iter()
+        .map(|(p, least, _)| (p.name.clone(), *least))
+        .collect();
     let (plan, least, _) = scored.into_iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
     Some(NextExperiment {
         plan_toml: plan.to_toml(),

@@ -53,7 +53,11 @@ pub struct Averaged {
 pub fn posterior(search: &Search<'_>) -> Posterior {
     let ranked = search.ranked();
     let top = ranked.first().map_or(0.0, |f| f.log_evidence);
-    let near: Vec<&Fit> = ranked.into_iter().filter(|f| f.log_evidence > top - FAR).take(MOST).collect();
+    let near: Vec<&Fit> = ranked
+        .into_iter()
+        .filter(|f| f.log_evidence > top - FAR)
+        .take(MOST)
+        .collect();
     let weighed: Vec<(&Fit, Vec<usize>, Vec<f64>)> = near
         .into_par_iter()
         .map(|fit| {
@@ -68,7 +72,10 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
             (fit, matters, weights)
         })
         .collect();
-    let sum: f64 = weighed.iter().map(|(f, _, _)| (f.log_evidence - top).exp()).sum();
+    let sum: f64 = weighed
+        .iter()
+        .map(|(f, _, _)| (f.log_evidence - top).exp())
+        .sum();
     let mut groups: BTreeMap<Vec<usize>, Group> = BTreeMap::new();
     let mut inclusion: BTreeMap<usize, f64> = BTreeMap::new();
     let mut members = Vec::new();
@@ -78,7 +85,11 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
         for c in &fit.set {
             *inclusion.entry(*c).or_default() += p;
         }
-        let group = groups.entry(matters.clone()).or_insert_with(|| Group { matters, fit: fit.clone(), probability: 0.0 });
+        let group = groups.entry(matters.clone()).or_insert_with(|| Group {
+            matters,
+            fit: fit.clone(),
+            probability: 0.0,
+        });
         if fit.log_evidence > group.fit.log_evidence {
             group.fit = fit.clone();
         }
@@ -86,17 +97,34 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Posterior { groups, inclusion, members }
+    Posterior {
+        groups,
+        inclusion,
+        members,
+    }
 }
 
 impl Posterior {
     /// A candidate's parameter (by index) and its weight, averaged over the sets that hold it and
     /// in which it matters as much as in `like`.
-    pub fn averaged(&self, setting: &Setting, candidate: usize, parameter: usize, like: &[usize]) -> Option<(Averaged, f64)> {
+    pub fn averaged(
+        &self,
+        setting: &Setting,
+        candidate: usize,
+        parameter: usize,
+        like: &[usize],
+    ) -> Option<(Averaged, f64)> {
         let (mut total, mut mean, mut square, mut weight, mut known) = (0.0, 0.0, 0.0, 0.0, true);
         for (fit, p, weights) in &self.members {
-            let Some(member) = fit.set.iter().position(|c| *c == candidate) else { continue };
-            let matters = fit.set.iter().zip(weights).filter(|(_, w)| **w > setting.tolerance).map(|(c, _)| *c);
+            let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
+                continue;
+            };
+            let matters = fit
+                .set
+                .iter()
+                .zip(weights)
+                .filter(|(_, w)| **w > setting.tolerance)
+                .map(|(c, _)| *c);
             if !matters.eq(like.iter().copied()) {
                 continue;
             }
@@ -113,17 +141,26 @@ impl Posterior {
         }
         let value = mean / total;
         let variance = (square / total - value * value).max(0.0);
-        Some((Averaged { value, sd: known.then(|| variance.sqrt()) }, weight / total))
+        Some((
+            Averaged {
+                value,
+                sd: known.then(|| variance.sqrt()),
+            },
+            weight / total,
+        ))
     }
 
     /// The explanations that are tied with the first, at most six, the first included. Two that hold
     /// the same effects, one of them just below what matters in the one, are the same.
     pub fn tied(&self) -> Vec<&Group> {
-        let Some(first) = self.groups.first() else { return Vec::new() };
+        let Some(first) = self.groups.first() else {
+            return Vec::new();
+        };
         let mut kept: Vec<&Group> = Vec::new();
         for g in &self.groups {
             let same = |k: &&Group| {
-                k.matters.iter().all(|c| g.fit.set.contains(c)) && g.matters.iter().all(|c| k.fit.set.contains(c))
+                k.matters.iter().all(|c| g.fit.set.contains(c))
+                    && g.matters.iter().all(|c| k.fit.set.contains(c))
             };
             if g.probability > first.probability * (-TIE).exp() && !kept.iter().any(same) {
                 kept.push(g);

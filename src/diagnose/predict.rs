@@ -23,18 +23,29 @@ pub fn held_out(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
         at[..g].copy_from_slice(&fit.at[..g]);
         let held: Vec<bool> = (0..at.len()).map(|i| i < g).collect();
         let (found, _) = descend(&posed, at, &held, 0.01).ok()?;
-        let there = Fit { at: found.parameters, ..fit.clone() };
+        let there = Fit {
+            at: found.parameters,
+            ..fit.clone()
+        };
         let residuals = there.residuals(&other);
         let series: Vec<Series<'_>> = other
             .tracks
             .iter()
             .zip(&residuals)
-            .map(|(t, r)| Series { times_s: &t.times_s, values: r, jacobian: None })
+            .map(|(t, r)| Series {
+                times_s: &t.times_s,
+                values: r,
+                jacobian: None,
+            })
             .collect();
         // Local outliers stay out; a sample the noise forbids only where the model else fits.
         let allowed = mask(&series, noise);
-        let used: Vec<Vec<bool>> =
-            weights.used.iter().zip(&allowed).map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect()).collect();
+        let used: Vec<Vec<bool>> = weights
+            .used
+            .iter()
+            .zip(&allowed)
+            .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
+            .collect();
         let kept: Vec<f64> = residuals
             .iter()
             .zip(&used)
@@ -54,16 +65,32 @@ pub fn left_out(setting: &Setting, weights: &Weights, fit: &Fit) -> Option<f64> 
     }
     let (mut sum, mut count) = (0.0, 0.0);
     for run in 0..runs {
-        let others: Vec<Track> =
-            setting.tracks.iter().enumerate().filter(|(i, _)| *i != run).map(|(_, t)| t.clone()).collect();
-        let used = weights.used.iter().enumerate().filter(|(i, _)| *i != run).map(|(_, u)| u.clone()).collect();
+        let others: Vec<Track> = setting
+            .tracks
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != run)
+            .map(|(_, t)| t.clone())
+            .collect();
+        let used = weights
+            .used
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != run)
+            .map(|(_, u)| u.clone())
+            .collect();
         let rest = setting.with_tracks(others);
         let rest_weights = Weights::new(&rest.tracks, weights.noise, used);
         let g = COEFFICIENTS + setting.parameters(&fit.set);
         let mut at = fit.at.clone();
         at.drain(g + 2 * run..g + 2 * run + 2);
         let refit = Posed::new(&rest, &rest_weights, &fit.set).fit(at).ok()?;
-        let rms = held_out(&rest, std::slice::from_ref(&setting.tracks[run]), &refit, weights.noise)?;
+        let rms = held_out(
+            &rest,
+            std::slice::from_ref(&setting.tracks[run]),
+            &refit,
+            weights.noise,
+        )?;
         let n = setting.tracks[run].times_s.len() as f64;
         sum += rms * rms * n;
         count += n;

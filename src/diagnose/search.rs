@@ -67,7 +67,9 @@ impl<'a> Search<'a> {
 
     /// The best set by log evidence.
     pub fn best(&self) -> Option<&Fit> {
-        self.fits.values().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+        self.fits
+            .values()
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }
 
     /// Fits sets from given points; a better fit of the same set replaces the old one.
@@ -87,7 +89,10 @@ impl<'a> Search<'a> {
                 }
                 continue;
             }
-            let keep = self.fits.get(&fit.set).is_none_or(|old| fit.cost < old.cost - 1e-3);
+            let keep = self
+                .fits
+                .get(&fit.set)
+                .is_none_or(|old| fit.cost < old.cost - 1e-3);
             if keep {
                 self.fits.insert(fit.set.clone(), fit);
             }
@@ -105,7 +110,12 @@ impl<'a> Search<'a> {
         if let Some(fit) = self.get(set) {
             let mut bank = responses(self.setting, fit);
             // Members of the set keep the responses they had.
-            bank.extend(self.bank.iter().filter(|r| set.contains(&r.candidate)).cloned());
+            bank.extend(
+                self.bank
+                    .iter()
+                    .filter(|r| set.contains(&r.candidate))
+                    .cloned(),
+            );
             self.bank = bank;
             self.rewhiten();
         }
@@ -123,7 +133,9 @@ impl<'a> Search<'a> {
     /// (the richest model, linearised), then everything is fitted again under it.
     pub fn reweigh(&mut self, set: &[usize]) {
         for _ in 0..3 {
-            let Some(fit) = self.get(set).cloned() else { return };
+            let Some(fit) = self.get(set).cloned() else {
+                return;
+            };
             let posed = Posed::new(self.setting, &self.weights, &fit.set);
             let view = View::new(self.setting, &self.weights, &fit);
             // Columns raw, to be whitened by whatever noise is tried.
@@ -138,15 +150,21 @@ impl<'a> Search<'a> {
             }
             let chosen = pursue(&view, &white, STRUCTURE_GAIN, STRUCTURE_MOST);
             let own = self.raw_jacobian(&posed, &fit);
-            let mut columns: Vec<DVector<f64>> = own.column_iter().map(|c| c.into_owned()).collect();
+            let mut columns: Vec<DVector<f64>> =
+                own.column_iter().map(|c| c.into_owned()).collect();
             columns.extend(chosen.iter().map(|i| raw[*i].clone()));
             // What the chosen columns explain, found by whitened least squares, is taken out of the raw residual.
             let residuals = fit.residuals(self.setting);
             let all: Vec<f64> = residuals.iter().flatten().copied().collect();
             let matrix = DMatrix::from_columns(&columns);
-            let whitened_columns: Vec<DVector<f64>> =
-                columns.iter().map(|c| whitened(self.setting, &self.weights, c)).collect();
-            let left = match solve(&DMatrix::from_columns(&whitened_columns), &self.weights.stack(residuals.clone())) {
+            let whitened_columns: Vec<DVector<f64>> = columns
+                .iter()
+                .map(|c| whitened(self.setting, &self.weights, c))
+                .collect();
+            let left = match solve(
+                &DMatrix::from_columns(&whitened_columns),
+                &self.weights.stack(residuals.clone()),
+            ) {
                 Some(step) => DVector::from_vec(all) - &matrix * step,
                 None => DVector::from_vec(all),
             };
@@ -159,12 +177,18 @@ impl<'a> Search<'a> {
                     part
                 })
                 .collect();
-            let Some((noise, used)) = noise_beyond(self.setting, &left, &matrix) else { return };
+            let Some((noise, used)) = noise_beyond(self.setting, &left, &matrix) else {
+                return;
+            };
             let before = self.weights.noise;
             let settled = (noise.total_sd() / before.total_sd() - 1.0).abs() < 0.02
                 && (noise.white_sd / before.white_sd - 1.0).abs() < 0.02
                 && used == self.weights.used;
-            tracing::debug!("{} columns beside {set:?}: noise {noise:?}, outliers {}", chosen.len(), self.weights.outliers());
+            tracing::debug!(
+                "{} columns beside {set:?}: noise {noise:?}, outliers {}",
+                chosen.len(),
+                self.weights.outliers()
+            );
             self.weights = Weights::new(&self.setting.tracks, noise, used);
             self.rewhiten();
             let warm: Vec<(Vec<usize>, Vec<f64>)> = vec![(fit.set.clone(), fit.at.clone())];
@@ -184,10 +208,16 @@ impl<'a> Search<'a> {
         let mut all = DMatrix::zeros(rows, fit.at.len());
         let mut first = 0;
         for run in 0..self.setting.tracks.len() {
-            let (_, j) =
-                self.setting.sensitivities(run, &fit.set, fit.globals(self.setting), fit.start(self.setting, run));
-            all.view_mut((first, 0), (j.nrows(), g)).copy_from(&j.columns(0, g));
-            all.view_mut((first, g + 2 * run), (j.nrows(), 2)).copy_from(&j.columns(g, 2));
+            let (_, j) = self.setting.sensitivities(
+                run,
+                &fit.set,
+                fit.globals(self.setting),
+                fit.start(self.setting, run),
+            );
+            all.view_mut((first, 0), (j.nrows(), g))
+                .copy_from(&j.columns(0, g));
+            all.view_mut((first, g + 2 * run), (j.nrows(), 2))
+                .copy_from(&j.columns(g, 2));
             first += j.nrows();
         }
         all
@@ -195,7 +225,9 @@ impl<'a> Search<'a> {
 
     /// What may be added to a set, best first.
     pub fn promises(&mut self, set: &[usize]) -> Vec<Vec<Promise>> {
-        let Some(fit) = self.get(set) else { return Vec::new() };
+        let Some(fit) = self.get(set) else {
+            return Vec::new();
+        };
         let view = View::new(self.setting, &self.weights, fit);
         let mut found = view.promises(&self.bank, &self.whitened, set);
         found.retain(|l| !self.blind.contains(&l[0].candidate));
@@ -209,7 +241,11 @@ impl<'a> Search<'a> {
         for set in sets {
             let promises = self.promises(set);
             let Some(fit) = self.get(set) else { continue };
-            for list in promises.iter().filter(|l| l[0].gain > least_gain).take(width) {
+            for list in promises
+                .iter()
+                .filter(|l| l[0].gain > least_gain)
+                .take(width)
+            {
                 for p in list.iter().take(STARTS) {
                     let point = &self.setting.vocabulary[p.candidate].starts[p.start];
                     let (bigger, from) = joined(self.setting, fit, p.candidate, point);
@@ -252,7 +288,10 @@ impl<'a> Search<'a> {
         for _ in 0..depth {
             let before = self.get(&set).map_or(f64::NEG_INFINITY, |f| f.log_evidence);
             self.extend(std::slice::from_ref(&set), 3, 10.0);
-            match self.best().filter(|b| b.log_evidence > before + 5.0 && b.set != set) {
+            match self
+                .best()
+                .filter(|b| b.log_evidence > before + 5.0 && b.set != set)
+            {
                 Some(better) => set = better.set.clone(),
                 None => break,
             }
@@ -276,10 +315,16 @@ impl<'a> Search<'a> {
 
     /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
     pub fn settle(&mut self) {
-        let Some(best) = self.best().map(|f| f.set.clone()) else { return };
+        let Some(best) = self.best().map(|f| f.set.clone()) else {
+            return;
+        };
         let before = self.weights.clone();
-        let front: Vec<(Vec<usize>, Vec<f64>)> =
-            self.ranked().iter().take(80).map(|f| (f.set.clone(), f.at.clone())).collect();
+        let front: Vec<(Vec<usize>, Vec<f64>)> = self
+            .ranked()
+            .iter()
+            .take(80)
+            .map(|f| (f.set.clone(), f.at.clone()))
+            .collect();
         self.refresh(&best);
         self.reweigh(&best);
         let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
@@ -303,11 +348,18 @@ impl<'a> Search<'a> {
         (self.progress)("singles");
         // All pairs, linearised from every single; the promising ones fitted.
         let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
-        let best_single = self.ranked().iter().filter(|f| f.set.len() <= 1).map(|f| f.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        let best_single = self
+            .ranked()
+            .iter()
+            .filter(|f| f.set.len() <= 1)
+            .map(|f| f.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max);
         let mut pairs: Vec<(f64, Vec<usize>, Vec<f64>)> = Vec::new();
         for single in &singles {
             let promises = self.promises(single);
-            let Some(fit) = self.get(single) else { continue };
+            let Some(fit) = self.get(single) else {
+                continue;
+            };
             for list in &promises {
                 let p = list[0];
                 if p.gain > LEAST_GAIN && fit.log_evidence + p.gain > best_single - FAR {
@@ -336,7 +388,10 @@ impl<'a> Search<'a> {
                 .collect();
             beam.extend(seeds.iter().filter(|s| !done.contains(*s)).cloned());
             let now = self.best().map_or(f64::NEG_INFINITY, |f| f.log_evidence);
-            beam.retain(|s| self.get(s).is_some_and(|f| f.log_evidence > now - 60.0 - FAR));
+            beam.retain(|s| {
+                self.get(s)
+                    .is_some_and(|f| f.log_evidence > now - 60.0 - FAR)
+            });
             if beam.is_empty() {
                 break;
             }
@@ -347,7 +402,12 @@ impl<'a> Search<'a> {
             idle = if after > best + 0.01 { 0 } else { idle + 1 };
             best = after;
             (self.progress)("sets");
-            let front: Vec<Vec<usize>> = self.ranked().iter().take(2).map(|f| f.set.clone()).collect();
+            let front: Vec<Vec<usize>> = self
+                .ranked()
+                .iter()
+                .take(2)
+                .map(|f| f.set.clone())
+                .collect();
             if idle >= 2 && front.iter().all(|s| done.contains(s)) {
                 break;
             }
@@ -358,10 +418,14 @@ impl<'a> Search<'a> {
     /// Every member of the best set against every other candidate, with responses taken beside it.
     pub fn exchange(&mut self) {
         for _ in 0..3 {
-            let Some(best) = self.best().cloned() else { return };
+            let Some(best) = self.best().cloned() else {
+                return;
+            };
             self.refresh(&best.set);
             self.reduce(std::slice::from_ref(&best.set));
-            let smaller: Vec<Vec<usize>> = (0..best.set.len()).map(|m| without(self.setting, &best, m).0).collect();
+            let smaller: Vec<Vec<usize>> = (0..best.set.len())
+                .map(|m| without(self.setting, &best, m).0)
+                .collect();
             self.extend(&smaller, 4, LEAST_GAIN);
             self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
             self.rejoin(&best);
@@ -385,14 +449,21 @@ impl<'a> Search<'a> {
                 .fits
                 .values()
                 .filter(|f| {
-                    f.set.len() == best.set.len() && !f.set.contains(candidate) && smaller.iter().all(|c| f.set.contains(c))
+                    f.set.len() == best.set.len()
+                        && !f.set.contains(candidate)
+                        && smaller.iter().all(|c| f.set.contains(c))
                 })
                 .cloned()
                 .collect();
             for fit in partners {
                 let view = View::new(self.setting, &self.weights, &fit);
                 let found = view.promises(&self.bank, &self.whitened, &fit.set);
-                for p in found.iter().flatten().filter(|p| p.candidate == *candidate).take(2) {
+                for p in found
+                    .iter()
+                    .flatten()
+                    .filter(|p| p.candidate == *candidate)
+                    .take(2)
+                {
                     let point = &self.setting.vocabulary[p.candidate].starts[p.start];
                     jobs.push(joined(self.setting, &fit, p.candidate, point));
                 }
@@ -407,7 +478,10 @@ fn solve(columns: &DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     let n = columns.ncols();
     let mut h = columns.tr_mul(columns);
     let g = columns.tr_mul(right);
-    let scale: Vec<f64> = (0..n).map(|i| h[(i, i)].sqrt()).map(|d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect();
+    let scale: Vec<f64> = (0..n)
+        .map(|i| h[(i, i)].sqrt())
+        .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
+        .collect();
     for i in 0..n {
         for j in 0..n {
             h[(i, j)] *= scale[i] * scale[j];

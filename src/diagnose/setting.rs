@@ -52,7 +52,11 @@ impl Track {
         for sample in &run.samples {
             let pose: [f64; 6] = std::array::from_fn(|c| {
                 let v = sample.values[c];
-                if c == i || (i < 2 && c < 2 && both) { v } else { rest[c] }
+                if c == i || (i < 2 && c < 2 && both) {
+                    v
+                } else {
+                    rest[c]
+                }
             });
             let s = line.along(&pose);
             if s.is_finite() {
@@ -64,7 +68,11 @@ impl Track {
             return None;
         }
         let first_s = times_s.first().copied().unwrap_or(0.0);
-        let start_s = if first_s > START_SLACK_S { first_s } else { 0.0 };
+        let start_s = if first_s > START_SLACK_S {
+            first_s
+        } else {
+            0.0
+        };
         let mut edges: Vec<(f64, f64)> = Vec::new();
         for c in &run.commands {
             let load = c.wrench[i];
@@ -72,7 +80,14 @@ impl Track {
                 edges.push((c.t_s, load));
             }
         }
-        Some(Track { name: run.name.clone(), times_s, measured, edges, start_s, line })
+        Some(Track {
+            name: run.name.clone(),
+            times_s,
+            measured,
+            edges,
+            start_s,
+            line,
+        })
     }
 
     /// Last stamp \[s\].
@@ -114,7 +129,11 @@ impl Setting {
             tracks: runs.iter().filter_map(|r| Track::of(r, dof)).collect(),
             vocabulary: vocabulary(dof, &base),
             base,
-            tolerance: if dof.index() < 3 { rig.tolerance.position_m } else { rig.tolerance.attitude_rad },
+            tolerance: if dof.index() < 3 {
+                rig.tolerance.position_m
+            } else {
+                rig.tolerance.attitude_rad
+            },
         })
     }
 
@@ -143,7 +162,9 @@ impl Setting {
 
     /// Number of parameters of a set of effects.
     pub fn parameters(&self, set: &[usize]) -> usize {
-        set.iter().map(|c| self.vocabulary[*c].info.parameters.len()).sum()
+        set.iter()
+            .map(|c| self.vocabulary[*c].info.parameters.len())
+            .sum()
     }
 
     /// Place of each member's first parameter in the vector of globals.
@@ -235,7 +256,13 @@ impl Setting {
         let on = self.checked(set);
         let retune = |here: &Instant<T>| {
             let factor = bend(here);
-            self.stack(&on, set, globals, |p, v| if p == place { v * factor } else { v }).ok()
+            self.stack(
+                &on,
+                set,
+                globals,
+                |p, v| if p == place { v * factor } else { v },
+            )
+            .ok()
         };
         match self.stack(&on, set, globals, |_, v| v) {
             Ok(stack) => self.drive(run, &stack, globals, start, retune, |_| T::zero()),
@@ -260,13 +287,25 @@ impl Setting {
             step_max_s: STEP_MAX_S,
         };
         let mut out = Vec::with_capacity(track.times_s.len());
-        Single::new(self.hydrodynamics(globals), track.line)
-            .run(stack, &feed, start, retune, extra, |x| out.push(x));
+        Single::new(self.hydrodynamics(globals), track.line).run(
+            stack,
+            &feed,
+            start,
+            retune,
+            extra,
+            |x| out.push(x),
+        );
         out
     }
 
     /// Plain positions.
-    pub fn values(&self, run: usize, set: &[usize], globals: &[f64], start: (f64, f64)) -> Vec<f64> {
+    pub fn values(
+        &self,
+        run: usize,
+        set: &[usize],
+        globals: &[f64],
+        start: (f64, f64),
+    ) -> Vec<f64> {
         self.simulate(run, set, globals, start, |_| 0.0)
     }
 
@@ -287,7 +326,12 @@ impl Setting {
         }
     }
 
-    fn passes<const N: usize>(&self, run: usize, set: &[usize], all: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
+    fn passes<const N: usize>(
+        &self,
+        run: usize,
+        set: &[usize],
+        all: &[f64],
+    ) -> (Vec<f64>, DMatrix<f64>) {
         let p = all.len();
         let rows = self.tracks[run].times_s.len();
         let mut jacobian = DMatrix::zeros(rows, p);
@@ -296,10 +340,18 @@ impl Setting {
             let duals: Vec<Dual<N>> = all
                 .iter()
                 .enumerate()
-                .map(|(i, v)| if i >= first { Dual::variable(*v, i - first) } else { Dual::constant(*v) })
+                .map(|(i, v)| {
+                    if i >= first {
+                        Dual::variable(*v, i - first)
+                    } else {
+                        Dual::constant(*v)
+                    }
+                })
                 .collect();
             let (globals, start) = duals.split_at(p - 2);
-            let out = self.simulate(run, set, globals, (start[0], start[1]), |_| Dual::constant(0.0));
+            let out = self.simulate(run, set, globals, (start[0], start[1]), |_| {
+                Dual::constant(0.0)
+            });
             for (row, value) in out.iter().enumerate() {
                 for (i, slope) in value.slope.iter().take(p - first).enumerate() {
                     jacobian[(row, first + i)] = *slope;

@@ -10,13 +10,20 @@ use super::setting::{COEFFICIENTS, Setting};
 fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
     let globals = &fit.at[..COEFFICIENTS];
     let blocks: Vec<DMatrix<f64>> = (0..setting.tracks.len())
-        .map(|run| setting.sensitivities(run, &[], globals, fit.start(setting, run)).1.columns(0, COEFFICIENTS).into_owned())
+        .map(|run| {
+            setting
+                .sensitivities(run, &[], globals, fit.start(setting, run))
+                .1
+                .columns(0, COEFFICIENTS)
+                .into_owned()
+        })
         .collect();
     let rows: usize = blocks.iter().map(DMatrix::nrows).sum();
     let mut all = DMatrix::zeros(rows, COEFFICIENTS);
     let mut first = 0;
     for block in &blocks {
-        all.view_mut((first, 0), (block.nrows(), COEFFICIENTS)).copy_from(block);
+        all.view_mut((first, 0), (block.nrows(), COEFFICIENTS))
+            .copy_from(block);
         first += block.nrows();
     }
     basis(&all)
@@ -31,7 +38,9 @@ fn rms(column: &DVector<f64>) -> f64 {
 /// derivatives to the DOF's own coefficients.
 pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
     let span = own_span(setting, fit);
-    let starts: Vec<(f64, f64)> = (0..setting.tracks.len()).map(|r| (fit.start(setting, r).0, 0.0)).collect();
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
+        .map(|r| (fit.start(setting, r).0, 0.0))
+        .collect();
     let vehicle = &fit.at[..COEFFICIENTS];
     let none = motion(setting, &[], vehicle, &starts);
     (0..fit.set.len())

@@ -24,14 +24,24 @@ impl Weights {
             .zip(&used)
             .map(|(t, u)| Whitener::new(&t.times_s, noise, |k| u[k]))
             .collect();
-        Weights { noise, used, whiteners }
+        Weights {
+            noise,
+            used,
+            whiteners,
+        }
     }
 
     /// White noise from third differences; a sample is left out where it stands apart from the cubic
     /// through its four neighbours: no model is asked.
     pub fn first(tracks: &[Track]) -> Weights {
-        let sd = tracks.iter().map(|t| difference_sd(&t.measured)).fold(0.0, f64::max);
-        let used = tracks.iter().map(|t| not_apart(&t.times_s, &t.measured)).collect();
+        let sd = tracks
+            .iter()
+            .map(|t| difference_sd(&t.measured))
+            .fold(0.0, f64::max);
+        let used = tracks
+            .iter()
+            .map(|t| not_apart(&t.times_s, &t.measured))
+            .collect();
         Weights::new(tracks, Noise::white(if sd > 0.0 { sd } else { 1e-6 }), used)
     }
 
@@ -68,7 +78,12 @@ fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
         let present: Vec<usize> = (0..n).filter(|k| used[*k]).collect();
         let mut apart = vec![0.0; present.len()];
         for i in 2..present.len().saturating_sub(2) {
-            let around = [present[i - 2], present[i - 1], present[i + 1], present[i + 2]];
+            let around = [
+                present[i - 2],
+                present[i - 1],
+                present[i + 1],
+                present[i + 2],
+            ];
             let t = times_s[present[i]];
             // Lagrange's weights.
             let mut expected = 0.0;
@@ -85,7 +100,9 @@ fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
         let limit = 6.0 * robust_sd(&apart);
         let mut found = false;
         for i in 0..present.len() {
-            let around = apart[i.saturating_sub(2)..(i + 3).min(apart.len())].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            let around = apart[i.saturating_sub(2)..(i + 3).min(apart.len())]
+                .iter()
+                .fold(0.0_f64, |m, v| m.max(v.abs()));
             if limit > 0.0 && apart[i].abs() > limit && apart[i].abs() >= around {
                 used[present[i]] = false;
                 found = true;
@@ -101,7 +118,11 @@ fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
 /// Noise of residuals from which `columns` (raw, runs end to end) have been fitted out.
 ///
 /// Restricted likelihood: what the columns took of slow noise is put back.
-pub fn noise_beyond(setting: &Setting, residuals: &[Vec<f64>], columns: &DMatrix<f64>) -> Option<(Noise, Vec<Vec<bool>>)> {
+pub fn noise_beyond(
+    setting: &Setting,
+    residuals: &[Vec<f64>],
+    columns: &DMatrix<f64>,
+) -> Option<(Noise, Vec<Vec<bool>>)> {
     let mut first = 0;
     let jacobians: Vec<DMatrix<f64>> = residuals
         .iter()
@@ -116,7 +137,11 @@ pub fn noise_beyond(setting: &Setting, residuals: &[Vec<f64>], columns: &DMatrix
         .iter()
         .zip(residuals)
         .zip(&jacobians)
-        .map(|((t, r), j)| Series { times_s: &t.times_s, values: r, jacobian: Some(j) })
+        .map(|((t, r), j)| Series {
+            times_s: &t.times_s,
+            values: r,
+            jacobian: Some(j),
+        })
         .collect();
     estimate(&series)
 }
@@ -132,7 +157,9 @@ mod tests {
         let mut values: Vec<f64> = times
             .iter()
             .enumerate()
-            .map(|(k, t)| 1e-4 * ((k * 7919 % 101) as f64 / 50.0 - 1.0) + 0.05 * (t - 4.0).max(0.0).powi(2))
+            .map(|(k, t)| {
+                1e-4 * ((k * 7919 % 101) as f64 / 50.0 - 1.0) + 0.05 * (t - 4.0).max(0.0).powi(2)
+            })
             .collect();
         values[50] += 0.004;
         values[51] += 0.004;
