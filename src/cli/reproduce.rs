@@ -3,8 +3,9 @@
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use crate::reproduce::{
-    CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row, Table11Row,
-    all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7, table10, table11,
+    CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row,
+    Table11Row, all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7,
+    table10, table11,
 };
 use std::path::PathBuf;
 
@@ -265,7 +266,10 @@ fn flatten(name: &str, value: &serde_json::Value, cells: &mut Vec<(String, Strin
             .for_each(|(i, v): (usize, _)| flatten(&below(&i.to_string()), v, cells)),
         serde_json::Value::Null => cells.push((name.to_owned(), String::new())),
         serde_json::Value::String(text) => {
-            cells.push((name.to_owned(), format!("\"{}\"", text.replace('"', "\"\""))));
+            cells.push((
+                name.to_owned(),
+                format!("\"{}\"", text.replace('"', "\"\"")),
+            ));
         }
         other => cells.push((name.to_owned(), other.to_string())),
     }
