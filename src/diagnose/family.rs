@@ -287,6 +287,7 @@ impl Family {
     }
 
     /// Motion of a run under a set and this function.
+    #[allow(clippy::too_many_arguments)] // one call, five of them are the point of evaluation
     fn drive<const N: usize>(
         &self,
         setting: &Setting,
@@ -362,7 +363,7 @@ impl FamilyFit {
         // The linear fit also moves the set's own unknowns: from the old ones it may be worse than nothing.
         let still = vec![0.0; m];
         let nothing = cost_of(&at, &still);
-        if !(cost < nothing) {
+        if cost.is_nan() || cost >= nothing {
             (a, cost) = (still, nothing);
         }
         let mut hessian = DMatrix::zeros(n + m, n + m);

@@ -77,9 +77,9 @@ fn judged(truth: &[[f64; 6]], run: &Run) -> (f64, f64, f64) {
         let error = s.eta[0] - t[0];
         square += error * error;
         most = most.max(error.abs());
-        for i in 0..6 {
+        for (i, true_value) in t.iter().enumerate() {
             let sd = s.covariance[(i, i)].sqrt();
-            inside += f64::from(u8::from((s.eta[i] - t[i]).abs() < 1.96 * sd));
+            inside += f64::from(u8::from((s.eta[i] - true_value).abs() < 1.96 * sd));
         }
     }
     let n = truth.len() as f64;
