@@ -93,6 +93,7 @@ fn accepted(dir: &Path) -> (PathBuf, PathBuf) {
 
 #[test]
 fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let (log, file) = accepted(dir.path());
     let calibration = Calibration::load(&file).unwrap();
@@ -231,6 +232,7 @@ fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed
 
 #[test]
 fn an_air_calibration_is_refused_in_water_unless_forced() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let log = board_log(dir.path(), "board.mcap", "dots-50", "0", "1");
     let file = dir.path().join("air.toml");
@@ -288,6 +290,7 @@ fn an_air_calibration_is_refused_in_water_unless_forced() {
 
 #[test]
 fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let straight = board_log(dir.path(), "straight.mcap", "dots-50", "0", "1");
     let behind = board_log(dir.path(), "behind.mcap", "dots-50", "0.001", "2");
@@ -379,6 +382,7 @@ fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() 
 
 #[test]
 fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let log = board_log(dir.path(), "board.mcap", "dots-50", "0", "1");
     let (records, _) = read(&log);
@@ -501,6 +505,7 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
 
 #[test]
 fn a_calibration_that_is_not_accepted_in_time_fails_with_what_is_missing() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("calib.mcap");
     // A chessboard without gauge blocks: nobody can know how far it stands off the sheet.
@@ -530,6 +535,7 @@ fn a_calibration_that_is_not_accepted_in_time_fails_with_what_is_missing() {
 
 #[test]
 fn boards_and_targets_are_drawn_at_true_scale_from_the_files_the_software_reads() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     for (command, name, word) in [
         ("board", "dots-50", "BLOCK"),

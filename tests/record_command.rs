@@ -31,6 +31,7 @@ fn record(dir: &Path, more: &[&str]) -> (PathBuf, Output) {
 
 #[test]
 fn a_run_is_logged_whole_and_replay_gives_the_live_points_bit_for_bit() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let plan = plan_file(
         dir.path(),
@@ -118,6 +119,7 @@ fn a_run_is_logged_whole_and_replay_gives_the_live_points_bit_for_bit() {
 
 #[test]
 fn the_simulated_vehicle_moves_as_commanded() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let plan = plan_file(
         dir.path(),
@@ -146,6 +148,7 @@ fn the_simulated_vehicle_moves_as_commanded() {
 
 #[test]
 fn ctrl_c_and_sigterm_end_a_recording_cleanly_with_neutral_last() {
+    let _alone = support::alone();
     for (signal, words) in [("INT", "Ctrl-C"), ("TERM", "SIGTERM"), ("HUP", "SIGHUP")] {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("run.mcap");
@@ -194,6 +197,7 @@ fn ctrl_c_and_sigterm_end_a_recording_cleanly_with_neutral_last() {
 
 #[test]
 fn several_runs_make_several_logs() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let (_, output) = record(
         dir.path(),
@@ -221,6 +225,7 @@ fn several_runs_make_several_logs() {
 
 #[test]
 fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     // The file's plan stays inside; the rig's z limit is set just below the start, so that the first estimates pass it.
     let text = Rig::builtin("lshpi").unwrap().effective_toml;
@@ -284,6 +289,7 @@ fn terminal() -> (std::fs::File, std::fs::File) {
 
 #[test]
 fn space_among_other_keys_brings_neutral_and_the_recording_goes_on_until_q() {
+    let _alone = support::alone();
     use std::io::Write;
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("run.mcap");
@@ -329,6 +335,7 @@ fn space_among_other_keys_brings_neutral_and_the_recording_goes_on_until_q() {
 
 #[test]
 fn a_plan_without_an_answering_controller_fails_and_says_so() {
+    let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
     let rig = dir.path().join("rig.toml");
     let text = Rig::builtin("lshpi").unwrap().effective_toml;

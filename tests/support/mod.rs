@@ -105,3 +105,12 @@ pub fn hydroline() -> std::process::Command {
         .stdin(std::process::Stdio::null());
     command
 }
+
+/// One daemon at a time: several that render and fit at once on two cores are slow enough for the
+/// thruster link to say, rightly, that it got no answer.
+pub fn alone() -> std::sync::MutexGuard<'static, ()> {
+    static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    ALONE
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
