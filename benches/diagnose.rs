@@ -1,5 +1,7 @@
 //! Cost of a diagnosis: growth with the number of runs and of effects looked at.
 
+#![allow(clippy::unwrap_used)]
+
 use hydroline::diagnose::search::Search;
 use hydroline::diagnose::setting::Setting;
 use hydroline::identify::data::{Command, Run, Sample};

@@ -24,6 +24,8 @@ pub enum Command {
     },
     /// Names of the built-in rigs and plans
     List,
+    /// Every `[[physics]]` effect: law, parameters with their plausible range, what it is mistaken for (Markdown)
+    Effects,
 }
 
 pub fn run(command: &Command) -> Result<Outcome, CliError> {
@@ -48,6 +50,7 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
             let table: toml::Table = toml::from_str(&text).map_err(CliError::config)?;
             outln!("{}", serde_json::json!(table));
         }
+        Command::Effects => out!("{}", hydroline_sim::effect::markdown_table()),
         Command::List => {
             for name in Rig::builtin_names() {
                 outln!("rig  {name}");
