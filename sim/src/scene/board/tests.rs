@@ -113,7 +113,7 @@ fn the_sheet_lights_a_board_in_it_and_hardly_one_beside_it() {
         ..laser
     };
     let image = r.render_board(&b, &BoardPlacement::default(), &faint, 0);
-    assert!((f64::from(image.unwrap().0[310 * 720 + 380]) - 10.0).abs() <= 1.0);
+    assert!((f64::from(image.unwrap().0[310 * 720 + 370]) - 10.0).abs() <= 1.0);
     let level = |offset_m: f64| {
         let image = r
             .render_board(
@@ -127,7 +127,7 @@ fn the_sheet_lights_a_board_in_it_and_hardly_one_beside_it() {
             )
             .unwrap()
             .0;
-        f64::from(image[310 * 720 + 380])
+        f64::from(image[310 * 720 + 370])
     };
     // exp(-1/2 (d / 2 mm)^2)
     assert!((level(0.0) - 100.0).abs() <= 1.0);
