@@ -78,9 +78,22 @@ fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
     for (pose, eta_m) in poses.poses.iter().zip([0.0, -0.04]) {
         let (calibration, by) = pose.calibration(&setup, rfc3339(0)).unwrap();
         let p = calibration.placement.unwrap();
-        // 1 mm off the sheet, measured by the blocks to 0.3 mm, shifts eta by as much.
+        // The face stands 1 mm off the sheet, which shifts eta by about as much: where three blocks are in
+        // view that is measured and taken out; where they are not, the doubt is stated and the shift stays within it.
+        let bound_m = match calibration.gap() {
+            Some(Coplanarity::Measured(gap)) if eta_m == 0.0 => {
+                assert!((gap.offset_m - 1e-3).abs() < 3e-4, "{}", gap.offset_m);
+                5e-4
+            }
+            Some(Coplanarity::Unknown(gap)) if eta_m != 0.0 => {
+                assert!(gap.why.contains("fewer than 3"), "{}", gap.why);
+                assert!(calibration.claim().contains("withdrawn"));
+                1.5 * gap.offset_sd_m
+            }
+            other => panic!("{eta_m}: {other:?}"),
+        };
         assert!(
-            p.xi_m.abs() < 2e-4 && (p.eta_m - eta_m).abs() < 5e-4,
+            p.xi_m.abs() < 2e-4 && (p.eta_m - eta_m).abs() < bound_m,
             "{p:?}"
         );
         assert!(p.turn_rad.abs() < 1e-3);
@@ -88,10 +101,6 @@ fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
             matches!(by, PlacedBy::Rig { rms_m } if rms_m < 1e-3),
             "{by:?}"
         );
-        let Some(Coplanarity::Measured(gap)) = calibration.gap() else {
-            panic!("{:?}", calibration.gap())
-        };
-        assert!((gap.offset_m - 1e-3).abs() < 3e-4, "{}", gap.offset_m);
         assert_eq!(calibration.date.as_deref(), Some("1970-01-01T00:00:00Z"));
     }
 }
