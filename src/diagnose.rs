@@ -19,6 +19,7 @@ pub mod next;
 pub mod posterior;
 pub mod predict;
 pub mod report;
+pub mod scale;
 pub mod search;
 pub mod setting;
 mod source;
