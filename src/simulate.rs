@@ -153,11 +153,7 @@ pub fn simulate(
             Some(renderer) => {
                 let pixels = match &board {
                     Some(board) => board.frame(k),
-                    None => {
-                        renderer
-                            .render_frame(&world.frame_poses(t_s, rows)?, k)
-                            .0
-                    }
+                    None => renderer.render_frame(&world.frame_poses(t_s, rows)?, k).0,
                 };
                 let frame = frame(&rig, pixels, k, stamp_ns);
                 log.write(stamp_ns, &Entry::frame(&frame, k))?;

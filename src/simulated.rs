@@ -217,20 +217,14 @@ fn failed(error: &SimError) -> CaptureError {
 impl Scene for CameraView {
     fn complete_s(&self, t_s: f64) -> f64 {
         let state = self.vehicle.lock();
-        state
-            .world
-            .latest_scene_time_s(t_s, self.rows())
-            .max(t_s)
+        state.world.latest_scene_time_s(t_s, self.rows()).max(t_s)
     }
 
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError> {
         let (poses, truth) = {
             let mut state = self.vehicle.lock();
             let rows = self.rows();
-            let poses = state
-                .world
-                .frame_poses(t_s, rows)
-                .map_err(|e| failed(&e))?;
+            let poses = state.world.frame_poses(t_s, rows).map_err(|e| failed(&e))?;
             let truth = state.world.state_at(t_s).map_err(|e| failed(&e))?;
             state.last_t_s = state.world.latest_scene_time_s(t_s, rows).max(t_s);
             (poses, truth)

@@ -10,7 +10,8 @@ use hydroline::diagnose::{Source, diagnose, read};
 use hydroline::import::{Map, import, read as read_table};
 use hydroline_rigs::Rig;
 
-const ROLL: &str = "[time]\ncolumn = \"time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+const ROLL: &str =
+    "[time]\ncolumn = \"time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 const SIMULATED: &str =
     "[time]\ncolumn = \"Time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// Force over voltage as the drive's data sheet has it.
@@ -41,7 +42,10 @@ fn source(table: &Path, map: &str, rig: &Rig) -> Source {
     import(&data, &parsed, map, &out, true).unwrap();
     let found = read(&out, rig).unwrap();
     for f in &found.faults {
-        println!("  {} {}: {} (fatal {})", f.fault, f.channel, f.evidence, f.fatal);
+        println!(
+            "  {} {}: {} (fatal {})",
+            f.fault, f.channel, f.evidence, f.fatal
+        );
     }
     found
 }
@@ -79,12 +83,21 @@ fn show(v: &Verdict) {
         );
     }
     println!("  equivalent {:?}", v.equivalent);
-    println!("  unexplained {:?}", v.unexplained.iter().map(|u| (&u.term, u.weight, u.log_bayes_factor)).collect::<Vec<_>>());
+    println!(
+        "  unexplained {:?}",
+        v.unexplained
+            .iter()
+            .map(|u| (&u.term, u.weight, u.log_bayes_factor))
+            .collect::<Vec<_>>()
+    );
     println!("  fit {:?}", v.fit);
     println!("  noise {:?}", v.noise);
     println!("  {:?} -> {:?}", v.parameters.before, v.parameters.after);
     for a in &v.alternatives {
-        println!("  {:.1} {:.3} {:?} {:?}", a.log_evidence, a.probability, a.effects, a.held_out);
+        println!(
+            "  {:.1} {:.3} {:?} {:?}",
+            a.log_evidence, a.probability, a.effects, a.held_out
+        );
     }
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
 }
@@ -131,10 +144,10 @@ fn the_simulated_ship_lacks_the_damping() {
 fn the_drive_lacks_friction_offset_and_direction() {
     let Some(real) = shared() else { return };
     let mut rig = Rig::builtin("lshpi").unwrap();
-    // Moving mass as published with the benchmark; a mass with viscous friction, nothing else.
-    rig.vehicle.mass_kg = 95.1;
-    rig.vehicle.coefficients[0].added = 0.0;
-    rig.vehicle.coefficients[0].linear = -200.0;
+    // A mass with viscous friction, nothing else; both are fitted (the mass as added mass).
+    rig.vehicle.mass_kg = 2.0;
+    rig.vehicle.coefficients[0].added = -10.0;
+    rig.vehicle.coefficients[0].linear = -40.0;
     rig.vehicle.coefficients[0].quadratic = 0.0;
     let all = source(&real.join("emps/DATA_EMPS_SC.csv"), DRIVE, &rig);
     let fitted = [stretch(&all, "a", 0.0, 12.4, 8)];

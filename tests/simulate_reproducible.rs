@@ -81,10 +81,9 @@ fn rolling_shutter_and_interlace_reach_the_images() {
     let dir = tempfile::tempdir().unwrap();
     let plan = Plan::from_toml(PLAN, "short.toml").unwrap();
     let with = |name: &str, physics: &str| {
-        let text = std::fs::read_to_string(
-            Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/lshpi.toml"),
-        )
-        .unwrap();
+        let text =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/lshpi.toml"))
+                .unwrap();
         let rig = Rig::from_toml(&format!("{text}\n{physics}"), "rig.toml", None).unwrap();
         let out = dir.path().join(format!("{name}.mcap"));
         simulate(&rig, &plan, &out, &Options::default(), &mut |_, _| {}).unwrap();

@@ -95,8 +95,8 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
         cross_validate: false,
         seed: 1,
     };
-    let found = identify::identify(&runs.map_err(CliError::run)?, rig, &options)
-        .map_err(CliError::run)?;
+    let found =
+        identify::identify(&runs.map_err(CliError::run)?, rig, &options).map_err(CliError::run)?;
     outln!();
     outln!("identify, with a model that knows of no lag:");
     for p in found.order.iter().filter_map(|k| found.parameters.get(k)) {

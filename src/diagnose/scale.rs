@@ -133,7 +133,10 @@ mod tests {
         let times_s: Vec<f64> = (0..100).map(|k| 0.1 * f64::from(k)).collect();
         let rolling = |amplitude: f64| Track {
             name: String::new(),
-            measured: times_s.iter().map(|t| amplitude * (2.5 * t).cos()).collect(),
+            measured: times_s
+                .iter()
+                .map(|t| amplitude * (2.5 * t).cos())
+                .collect(),
             times_s: times_s.clone(),
             edges: Vec::new(),
             start_s: 0.0,

@@ -84,7 +84,13 @@ fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
         });
-    (low <= high).then(|| if high > low { (low, high) } else { (low - 1.0, high + 1.0) })
+    (low <= high).then(|| {
+        if high > low {
+            (low, high)
+        } else {
+            (low - 1.0, high + 1.0)
+        }
+    })
 }
 
 impl Plot<'_> {

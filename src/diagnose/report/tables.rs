@@ -103,7 +103,11 @@ pub(super) fn effects(page: &mut String, v: &Verdict) {
             e.probability,
             escape(&amounts(&e.weight)),
             if e.matters { "yes" } else { "no" },
-            if e.law == Law::Exact { "exact" } else { "inexact" },
+            if e.law == Law::Exact {
+                "exact"
+            } else {
+                "inexact"
+            },
             numbers.join("<br>")
         );
         for note in e.law_note.iter().chain(&e.notes) {

@@ -130,7 +130,15 @@ impl Explained {
             return self
                 .held
                 .iter()
-                .filter_map(|t| predict(&self.setting, t, &self.plain, &self.first, self.weights.noise))
+                .filter_map(|t| {
+                    predict(
+                        &self.setting,
+                        t,
+                        &self.plain,
+                        &self.first,
+                        self.weights.noise,
+                    )
+                })
                 .collect();
         }
         let runs = self.setting.tracks.len();
@@ -221,13 +229,7 @@ impl Regime {
 }
 
 /// One run from coefficients and effects that were fitted elsewhere: only its start is free.
-fn predict(
-    like: &Setting,
-    track: &Track,
-    plain: &Fit,
-    first: &Fit,
-    noise: Noise,
-) -> Option<Trace> {
+fn predict(like: &Setting, track: &Track, plain: &Fit, first: &Fit, noise: Noise) -> Option<Trace> {
     let there = like.with_tracks(vec![track.clone()]);
     let used = Weights::first(&there.tracks).used;
     let weights = Weights::new(&there.tracks, noise, used.clone());
