@@ -18,6 +18,8 @@ pub mod locate;
 pub mod next;
 pub mod posterior;
 pub mod predict;
+pub mod report;
+pub mod scale;
 pub mod search;
 pub mod setting;
 mod source;

@@ -16,6 +16,7 @@ use hydroline_rigs::{Board, Plan, Rig};
 use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
+use std::collections::VecDeque;
 use std::path::Path;
 
 /// First stamp of a simulated log, UNIX \[s\]: 2020-09-13 12:26:40 UTC, recognisable and before any real log.
@@ -123,26 +124,36 @@ pub fn simulate(
     let length_s = plan.duration_s() + options.tail_s;
     let frames = (length_s * rig.camera.rate_fps).floor() as u64;
     let commands = (length_s * rig.thrusters.link.rate_hz).floor() as u64;
+    let rows = match renderer {
+        Some(_) => rig.camera.height_px as usize,
+        None => 1,
+    };
     let mut next_command = 0;
+    // Commanded already because a row of the frame in hand looks beyond the frame's stamp, not logged yet.
+    let mut ahead: VecDeque<(f64, Setpoint)> = VecDeque::new();
     let mut sequence = 0;
     for k in 0..frames {
         let t_s =
             (k as f64 + 0.5 * rig.camera.exposure_s * rig.camera.rate_fps) / rig.camera.rate_fps;
-        while next_command <= commands && next_command as f64 / rig.thrusters.link.rate_hz <= t_s {
+        let seen_s = world.latest_scene_time_s(t_s, rows).max(t_s);
+        while next_command <= commands && next_command as f64 / rig.thrusters.link.rate_hz <= seen_s
+        {
             let command_s = next_command as f64 / rig.thrusters.link.rate_hz;
             let set = setpoint(&rig, world.allocation(), plan, command_s)?;
             world.command_pulses(command_s, &set.pulses_us)?;
-            write_commands(&mut log, &rig, &set, command_s, &mut sequence)?;
+            ahead.push_back((command_s, set));
             next_command += 1;
+        }
+        while let Some((command_s, set)) = ahead.pop_front_if(|(command_s, _)| *command_s <= t_s) {
+            write_commands(&mut log, &rig, &set, command_s, &mut sequence)?;
         }
         let stamp_ns = at_ns(t_s);
         let truth = world.state_at(t_s)?;
         match &renderer {
             Some(renderer) => {
-                let pose = world.pose_seen(t_s, 0.0)?;
                 let pixels = match &board {
                     Some(board) => board.frame(k),
-                    None => renderer.render(&pose, k).0,
+                    None => renderer.render_frame(&world.frame_poses(t_s, rows)?, k).0,
                 };
                 let frame = frame(&rig, pixels, k, stamp_ns);
                 log.write(stamp_ns, &Entry::frame(&frame, k))?;

@@ -197,6 +197,14 @@ impl CameraView {
             seen: Seen::Board(Box::new(board)),
         }
     }
+
+    /// Rows that may show different times.
+    fn rows(&self) -> usize {
+        match &self.seen {
+            Seen::Tank(renderer) => renderer.height_px(),
+            Seen::Board(_) => 1,
+        }
+    }
 }
 
 fn failed(error: &SimError) -> CaptureError {
@@ -207,19 +215,25 @@ fn failed(error: &SimError) -> CaptureError {
 }
 
 impl Scene for CameraView {
+    fn complete_s(&self, t_s: f64) -> f64 {
+        let state = self.vehicle.lock();
+        state.world.latest_scene_time_s(t_s, self.rows()).max(t_s)
+    }
+
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError> {
-        let (pose, truth) = {
+        let (poses, truth) = {
             let mut state = self.vehicle.lock();
-            let pose = state.world.pose_seen(t_s, 0.0).map_err(|e| failed(&e))?;
+            let rows = self.rows();
+            let poses = state.world.frame_poses(t_s, rows).map_err(|e| failed(&e))?;
             let truth = state.world.state_at(t_s).map_err(|e| failed(&e))?;
-            state.last_t_s = t_s;
-            (pose, truth)
+            state.last_t_s = state.world.latest_scene_time_s(t_s, rows).max(t_s);
+            (poses, truth)
         };
         if let Some((recorder, start_unix_ns)) = self.vehicle.recorder.get() {
             recorder.truth(&motion_message(start_unix_ns + (t_s * 1e9) as u64, &truth));
         }
         Ok(match &self.seen {
-            Seen::Tank(renderer) => renderer.render(&pose, index).0,
+            Seen::Tank(renderer) => renderer.render_frame(&poses, index).0,
             Seen::Board(board) => board.frame(index),
         })
     }

@@ -74,3 +74,41 @@ fn a_motion_only_log_holds_commands_measured_motion_and_truth() {
     assert_eq!(commands % 8, 0);
     assert!(commands >= 80, "{commands}");
 }
+
+/// Effects within a frame change the pictures of a moving vehicle, and neither its motion nor what was commanded when.
+#[test]
+fn rolling_shutter_and_interlace_reach_the_images() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = Plan::from_toml(PLAN, "short.toml").unwrap();
+    let with = |name: &str, physics: &str| {
+        let text =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/lshpi.toml"))
+                .unwrap();
+        let rig = Rig::from_toml(&format!("{text}\n{physics}"), "rig.toml", None).unwrap();
+        let out = dir.path().join(format!("{name}.mcap"));
+        simulate(&rig, &plan, &out, &Options::default(), &mut |_, _| {}).unwrap();
+        let (mut images, mut rest, mut last_ns) = (Vec::new(), Vec::new(), 0);
+        for message in LogReader::open(&out).unwrap() {
+            let message = message.unwrap();
+            assert!(message.log_ns >= last_ns);
+            last_ns = message.log_ns;
+            match message.record {
+                Record::Frame(frame) => images.push(frame.data),
+                Record::Command(c) => rest.push(format!("{c:?}")),
+                Record::Truth(t) => rest.push(format!("{t:?}")),
+                _ => {}
+            }
+        }
+        (images, rest)
+    };
+    let plain = with("plain", "");
+    for physics in [
+        "[[physics]]\neffect = \"rolling_shutter\"\nrow_time_s = 3.5e-5\n",
+        "[[physics]]\neffect = \"interlace\"\nfield_s = 0.02\n",
+    ] {
+        let bent = with(&physics[20..30], physics);
+        assert_eq!(plain.1, bent.1, "{physics}");
+        assert_eq!(plain.0.len(), bent.0.len());
+        assert_ne!(plain.0.last(), bent.0.last(), "{physics}");
+    }
+}

@@ -25,6 +25,11 @@ pub trait Scene: Send {
     /// The 8-bit grey image, row-major, of the world at `t_s` seconds after the source's start;
     /// `index` seeds the frame's noise. Called with ascending times.
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError>;
+
+    /// The latest time \[s\] that any row of the image stamped `t_s` shows; the frame is not there before it.
+    fn complete_s(&self, t_s: f64) -> f64 {
+        t_s
+    }
 }
 
 /// A camera rendered in real time.
@@ -70,7 +75,10 @@ impl<S: Scene> SimCamera<S> {
 
     /// When the driver hands out frame `index`, CLOCK_MONOTONIC \[ns\].
     fn due_ns(&self, index: u64) -> u64 {
-        let after_s = self.exposure_start_s(index) + self.camera.exposure_s + TRANSFER_S;
+        let start_s = self.exposure_start_s(index);
+        let half_s = 0.5 * self.camera.exposure_s;
+        let beyond_s = (self.scene.complete_s(start_s + half_s) - (start_s + half_s)).max(0.0);
+        let after_s = start_s + self.camera.exposure_s + TRANSFER_S + beyond_s;
         self.start_ns + (after_s * 1e9) as u64
     }
 

@@ -3,24 +3,37 @@
 use super::print::outln;
 use super::record::Recording;
 use super::{CliError, Outcome, progress};
+use crate::diagnose::{Source, diagnose, read};
+use crate::identify::data::{Run, load};
+use crate::identify::lm::LevenbergMarquardt;
+use crate::identify::problem::Objective;
+use crate::identify::report::significant;
+use crate::identify::{self, ModelChoice};
 use crate::log::{LogReader, Record};
+use crate::pose::run::PoseRun;
 use crate::record::{Conditions, Report, floor, preflight::preflight};
 use crate::replay::{Options, replay};
 use crate::shutdown::StopReason;
 use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_calib::analytic::IdealMap;
-use hydroline_rigs::{Plan, Rig};
+use hydroline_calib::plane::PlaneMap;
+use hydroline_rigs::{Dof, Plan, Rig};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The paper's two surge runs.
-const PLANS: [&str; 2] = ["surge-4n", "surge-8n"];
+/// Ahead from rest, and ahead and astern in turns: constant thrust alone could not tell a lag from its kin.
+const PLANS: [&str; 2] = ["surge-8n", "reversals"];
+/// What the simulated vehicle has and the rig that identifies and diagnoses it has not.
+const LEFT_OUT: &str = "[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Takes about 40 s: the two runs are recorded in real time, as the daemon would at the tank, with a
-simulated camera and a simulated controller on a pseudo-terminal. `hydroline simulate` does not wait.")]
+The two runs are recorded in real time (36 s), as the daemon would at the tank, with a simulated camera
+and a simulated controller on a pseudo-terminal; the whole takes less than two minutes. The simulated
+thrusters lag by 0.25 s and the rig that the runs are then analysed with does not know: diagnose must
+find it, from the poses of the recorded frames. `hydroline simulate` does not wait for the clock.")]
 pub struct Args {
     /// Folder for the logs; it must not exist yet
     #[arg(long, value_name = "DIR", default_value = "hydroline-demo")]
@@ -37,36 +50,115 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     std::fs::create_dir_all(&args.out)
         .map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
     let rig = Rig::builtin("lshpi").map_err(CliError::config)?;
+    let vehicle = Rig::from_toml(
+        &format!("{}\n{LEFT_OUT}", rig.effective_toml),
+        "lshpi with a lag",
+        None,
+    )
+    .map_err(CliError::config)?;
     let mut lossy = false;
     for name in PLANS {
         let plan = Plan::builtin(name).map_err(CliError::config)?;
-        lossy |= one_run(args, &rig, &plan, name)?;
+        lossy |= one_run(args, &rig, &vehicle, &plan, name)?;
     }
+    let stripes: Vec<PathBuf> = PLANS.iter().map(|n| stripes(&args.out, n)).collect();
+    identified(&rig, &stripes)?;
+    diagnosed(&rig, &stripes, &args.out)?;
     outln!();
     outln!("Everything is in {}. Look closer:", args.out.display());
     outln!(
         "  hydroline info {}",
-        args.out.join("surge-4n.mcap").display()
+        args.out.join("surge-8n.mcap").display()
     );
     outln!(
         "  hydroline doctor {}",
-        args.out.join("surge-4n.mcap").display()
+        args.out.join("surge-8n.mcap").display()
     );
     outln!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
     Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
 }
 
-/// Records, replays and describes one run; true when something was lost.
-fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliError> {
-    let check = preflight(rig, plan).map_err(CliError::config)?;
+/// The log that a run is replayed into: stripes and poses, no images.
+fn stripes(out: &Path, name: &str) -> PathBuf {
+    out.join(format!("{name}-stripes.mcap"))
+}
+
+/// The vehicle's coefficients, by the model that lacks the lag.
+fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
+    let runs: Result<Vec<Run>, _> = stripes.iter().map(|p| load(p, rig)).collect();
+    let options = identify::Options {
+        model: ModelChoice::Axis(Dof::Surge),
+        method: &LevenbergMarquardt::default(),
+        objective: Objective::LeastSquares,
+        fixed: Vec::new(),
+        from_rest: false,
+        cross_validate: false,
+        seed: 1,
+    };
+    let found =
+        identify::identify(&runs.map_err(CliError::run)?, rig, &options).map_err(CliError::run)?;
+    outln!();
+    outln!("identify, with a model that knows of no lag:");
+    for p in found.order.iter().filter_map(|k| found.parameters.get(k)) {
+        outln!(
+            "  {:<8} {} +- {} {} (simulated with {})",
+            p.symbol,
+            significant(p.value),
+            p.sd.map_or("-".to_owned(), significant),
+            p.unit,
+            significant(p.rig)
+        );
+    }
+    Ok(())
+}
+
+/// What that model left out.
+fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError> {
+    let sources: Result<Vec<Source>, _> = stripes.iter().map(|p| read(p, rig)).collect();
+    let bar = progress::bar(0, "diagnosing");
+    let found = diagnose(&sources.map_err(CliError::run)?, &[], rig, &|what: &str| {
+        bar.set_prefix(what.to_owned());
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let found = found.map_err(CliError::run)?;
+    let page = super::diagnose::write_report(out, &found, "hydroline demo")?;
+    let rig_file = out.join("rig-with-what-was-left-out.toml");
+    std::fs::write(&rig_file, found.rig.to_toml())
+        .map_err(|e| CliError::Run(format!("{}: {e}", rig_file.display())))?;
+    outln!();
+    outln!("diagnose: {}", found.verdict.sentence);
+    for (channel, before) in &found.verdict.fit.held_out.before {
+        let of = |m: &BTreeMap<String, f64>| m.get(channel).copied().unwrap_or(f64::NAN);
+        outln!(
+            "  {channel}, {}: rms {before:.2e} before, {:.2e} after, noise {:.2e}",
+            found.verdict.fit.held_out_by,
+            of(&found.verdict.fit.held_out.after),
+            of(&found.verdict.fit.held_out.noise)
+        );
+    }
+    outln!("  {}", page.display());
+    outln!("  {}", rig_file.display());
+    Ok(())
+}
+
+/// Records with the simulated vehicle, replays with the rig and describes one run; true when something was lost.
+fn one_run(
+    args: &Args,
+    rig: &Rig,
+    vehicle: &Rig,
+    plan: &Plan,
+    name: &str,
+) -> Result<bool, CliError> {
+    let check = preflight(vehicle, plan).map_err(CliError::config)?;
     outln!(
         "{name}: {:.1} s, recorded in real time ...",
         check.duration_s
     );
     let log = args.out.join(format!("{name}.mcap"));
-    let stripes = args.out.join(format!("{name}-stripes.mcap"));
+    let stripes = stripes(&args.out, name);
     let recording = Recording {
-        rig,
+        rig: vehicle,
         plan: Some(plan),
         conditions: &Conditions {
             note: Some("hydroline demo".to_owned()),
@@ -87,8 +179,10 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
         other => return Err(CliError::Run(other.to_string())),
     }
     let bar = progress::bar(report.capture.received, "replaying");
+    let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(rig));
     let options = Options {
-        map: Some(Arc::new(IdealMap::of(rig))),
+        poses: Some(PoseRun::new(rig, map.clone())),
+        map: Some(map),
         rig_toml: Some(rig.effective_toml.clone()),
         ..Options::default()
     };
@@ -98,12 +192,13 @@ fn one_run(args: &Args, rig: &Rig, plan: &Plan, name: &str) -> Result<bool, CliE
     bar.finish_and_clear();
     let (replayed, _) = result.map_err(CliError::run)?;
     outln!(
-        "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same",
+        "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same; {} poses",
         replayed.frames,
         replayed.with_stripe,
         replayed.points,
         replayed.live_identical,
-        replayed.live
+        replayed.live,
+        replayed.poses
     );
     describe(rig, &stripes)?;
     let picture = args.out.join(format!("{name}.png"));

@@ -1,11 +1,11 @@
 //! `hydroline diagnose`: which physics the rig's model left out, from logs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::diagnose::verdict::{Verdict, Word};
-use crate::diagnose::{Source, diagnose, read};
+use crate::diagnose::{Diagnosis, Source, diagnose, read, report};
 use crate::identify::report::significant;
 
 #[derive(Debug, clap::Args)]
@@ -28,7 +28,8 @@ pub struct Args {
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
-    /// Writes DIR/diagnose.json, and DIR/next.toml: the plan of the next experiment
+    /// Writes DIR/diagnose.html (the report), before-after.svg (its figure), diagnose.json, and
+    /// next.toml: the plan of the next experiment
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Writes the rig with refitted coefficients and the [[physics]] that were left out
@@ -57,23 +58,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
     if let Some(dir) = &args.report {
-        let mut files = vec![("diagnose.json", json.clone())];
-        if let Some(next) = &found.verdict.next_experiment {
-            files.push(("next.toml", next.plan_toml.clone()));
-        }
-        std::fs::create_dir_all(dir)
-            .and_then(|()| {
-                files
-                    .iter()
-                    .try_for_each(|(name, text)| std::fs::write(dir.join(name), text))
-            })
-            .map_err(|e| {
-                CliError::Run(format!(
-                    "{}: {e}; check that the folder is writable",
-                    dir.display()
-                ))
-            })?;
-        eprintln!("{}", dir.join("diagnose.json").display());
+        let page = write_report(dir, &found, &command())?;
+        eprintln!("{}", page.display());
     }
     if let Some(path) = &args.write_rig {
         if found.verdict.verdict == Word::DataFault {
@@ -93,6 +79,42 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         print(&found.verdict);
     }
     Ok(Outcome::Done)
+}
+
+/// Page, figure, verdict and next plan into a folder; the page's path.
+pub(super) fn write_report(
+    dir: &Path,
+    found: &Diagnosis,
+    command: &str,
+) -> Result<PathBuf, CliError> {
+    let pages = report::pages(found, command);
+    let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
+    let mut files = vec![("diagnose.html", pages.html), ("diagnose.json", json)];
+    if !pages.before_after_svg.is_empty() {
+        files.push(("before-after.svg", pages.before_after_svg));
+    }
+    if let Some(next) = &found.verdict.next_experiment {
+        files.push(("next.toml", next.plan_toml.clone()));
+    }
+    std::fs::create_dir_all(dir)
+        .and_then(|()| {
+            files
+                .iter()
+                .try_for_each(|(name, text)| std::fs::write(dir.join(name), text))
+        })
+        .map_err(|e| {
+            CliError::Run(format!(
+                "{}: {e}; check that the folder is writable",
+                dir.display()
+            ))
+        })?;
+    Ok(dir.join("diagnose.html"))
+}
+
+/// The command line, as it stands at the head of the report.
+fn command() -> String {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    format!("hydroline {}", words.join(" "))
 }
 
 fn print(v: &Verdict) {

@@ -62,6 +62,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The rig with refitted coefficients and `[[physics]]` of the first explanation.
     pub rig: Rig,
+    /// Per DOF what the report draws.
+    pub explained: Vec<std::sync::Arc<super::report::Explained>>,
 }
 
 /// Diagnoses logs against a rig; `held` are predicted only.
@@ -92,6 +94,7 @@ pub fn diagnose(
         return Ok(Diagnosis {
             verdict,
             rig: rig.clone(),
+            explained: Vec::new(),
         });
     }
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
@@ -108,6 +111,7 @@ pub fn diagnose(
     let mut made = Diagnosis {
         verdict,
         rig: rig.clone(),
+        explained: Vec::new(),
     };
     for dof in dofs {
         one(&mut made, &runs, &held, rig, dof, progress)?;
@@ -522,6 +526,13 @@ fn one(
     if verdict.next_experiment.is_none() {
         verdict.next_experiment = propose(rig, &setting, noise, &open);
     }
+    made.explained.push(super::report::Explained::new(
+        &setting,
+        &search.weights,
+        &plain,
+        &first,
+        &held_tracks,
+    ));
     adopt(&mut made.rig, &setting, &first, &made.verdict.effects);
     Ok(())
 }

@@ -15,6 +15,8 @@ use crate::identify::uncertainty::covariance;
 const ENOUGH: f64 = 0.01;
 /// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
 const COEFFICIENT_PRIOR: f64 = 1.0;
+/// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
+const LACKING: f64 = 1e-6;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
 const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
@@ -128,7 +130,8 @@ impl<'a> Posed<'a> {
             .collect();
         for (f, p) in frees.iter().zip(&mut priors) {
             if f.start == 0.0 {
-                *p = (0.0, 0.0);
+                // The rig's model lacks the term: it stays out, and is a candidate like any other.
+                *p = (0.0, 1.0 / (LACKING * f.high.max(1.0)));
             }
         }
         for c in set {
@@ -160,8 +163,8 @@ impl<'a> Posed<'a> {
             any(first, 2.0 * spread);
             any(0.0, 3.0 * spread);
             priors.push((0.0, 0.0));
-            // Without commands it is a decay: the start is what moves it.
-            let rest = if track.edges.is_empty() {
+            // Without commands it is a decay: the start is what moves it; a run cut to a window moves at its start.
+            let rest = if track.edges.is_empty() || track.start_s > 0.0 {
                 0.0
             } else {
                 DRIFT_S / setting.tolerance

@@ -8,6 +8,7 @@ use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 
 use super::candidate::{Candidate, vocabulary};
+use super::scale::{factors, rescale};
 use crate::identify::data::{CHANNELS, Run};
 use crate::identify::parameter::{Coefficient, Term};
 
@@ -123,11 +124,16 @@ impl Setting {
     /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
     pub fn new(runs: &[Run], rig: &Rig, dof: Dof) -> Result<Setting, EffectError> {
         let base = check(&rig.physics)?;
+        let tracks: Vec<Track> = runs.iter().filter_map(|r| Track::of(r, dof)).collect();
+        let mut vocabulary = vocabulary(dof, &base);
+        if let Some((load, speed)) = factors(dof, &rig.vehicle, &tracks) {
+            rescale(&mut vocabulary, load, speed);
+        }
         Ok(Setting {
             dof,
             vehicle: rig.vehicle.clone(),
-            tracks: runs.iter().filter_map(|r| Track::of(r, dof)).collect(),
-            vocabulary: vocabulary(dof, &base),
+            tracks,
+            vocabulary,
             base,
             tolerance: if dof.index() < 3 {
                 rig.tolerance.position_m

@@ -1,0 +1,252 @@
+//! What the figures show: each run measured, and as the model has it without and with the effects.
+
+use std::sync::Arc;
+
+use crate::diagnose::bank::View;
+use crate::diagnose::family::{Acts, FamilyFit, Variable, forces};
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::locate::stands_out;
+use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
+use crate::diagnose::weights::Weights;
+use crate::identify::lm::descend;
+use crate::identify::noise::Noise;
+
+/// One DOF's problem and its two answers, kept for the report.
+#[derive(Debug)]
+pub struct Explained {
+    /// The problem.
+    pub setting: Setting,
+    /// Noise and samples in use.
+    pub weights: Weights,
+    /// The vehicle refitted, no effect.
+    pub plain: Fit,
+    /// With the first explanation's effects.
+    pub first: Fit,
+    /// Runs only predicted.
+    pub held: Vec<Track>,
+}
+
+/// One run under both models.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// The run.
+    pub track: Track,
+    /// Without effects \[m, rad\].
+    pub before: Vec<f64>,
+    /// With them \[m, rad\].
+    pub after: Vec<f64>,
+    /// Samples that are no outliers.
+    pub used: Vec<bool>,
+}
+
+/// The free force that explains most of what the model without effects misses.
+#[derive(Debug, Clone)]
+pub struct Regime {
+    /// Its fit.
+    pub found: FamilyFit,
+    /// Range of its variable in which it is strong.
+    pub range: [f64; 2],
+}
+
+impl Trace {
+    /// Measured minus model, outliers as NaN; \[m, rad\].
+    pub fn residual(&self, model: &[f64]) -> Vec<f64> {
+        self.track
+            .measured
+            .iter()
+            .zip(model)
+            .zip(&self.used)
+            .map(|((m, v), used)| if *used { m - v } else { f64::NAN })
+            .collect()
+    }
+
+    /// Outliers: (time, measured minus the model with effects).
+    pub fn outliers(&self) -> Vec<(f64, f64)> {
+        self.track
+            .times_s
+            .iter()
+            .zip(self.track.measured.iter().zip(&self.after))
+            .zip(&self.used)
+            .filter(|(_, used)| !**used)
+            .map(|((t, (m, v)), _)| (*t, m - v))
+            .collect()
+    }
+
+    /// rms without and with effects.
+    pub fn rms(&self) -> (f64, f64) {
+        let of = |model: &[f64]| {
+            let r: Vec<f64> = self
+                .residual(model)
+                .into_iter()
+                .filter(|v| v.is_finite())
+                .collect();
+            (r.iter().map(|v| v * v).sum::<f64>() / r.len().max(1) as f64).sqrt()
+        };
+        (of(&self.before), of(&self.after))
+    }
+}
+
+impl Explained {
+    /// Keeps a DOF's answers.
+    pub fn new(
+        setting: &Setting,
+        weights: &Weights,
+        plain: &Fit,
+        first: &Fit,
+        held: &[Track],
+    ) -> Arc<Explained> {
+        Arc::new(Explained {
+            setting: setting.with_tracks(setting.tracks.clone()),
+            weights: weights.clone(),
+            plain: plain.clone(),
+            first: first.clone(),
+            held: held.to_vec(),
+        })
+    }
+
+    /// The runs fitted.
+    pub fn fitted(&self) -> Vec<Trace> {
+        let values = |fit: &Fit, run: usize| {
+            self.setting.values(
+                run,
+                &fit.set,
+                fit.globals(&self.setting),
+                fit.start(&self.setting, run),
+            )
+        };
+        (0..self.setting.tracks.len())
+            .map(|run| Trace {
+                track: self.setting.tracks[run].clone(),
+                before: values(&self.plain, run),
+                after: values(&self.first, run),
+                used: self.weights.used[run].clone(),
+            })
+            .collect()
+    }
+
+    /// Runs predicted: those held out, or without any, each run by the others. Only the start is fitted.
+    pub fn predicted(&self) -> Vec<Trace> {
+        if !self.held.is_empty() {
+            return self
+                .held
+                .iter()
+                .filter_map(|t| {
+                    predict(
+                        &self.setting,
+                        t,
+                        &self.plain,
+                        &self.first,
+                        self.weights.noise,
+                    )
+                })
+                .collect();
+        }
+        let runs = self.setting.tracks.len();
+        if runs < 2 {
+            return Vec::new();
+        }
+        (0..runs)
+            .filter_map(|run| {
+                let keep = |i: &usize| *i != run;
+                let tracks = (0..runs)
+                    .filter(keep)
+                    .map(|i| self.setting.tracks[i].clone())
+                    .collect();
+                let used = (0..runs)
+                    .filter(keep)
+                    .map(|i| self.weights.used[i].clone())
+                    .collect();
+                let rest = self.setting.with_tracks(tracks);
+                let weights = Weights::new(&rest.tracks, self.weights.noise, used);
+                let refit = |fit: &Fit| -> Option<Fit> {
+                    let g = COEFFICIENTS + rest.parameters(&fit.set);
+                    let mut at = fit.at.clone();
+                    at.drain(g + 2 * run..g + 2 * run + 2);
+                    Posed::new(&rest, &weights, &fit.set).fit(at).ok()
+                };
+                let track = &self.setting.tracks[run];
+                let (plain, first) = (refit(&self.plain)?, refit(&self.first)?);
+                predict(&rest, track, &plain, &first, self.weights.noise)
+            })
+            .collect()
+    }
+
+    /// Where the mismatch acts: the best free force beside the model without effects.
+    pub fn regime(&self) -> Option<Regime> {
+        let view = View::new(&self.setting, &self.weights, &self.plain);
+        let found = forces(&self.setting, &self.plain)
+            .iter()
+            .filter(|f| f.acts == Acts::Force)
+            .filter_map(|f| f.fit(&self.setting, &self.weights, &self.plain, &view))
+            .filter(|f| f.gain > 5.0)
+            .max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let (range, _) = stands_out(&found);
+        Some(Regime { found, range })
+    }
+}
+
+impl Regime {
+    /// Times of a run in which the variable lies in the range.
+    pub fn windows(&self, run: usize, trace: &Trace) -> Vec<[f64; 2]> {
+        let t = &trace.track.times_s;
+        let load_at = |s: f64| {
+            let after = trace.track.edges.partition_point(|e| e.0 <= s);
+            after.checked_sub(1).map(|i| trace.track.edges[i])
+        };
+        let value = |k: usize| -> f64 {
+            match self.found.family.variable {
+                Variable::Place => trace.before[k],
+                Variable::Rate | Variable::Speed => {
+                    let (a, b) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
+                    let rate = (trace.before[b] - trace.before[a]) / (t[b] - t[a]).max(1e-9);
+                    if self.found.family.variable == Variable::Speed {
+                        rate.abs()
+                    } else {
+                        rate
+                    }
+                }
+                Variable::Load => load_at(t[k]).map_or(0.0, |e| e.1),
+                Variable::LoadSize => load_at(t[k]).map_or(0.0, |e| e.1.abs()),
+                Variable::Time => t[k],
+                Variable::TimeIn(only) if only == run => t[k],
+                Variable::TimeIn(_) => f64::NAN,
+                Variable::SinceEdge => load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0),
+            }
+        };
+        let mut windows: Vec<[f64; 2]> = Vec::new();
+        let mut open = false;
+        for k in 0..t.len() {
+            let inside = (self.range[0]..=self.range[1]).contains(&value(k));
+            match windows.last_mut().filter(|_| open && inside) {
+                Some(last) => last[1] = t[k],
+                None if inside => windows.push([t[k], t[k]]),
+                None => {}
+            }
+            open = inside;
+        }
+        windows
+    }
+}
+
+/// One run from coefficients and effects that were fitted elsewhere: only its start is free.
+fn predict(like: &Setting, track: &Track, plain: &Fit, first: &Fit, noise: Noise) -> Option<Trace> {
+    let there = like.with_tracks(vec![track.clone()]);
+    let used = Weights::first(&there.tracks).used;
+    let weights = Weights::new(&there.tracks, noise, used.clone());
+    let values = |fit: &Fit| -> Option<Vec<f64>> {
+        let posed = Posed::new(&there, &weights, &fit.set);
+        let g = COEFFICIENTS + there.parameters(&fit.set);
+        let mut at = posed.start();
+        at[..g].copy_from_slice(&fit.at[..g]);
+        let held: Vec<bool> = (0..at.len()).map(|i| i < g).collect();
+        let (found, _) = descend(&posed, at, &held, 0.01).ok()?;
+        let p = found.parameters;
+        Some(there.values(0, &fit.set, &p[..g], (p[g], p[g + 1])))
+    };
+    Some(Trace {
+        before: values(plain)?,
+        after: values(first)?,
+        used: used.into_iter().next()?,
+        track: track.clone(),
+    })
+}

@@ -1,0 +1,157 @@
+//! `diagnose` on real recordings: a ship model rolling freely, a simulation of the same, a linear drive.
+//!
+//! The tables become logs by `import` with the maps below, as a user would do it.
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+use hydroline::diagnose::verdict::Verdict;
+use hydroline::diagnose::{Source, diagnose, read};
+use hydroline::import::{Map, import, read as read_table};
+use hydroline_rigs::Rig;
+
+const ROLL: &str =
+    "[time]\ncolumn = \"time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+const SIMULATED: &str =
+    "[time]\ncolumn = \"Time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+/// Force over voltage as the drive's data sheet has it.
+const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
+                     [[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
+
+fn shared() -> Option<PathBuf> {
+    let path = std::env::var_os("HYDROLINE_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    );
+    let there = path.join("cases/real").exists();
+    if !there {
+        println!("skipped: {} is not there", path.display());
+    }
+    there.then_some(path.join("cases/real"))
+}
+
+/// The table as a log, read back.
+fn source(table: &Path, map: &str, rig: &Rig) -> Source {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("log.mcap");
+    let parsed = Map::from_toml(map, "map.toml").unwrap();
+    let data = read_table(&std::fs::read_to_string(table).unwrap(), &parsed);
+    for f in &data.findings {
+        println!("  {}: {}", f.kind, f.message);
+    }
+    import(&data, &parsed, map, &out, true).unwrap();
+    let found = read(&out, rig).unwrap();
+    for f in &found.faults {
+        println!(
+            "  {} {}: {} (fatal {})",
+            f.fault, f.channel, f.evidence, f.fatal
+        );
+    }
+    found
+}
+
+/// One stretch of a recording, every `thin`-th sample.
+fn stretch(of: &Source, name: &str, from_s: f64, to_s: f64, thin: usize) -> Source {
+    let mut run = of.run.clone().window(from_s, to_s);
+    run.name = name.to_owned();
+    run.samples = run.samples.into_iter().step_by(thin).collect();
+    Source {
+        run,
+        faults: of.faults.iter().filter(|f| !f.fatal).cloned().collect(),
+    }
+}
+
+/// KVLCC2 at 1:68 from `model_test_parameters.csv` and `fnpf_parameters.csv`: displacement 0.993 m³,
+/// GM 5.73 m / 68, k_xx 0.341 m. Linear damping, no other term.
+fn ship() -> Rig {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    rig.vehicle.mass_kg = 993.42;
+    rig.vehicle.inertia_kgm2[0] = 993.42 * 0.341_f64.powi(2);
+    rig.vehicle.r_bz_m = -5.73 / 68.0;
+    rig.vehicle.coefficients[3].added = -15.0;
+    rig.vehicle.coefficients[3].linear = -3.0;
+    rig.vehicle.coefficients[3].quadratic = 0.0;
+    rig
+}
+
+fn show(v: &Verdict) {
+    println!("{:?}: {}", v.verdict, v.sentence);
+    for e in &v.effects {
+        println!(
+            "  {} p {:.3} {:?} matters {} {:?} {:?} {:?}",
+            e.effect, e.probability, e.weight, e.matters, e.law, e.law_note, e.parameters
+        );
+    }
+    println!("  equivalent {:?}", v.equivalent);
+    println!(
+        "  unexplained {:?}",
+        v.unexplained
+            .iter()
+            .map(|u| (&u.term, u.weight, u.log_bayes_factor))
+            .collect::<Vec<_>>()
+    );
+    println!("  fit {:?}", v.fit);
+    println!("  noise {:?}", v.noise);
+    println!("  {:?} -> {:?}", v.parameters.before, v.parameters.after);
+    for a in &v.alternatives {
+        println!(
+            "  {:.1} {:.3} {:?} {:?}",
+            a.log_evidence, a.probability, a.effects, a.held_out
+        );
+    }
+    println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
+}
+
+#[test]
+fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
+    let Some(real) = shared() else { return };
+    let rig = ship();
+    let all = source(&real.join("roll-decay/model_test_21338.csv"), ROLL, &rig);
+    let fitted = [
+        stretch(&all, "a", 9.0, 34.0, 10),
+        stretch(&all, "b", 64.0, 100.0, 10),
+    ];
+    let held = [
+        stretch(&all, "c", 34.0, 64.0, 10),
+        stretch(&all, "d", 100.0, 150.0, 10),
+    ];
+    let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
+    show(&found.verdict);
+}
+
+#[test]
+fn the_simulated_ship_lacks_the_damping() {
+    let Some(real) = shared() else { return };
+    let rig = ship();
+    let all = source(
+        &real.join("roll-decay/fnpf_kvlcc2_rolldecay_0kn.csv"),
+        SIMULATED,
+        &rig,
+    );
+    let fitted = [
+        stretch(&all, "a", 0.0, 25.0, 5),
+        stretch(&all, "b", 55.0, 91.0, 5),
+    ];
+    let held = [
+        stretch(&all, "c", 25.0, 55.0, 5),
+        stretch(&all, "d", 91.0, 141.0, 5),
+    ];
+    let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
+    show(&found.verdict);
+}
+
+#[test]
+fn the_drive_lacks_friction_offset_and_direction() {
+    let Some(real) = shared() else { return };
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    // A mass with viscous friction, nothing else; both are fitted (the mass as added mass).
+    rig.vehicle.mass_kg = 2.0;
+    rig.vehicle.coefficients[0].added = -10.0;
+    rig.vehicle.coefficients[0].linear = -40.0;
+    rig.vehicle.coefficients[0].quadratic = 0.0;
+    let all = source(&real.join("emps/DATA_EMPS_SC.csv"), DRIVE, &rig);
+    let fitted = [stretch(&all, "a", 0.0, 12.4, 8)];
+    let held = [stretch(&all, "b", 12.4, 24.8, 8)];
+    let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
+    show(&found.verdict);
+}
