@@ -226,17 +226,39 @@ fn one(
     let Some(plain) = search.get(&[]).cloned() else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
-    let verdict = &mut made.verdict;
-    verdict.sets_looked_at += search.looked;
+    made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
     let simple = found.family.is_none();
-    let groups: Vec<Group> = if simple {
+    let mut groups: Vec<Group> = if simple {
         post.tied().into_iter().cloned().collect()
     } else {
         Vec::new()
     };
+    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
+    if groups.len() > 1 && !held_tracks.is_empty() {
+        // The runs fitted cannot tell them apart; the one that predicts best comes first.
+        let miss = |g: &Group| {
+            held_out(&setting, &held_tracks, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
+        };
+        let mut missed: Vec<(f64, Group)> = groups.into_iter().map(|g| (miss(&g), g)).collect();
+        let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max)
+            > 1.5 * missed.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
+        if clear {
+            missed.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((rms, g)) = missed.first() {
+                let names: Vec<&str> = g
+                    .matters
+                    .iter()
+                    .map(|c| setting.vocabulary[*c].info.id)
+                    .collect();
+                made.verdict.notes.push(format!("the runs fitted leave {} explanations open; the runs held out speak for {} (rms {rms:.2e})", missed.len(), names.join(" + ")));
+            }
+        }
+        groups = missed.into_iter().map(|m| m.1).collect();
+    }
     // A function fitted along is no part of what a rig file can hold: predictions are the set's own.
     let first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
+    let verdict = &mut made.verdict;
     let shares = weights(&setting, &first);
     let covariance = first.covariance();
     let places = setting.places(&first.set);
@@ -361,7 +383,6 @@ fn one(
     progress("predictions");
     // Fit and prediction.
     let noise = search.weights.noise;
-    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     let put = |table: &mut BeforeAfter, before: Option<f64>, after: Option<f64>| {
         table.before.extend(before.map(|v| (channel.clone(), v)));
         table.after.extend(after.map(|v| (channel.clone(), v)));
@@ -473,7 +494,12 @@ fn one(
         verdict.place.regime =
             format!("{}; {}: {}", verdict.place.regime, dof.name(), place.regime);
     }
-    for spot in blind(&search, &first) {
+    for spot in blind(&search, &plain) {
+        let open = verdict.effects.iter().any(|e| e.effect == spot)
+            || verdict.equivalent.iter().any(|s| s.contains(&spot));
+        if open {
+            continue;
+        }
         if !verdict.blind_spots.contains(&spot) {
             verdict.blind_spots.push(spot);
         }

@@ -225,10 +225,16 @@ impl Family {
                 .sum()
         };
         // A law that bends by more than its own size is another law.
-        let most = if matches!(self.acts, Acts::Bends(_)) {
-            1.0
-        } else {
-            1e6
+        let largest_load = setting
+            .tracks
+            .iter()
+            .flat_map(|t| &t.edges)
+            .map(|e| e.1.abs())
+            .fold(1.0, f64::max);
+        let most = match self.acts {
+            Acts::Bends(_) => 1.0,
+            // Nor is a force beyond what drives it.
+            Acts::Force => largest_load * largest_load,
         };
         let best = (0..60)
             .map(|k| 10f64.powf(-12.0 + 0.3 * f64::from(k)))
@@ -425,7 +431,7 @@ impl FamilyFit {
                     (j.tr_mul(&r), j.tr_mul(&j))
                 })
                 .collect();
-            let mut gradient = DVector::<f64>::zeros(n + m);
+            let mut gradient: DVector<f64> = DVector::zeros(n + m);
             hessian.fill(0.0);
             for (run, (gr, h)) in blocks.iter().enumerate() {
                 let column = |i: usize| match i {

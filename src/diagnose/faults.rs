@@ -15,7 +15,7 @@ use crate::log::messages::pb;
 /// Share of samples apart from their neighbours above which a channel is no measurement.
 const OUTLIERS_MAX: f64 = 0.05;
 /// Share that is worth a line.
-const OUTLIERS_SOME: f64 = 0.005;
+const OUTLIERS_SOME: f64 = 0.03;
 /// Drift of the controller's clock worth a line \[ppm\].
 const DRIFT_SOME_PPM: f64 = 20.0;
 

@@ -73,7 +73,9 @@ pub fn dependences(search: &Search<'_>, fit: &Fit) -> Vec<FamilyFit> {
 pub fn stands_out(found: &FamilyFit) -> ([f64; 2], f64) {
     let a = &found.amplitudes;
     let knots = &found.family.knots;
-    let Some(peak) = (0..a.len()).max_by(|i, j| a[*i].abs().total_cmp(&a[*j].abs())) else {
+    // The surest knot, not the largest: at the ends of a range amplitudes are hardly known.
+    let sure = |i: usize| a[i].abs() / found.sds[i].max(1e-300);
+    let Some(peak) = (0..a.len()).max_by(|i, j| sure(*i).total_cmp(&sure(*j))) else {
         return ([f64::NAN, f64::NAN], 0.0);
     };
     let half = 0.5 * a[peak];

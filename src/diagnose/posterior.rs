@@ -150,15 +150,23 @@ impl Posterior {
         ))
     }
 
-    /// The explanations that are tied with the first, at most six, the first included.
+    /// The explanations that are tied with the first, at most six, the first included. Two that hold
+    /// the same effects, one of them just below what matters in the one, are the same.
     pub fn tied(&self) -> Vec<&Group> {
         let Some(first) = self.groups.first() else {
             return Vec::new();
         };
-        self.groups
-            .iter()
-            .filter(|g| g.probability > first.probability * (-TIE).exp())
-            .take(REPORTED)
-            .collect()
+        let mut kept: Vec<&Group> = Vec::new();
+        for g in &self.groups {
+            let same = |k: &&Group| {
+                k.matters.iter().all(|c| g.fit.set.contains(c))
+                    && g.matters.iter().all(|c| k.fit.set.contains(c))
+            };
+            if g.probability > first.probability * (-TIE).exp() && !kept.iter().any(same) {
+                kept.push(g);
+            }
+        }
+        kept.truncate(REPORTED);
+        kept
     }
 }

@@ -426,13 +426,50 @@ impl<'a> Search<'a> {
             let smaller: Vec<Vec<usize>> = (0..best.set.len())
                 .map(|m| without(self.setting, &best, m).0)
                 .collect();
-            self.extend(&smaller, 3, LEAST_GAIN);
+            self.extend(&smaller, 4, LEAST_GAIN);
             self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
+            self.rejoin(&best);
             (self.progress)("exchange");
             if self.best().is_some_and(|b| b.set == best.set) {
                 break;
             }
         }
+    }
+
+    /// A member with several parameters may have come to do the work of two: each is taken out, a
+    /// partner put in, and it joins again from wherever it then promises most.
+    fn rejoin(&mut self, best: &Fit) {
+        let mut jobs = Vec::new();
+        for (member, candidate) in best.set.iter().enumerate() {
+            if self.setting.vocabulary[*candidate].info.parameters.len() < 2 {
+                continue;
+            }
+            let (smaller, _) = without(self.setting, best, member);
+            let partners: Vec<Fit> = self
+                .fits
+                .values()
+                .filter(|f| {
+                    f.set.len() == best.set.len()
+                        && !f.set.contains(candidate)
+                        && smaller.iter().all(|c| f.set.contains(c))
+                })
+                .cloned()
+                .collect();
+            for fit in partners {
+                let view = View::new(self.setting, &self.weights, &fit);
+                let found = view.promises(&self.bank, &self.whitened, &fit.set);
+                for p in found
+                    .iter()
+                    .flatten()
+                    .filter(|p| p.candidate == *candidate)
+                    .take(2)
+                {
+                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
+                    jobs.push(joined(self.setting, &fit, p.candidate, point));
+                }
+            }
+        }
+        self.fit(jobs);
     }
 }
 

@@ -153,7 +153,8 @@ pub fn least_squares(
     Ok(descend(problem, at, held, 0.0)?.0)
 }
 
-/// Least squares of anything; ends when a step gains less than `enough` (or 1e-12 of the cost) twice.
+/// Least squares of anything; ends when a step gains less than `enough` (and a thousandth of it per
+/// unit of cost: a bad fit need not be fine), with `enough` = 0 less than 1e-12 of the cost twice.
 /// Returns the normal equations at the end too.
 ///
 /// # Errors
@@ -199,7 +200,8 @@ pub fn descend(
                     .iter()
                     .zip(&at)
                     .any(|(a, b)| (a - b).abs() > 1e-10 * (a.abs() + 1e-6));
-                let threshold = (DECREASE * normal.cost.max(f64::MIN_POSITIVE)).max(enough);
+                let threshold = (DECREASE * normal.cost.max(f64::MIN_POSITIVE))
+                    .max(enough * (1.0 + 1e-3 * normal.cost));
                 at = trial;
                 small = if decrease <= threshold { small + 1 } else { 0 };
                 damping = (damping * 0.1).max(1e-14);
