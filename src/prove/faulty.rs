@@ -103,12 +103,7 @@ impl Fault {
             Fault::ClockInRecords => {
                 reported(&["clock_drift"]) && !v.effects.iter().any(|e| e.effect == "clock_drift")
             }
-            Fault::ClockInMotion => {
-                !stopped
-                    && v.effects
-                        .iter()
-                        .any(|e| e.effect == "clock_drift" && e.matters)
-            }
+            Fault::ClockInMotion => !stopped && v.effects.iter().any(|e| e.effect == "clock_drift"),
         }
     }
 }

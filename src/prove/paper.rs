@@ -12,8 +12,6 @@ pub const SET: [&str; 5] = [
     "constant_force",
     "coulomb_friction",
 ];
-/// Length of a run \[s\]: that of the slower plan.
-pub const LENGTH_S: f64 = 15.4;
 
 /// The two plans.
 ///
