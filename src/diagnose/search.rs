@@ -5,10 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bank::{Promise, Response, View, joined, pursue, responses, whitened, without};
+use super::bank::{Promise, Response, View, joined, motion, pursue, responses, whitened, without};
+use super::explain::look;
 use super::family::forces;
 use super::fit::{Fit, Posed};
-use super::setting::Setting;
+use super::setting::{COEFFICIENTS, Setting};
 use super::weights::{Weights, noise_beyond};
 
 /// Sets carried from one depth to the next.
@@ -23,6 +24,8 @@ const STARTS: usize = 2;
 const DEPTH: usize = 9;
 /// A set this far below the best one in log evidence is out of the race.
 const FAR: f64 = 12.0;
+/// Half chi-square per sample above which a fit is far from the noise.
+const HOPELESS: f64 = 1.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;
 /// Most columns taken out before the noise is estimated.
@@ -40,6 +43,7 @@ pub struct Search<'a> {
     pub looked: usize,
     /// Candidates that the vehicle's own coefficients do the work of.
     pub blind: BTreeSet<usize>,
+    hopeless: bool,
     bank: Vec<Response>,
     whitened: Vec<DVector<f64>>,
     progress: &'a (dyn Fn(&str) + Sync),
@@ -54,6 +58,7 @@ impl<'a> Search<'a> {
             fits: BTreeMap::new(),
             looked: 0,
             blind: BTreeSet::new(),
+            hopeless: false,
             bank: Vec::new(),
             whitened: Vec::new(),
             progress,
@@ -235,6 +240,39 @@ impl<'a> Search<'a> {
         found
     }
 
+    /// Where a promised candidate begins: its starting point, with the first parameter scaled to the
+    /// promised amplitude where the response grows in proportion to it.
+    fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
+        let candidate = &self.setting.vocabulary[promise.candidate];
+        let plain = candidate.starts[promise.start].clone();
+        let full = self
+            .bank
+            .iter()
+            .find(|r| r.candidate == promise.candidate && r.start == promise.start);
+        let (Some(full), Some(first)) = (full, plain.first()) else {
+            return plain;
+        };
+        let (low, high) = candidate.bounds[0];
+        let scaled = first * promise.amplitude;
+        if (0.5..2.0).contains(&promise.amplitude) || !(low..=high).contains(&scaled) {
+            return plain;
+        }
+        let mut point = plain.clone();
+        point[0] = scaled;
+        let runs = self.setting.tracks.len();
+        let starts: Vec<(f64, f64)> = (0..runs).map(|r| fit.start(self.setting, r)).collect();
+        let (set, at) = joined(self.setting, fit, promise.candidate, &point);
+        let globals = &at[..COEFFICIENTS + self.setting.parameters(&set)];
+        let moved = motion(self.setting, &set, globals, &starts)
+            - motion(self.setting, &fit.set, fit.globals(self.setting), &starts);
+        let expected = &full.column * promise.amplitude;
+        if (&moved - &expected).norm() < 0.5 * expected.norm() {
+            point
+        } else {
+            plain
+        }
+    }
+
     /// Fits a set with each of its most promising additions.
     pub fn extend(&mut self, sets: &[Vec<usize>], width: usize, least_gain: f64) {
         let mut jobs = Vec::new();
@@ -247,8 +285,8 @@ impl<'a> Search<'a> {
                 .take(width)
             {
                 for p in list.iter().take(STARTS) {
-                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
-                    let (bigger, from) = joined(self.setting, fit, p.candidate, point);
+                    let point = self.begin(fit, p);
+                    let (bigger, from) = joined(self.setting, fit, p.candidate, &point);
                     if p.gain < least_gain || (self.fits.contains_key(&bigger) && p != &list[0]) {
                         continue;
                     }
@@ -332,7 +370,7 @@ impl<'a> Search<'a> {
         tracing::debug!("noise changed by {change:.3}");
         self.fit(front);
         self.nothing();
-        if change > 0.05 {
+        if change > 0.05 && !self.hopeless {
             self.exchange();
         }
     }
@@ -363,8 +401,8 @@ impl<'a> Search<'a> {
             for list in &promises {
                 let p = list[0];
                 if p.gain > LEAST_GAIN && fit.log_evidence + p.gain > best_single - FAR {
-                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
-                    let (set, from) = joined(self.setting, fit, p.candidate, point);
+                    let point = self.begin(fit, &p);
+                    let (set, from) = joined(self.setting, fit, p.candidate, &point);
                     pairs.push((fit.log_evidence + p.gain, set, from));
                 }
             }
@@ -375,10 +413,15 @@ impl<'a> Search<'a> {
         pairs.truncate(4 * BEAM);
         self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
         (self.progress)("pairs");
+        self.hopeless = false;
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
-        for _ in 0..2 * DEPTH {
+        for round in 0..2 * DEPTH {
+            if round == 2 && self.unnamed_is_better() {
+                self.hopeless = true;
+                return;
+            }
             let mut beam: Vec<Vec<usize>> = self
                 .ranked()
                 .iter()
@@ -413,6 +456,27 @@ impl<'a> Search<'a> {
             }
         }
         self.exchange();
+    }
+
+    /// Whether a free force beside nothing, or beside the best single effect, beats every set so far
+    /// while none of them comes near the noise: then more of the vocabulary only imitates it.
+    fn unnamed_is_better(&self) -> bool {
+        let Some(best) = self.best() else {
+            return false;
+        };
+        if best.cost < HOPELESS * self.weights.samples() as f64 {
+            return false;
+        }
+        let single = self
+            .ranked()
+            .into_iter()
+            .find(|f| f.set.len() == 1)
+            .cloned();
+        let nothing = self.get(&[]).cloned();
+        [nothing, single].into_iter().flatten().any(|fit| {
+            let seen = look(self, &fit);
+            seen.unnamed() && seen.log_evidence > best.log_evidence
+        })
     }
 
     /// Every member of the best set against every other candidate, with responses taken beside it.
@@ -464,8 +528,8 @@ impl<'a> Search<'a> {
                     .filter(|p| p.candidate == *candidate)
                     .take(2)
                 {
-                    let point = &self.setting.vocabulary[p.candidate].starts[p.start];
-                    jobs.push(joined(self.setting, &fit, p.candidate, point));
+                    let point = self.begin(&fit, p);
+                    jobs.push(joined(self.setting, &fit, p.candidate, &point));
                 }
             }
         }
