@@ -20,6 +20,7 @@ mod outcome;
 mod predict;
 mod print;
 mod progress;
+mod prove;
 mod record;
 mod replay;
 mod reproduce;
@@ -83,6 +84,8 @@ enum Command {
     Identify(identify::Args),
     /// Which physics the model left out, and proof
     Diagnose(diagnose::Args),
+    /// Sealed cases of the simulator, diagnosed blind and scored beside an ideal observer
+    Prove(prove::Args),
     /// The motion a plan will make, with its band
     Predict(predict::Args),
     /// Rig files
@@ -127,6 +130,7 @@ impl Cli {
             Command::Import(args) => import::run(&args),
             Command::Identify(args) => identify::run(&args),
             Command::Diagnose(args) => diagnose::run(&args),
+            Command::Prove(args) => prove::run(&args),
             Command::Predict(args) => predict::run(&args),
             Command::Rig(command) => rig::run(&command),
             Command::SimController(args) => sim_controller::run(&args),

@@ -17,6 +17,7 @@ pub mod import;
 pub mod log;
 pub mod pose;
 pub mod predict;
+pub mod prove;
 pub mod record;
 pub mod replay;
 pub mod reproduce;

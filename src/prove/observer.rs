@@ -1,0 +1,232 @@
+//! The ideal observer: the Bayes-optimal choice at the true noise.
+//!
+//! Same runs, same candidates, same priors and evidence as the diagnosis, but it is told the noise
+//! (its law fitted to the noise itself, and which samples are outliers) and starts from the truth:
+//! it only chooses among all sets one removal, addition or exchange away, and goes on from a better
+//! one. What it gets wrong, the data do not hold.
+
+use std::collections::BTreeMap;
+
+use hydroline_rigs::Dof;
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::case::Case;
+use crate::diagnose::bank::{Response, View, joined, responses, whitened, without};
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::setting::Setting;
+use crate::diagnose::weight::weights;
+use crate::diagnose::weights::Weights;
+use crate::identify::data::Run;
+use crate::identify::noise::{Series, estimate};
+use crate::identify::parameter::Coefficient;
+
+/// Additions and exchanges fitted per set.
+const WIDTH: usize = 4;
+/// Linearised gain below which an addition cannot win against its prior.
+const LEAST_GAIN: f64 = 3.0;
+/// An exchange must come this close to what the removal lost.
+const CLOSE: f64 = 10.0;
+/// Moves from the truth.
+const ROUNDS: usize = 3;
+
+/// The observer of one case.
+pub struct Ideal {
+    setting: Setting,
+    weights: Weights,
+    truth: Fit,
+    bank: Vec<Response>,
+    white: Vec<DVector<f64>>,
+    fits: BTreeMap<Vec<usize>, Fit>,
+}
+
+impl Ideal {
+    /// Tells it the noise and the truth; `None` where the truth is no set of the vocabulary or its
+    /// fit diverges.
+    pub fn new(case: &Case) -> Option<Ideal> {
+        if case.key.truth.iter().any(|t| !t.exact) {
+            return None;
+        }
+        let runs: Vec<Run> = case.sealed.sources.iter().map(|s| s.run.clone()).collect();
+        let setting = Setting::new(&runs, &case.sealed.rig, Dof::Surge).ok()?;
+        let aligned = setting
+            .tracks
+            .iter()
+            .zip(&case.key.runs)
+            .all(|(t, r)| t.times_s.len() == r.noise_m.len());
+        if setting.tracks.len() != case.key.runs.len() || !aligned {
+            return None;
+        }
+        let series: Vec<Series<'_>> = setting
+            .tracks
+            .iter()
+            .zip(&case.key.runs)
+            .map(|(t, r)| Series {
+                times_s: &t.times_s,
+                values: &r.noise_m,
+                jacobian: None,
+            })
+            .collect();
+        let (noise, _) = estimate(&series)?;
+        let used = case
+            .key
+            .runs
+            .iter()
+            .map(|r| r.outlier.iter().map(|o| !o).collect())
+            .collect();
+        let weights = Weights::new(&setting.tracks, noise, used);
+        let mut members: Vec<(usize, Vec<f64>)> = Vec::new();
+        for entry in &case.key.tank.entries {
+            let index = setting
+                .vocabulary
+                .iter()
+                .position(|c| c.info.id == entry.effect)?;
+            let given = super::sizes::numbers(entry);
+            let values = setting.vocabulary[index]
+                .info
+                .parameters
+                .iter()
+                .map(|p| {
+                    let own = given.iter().find(|(n, _)| n == p.name).map(|(_, v)| *v);
+                    own.or(p.absent).unwrap_or(p.typical)
+                })
+                .collect();
+            members.push((index, values));
+        }
+        members.sort_by_key(|m| m.0);
+        let set: Vec<usize> = members.iter().map(|m| m.0).collect();
+        let mut at: Vec<f64> = Coefficient::of(Dof::Surge)
+            .iter()
+            .map(|c| c.of_vehicle(&case.key.tank.vehicle))
+            .collect();
+        at.extend(members.iter().flat_map(|m| m.1.iter().copied()));
+        for _ in &setting.tracks {
+            at.extend([case.sealed.rig.tank.start_pose[0], 0.0]);
+        }
+        let truth = Posed::new(&setting, &weights, &set).fit(at).ok()?;
+        let bank = responses(&setting, &truth);
+        let white = bank
+            .par_iter()
+            .map(|r| whitened(&setting, &weights, &r.column))
+            .collect();
+        let fits = BTreeMap::from([(truth.set.clone(), truth.clone())]);
+        Some(Ideal {
+            setting,
+            weights,
+            truth,
+            bank,
+            white,
+            fits,
+        })
+    }
+
+    fn fit(&self, set: &[usize], from: Vec<f64>) -> Option<Fit> {
+        Posed::new(&self.setting, &self.weights, set)
+            .fit(from)
+            .ok()
+            .filter(|f| f.log_evidence.is_finite() && f.confounded(&self.setting).is_empty())
+    }
+
+    fn smaller(&self, fit: &Fit, member: usize) -> Option<Fit> {
+        let (set, from) = without(&self.setting, fit, member);
+        match self.fits.get(&set) {
+            Some(known) => Some(known.clone()),
+            None => self.fit(&set, from),
+        }
+    }
+
+    /// Additions to a fit worth more than `least`, fitted from their best points.
+    fn larger(&self, fit: &Fit, least: f64, only: Option<usize>) -> Vec<Fit> {
+        let view = View::new(&self.setting, &self.weights, fit);
+        let promises = view.promises(&self.bank, &self.white, &fit.set);
+        let jobs: Vec<(Vec<usize>, Vec<f64>)> = promises
+            .iter()
+            .filter(|l| only.is_none_or(|c| l[0].candidate == c))
+            .filter(|l| l[0].gain > least)
+            .take(WIDTH)
+            .flat_map(|l| l.iter().take(2))
+            .map(|p| {
+                let point = &self.setting.vocabulary[p.candidate].starts[p.start];
+                joined(&self.setting, fit, p.candidate, point)
+            })
+            .filter(|(set, _)| only.is_some() || !self.fits.contains_key(set))
+            .collect();
+        jobs.into_par_iter()
+            .filter_map(|(set, from)| self.fit(&set, from))
+            .collect()
+    }
+
+    fn keep(&mut self, made: Vec<Fit>) {
+        for fit in made {
+            let better = self
+                .fits
+                .get(&fit.set)
+                .is_none_or(|old| fit.cost < old.cost);
+            if better {
+                self.fits.insert(fit.set.clone(), fit);
+            }
+        }
+    }
+
+    fn best(&self) -> &Fit {
+        self.fits
+            .values()
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+            .unwrap_or(&self.truth)
+    }
+
+    /// Its choice: (effect, weight \[m\]), heaviest first.
+    pub fn choice(&mut self) -> Vec<(String, f64)> {
+        let mut current = self.truth.clone();
+        for _ in 0..ROUNDS {
+            let mut made = self.larger(&current, LEAST_GAIN, None);
+            for member in 0..current.set.len() {
+                let Some(less) = self.smaller(&current, member) else {
+                    continue;
+                };
+                let lost = less.cost - current.cost;
+                made.extend(self.larger(&less, (lost - CLOSE).max(LEAST_GAIN), None));
+                made.push(less);
+            }
+            self.keep(made);
+            let best = self.best().clone();
+            if best.set == current.set {
+                break;
+            }
+            current = best;
+        }
+        let shares = weights(&self.setting, &current);
+        let mut found: Vec<(String, f64)> = current
+            .set
+            .iter()
+            .zip(shares)
+            .map(|(c, w)| (self.setting.vocabulary[*c].info.id.to_owned(), w))
+            .collect();
+        found.sort_by(|a, b| b.1.total_cmp(&a.1));
+        found
+    }
+
+    /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`;
+    /// infinite where that is no question.
+    pub fn gap(&mut self, missing: &str, wrong: &str) -> f64 {
+        let index = |id: &str| self.setting.vocabulary.iter().position(|c| c.info.id == id);
+        let (Some(t), Some(f)) = (index(missing), index(wrong)) else {
+            return f64::INFINITY;
+        };
+        let Some(member) = self.truth.set.iter().position(|c| *c == t) else {
+            return f64::INFINITY;
+        };
+        if self.truth.set.contains(&f) {
+            return f64::INFINITY;
+        }
+        let truth = self.truth.clone();
+        let Some(less) = self.smaller(&truth, member) else {
+            return f64::INFINITY;
+        };
+        let other = self.larger(&less, 0.0, Some(f));
+        other
+            .iter()
+            .map(|o| self.truth.log_evidence - o.log_evidence)
+            .fold(f64::INFINITY, f64::min)
+    }
+}
