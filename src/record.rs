@@ -1,8 +1,8 @@
 //! The daemon: camera and thrusters into one log, with the stripe extracted on the way.
 //!
 //! [`run`] gets everything injected (frame source, thruster line, recorder, clock, shutdown) and owns
-//! four threads: capture (never waits for anything but the camera), analysis (newest frame only), the
-//! thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
+//! five threads: capture (never waits for anything but the camera), analysis (newest frame only), poses
+//! (newest stripe only), the thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
 
 mod calibrating;
 pub mod floor;
@@ -148,6 +148,8 @@ struct Shared {
     clock: Arc<dyn Clock>,
     shutdown: Shutdown,
     newest: Newest<crate::frame::Frame>,
+    /// Stamp \[ns\], image and stripe for the poses.
+    stripes: Newest<(u64, crate::frame::GreyImage, crate::stripe::Profile)>,
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
@@ -196,6 +198,7 @@ pub type Watch = Box<dyn FnMut(&Status) + Send>;
 struct Threads {
     capture: JoinHandle<Option<CaptureCounts>>,
     analysis: JoinHandle<Option<()>>,
+    poses: Option<JoinHandle<Option<()>>>,
     limits: JoinHandle<Option<()>>,
 }
 
@@ -207,12 +210,17 @@ fn start_threads(
     service: Option<&ThrusterService>,
 ) -> Result<Threads, RecordError> {
     let neutral = service.map(ThrusterService::handle);
+    let poses = map
+        .clone()
+        .map(|map| worker::poses(shared.clone(), job, map))
+        .transpose()?;
     let analysis = worker::analysis(shared.clone(), job, map)?;
     let limits = watch::start(shared.clone(), job, neutral)?;
     let capture = worker::capture(shared.clone(), source)?;
     Ok(Threads {
         capture,
         analysis,
+        poses,
         limits,
     })
 }
@@ -252,6 +260,7 @@ pub fn run(
         clock: parts.clock.clone(),
         shutdown: shutdown.clone(),
         newest: Newest::default(),
+        stripes: Newest::default(),
         progress: Mutex::new(Progress::default()),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
@@ -286,6 +295,10 @@ pub fn run(
         counts = worker::join(threads.capture).unwrap_or_default();
         shared.newest.close();
         worker::join(threads.analysis);
+        shared.stripes.close();
+        if let Some(poses) = threads.poses {
+            worker::join(poses);
+        }
         worker::join(threads.limits);
     }
     shared.say(Severity::Info, "daemon.stop", stop.to_string());

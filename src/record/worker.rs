@@ -1,5 +1,5 @@
-//! The two threads around the camera: capture, which waits for nothing else, and analysis, which
-//! takes the newest frame when it has time.
+//! The three threads around the camera: capture, which waits for nothing else, analysis, which
+//! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
 
 use super::{Job, RecordError, Shared, calibrating, floor, newest::Taken};
 use crate::analysis::Analyst;
@@ -53,11 +53,11 @@ fn block_signals() {
 /// Leaves most of the processor to whoever else wants it. Extraction may cost a whole core on a busy
 /// picture; without this the scheduler shares fairly, and on a small machine the camera's own kernel
 /// thread then loses frames.
-fn step_back() {
+fn step_back(niceness: i32) {
     // SAFETY: no pointers; on Linux `PRIO_PROCESS` with 0 means the calling thread alone. It cannot fail upwards in
     // niceness, and if it did the recording would only be as it was.
     unsafe {
-        libc::setpriority(libc::PRIO_PROCESS, 0, 10);
+        libc::setpriority(libc::PRIO_PROCESS, 0, niceness);
     }
 }
 
@@ -146,12 +146,11 @@ pub(super) fn analysis(
     let mut live = job.calibrate.clone().map(Live::new);
     let ends = job.length.is_none() && job.plan.is_none();
     // A board in the sheet is neither floor nor target.
-    let poses = map.clone().filter(|_| live.is_none());
-    let mut poses = poses.map(|map| PoseRun::new(&job.rig, map));
+    let with_poses = map.is_some() && live.is_none();
     let mut analyst = Analyst::new(job.extractor.clone(), map);
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
-        step_back();
+        step_back(10);
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
@@ -171,14 +170,36 @@ pub(super) fn analysis(
                         p.analysed += 1;
                         p.points = profile.row_px.len();
                     });
-                    if let (Some(poses), Some((image, full))) = (&mut poses, &pixels) {
+                    if let (true, Some((image, full))) = (with_poses, pixels) {
                         let stamp_ns = frame.meta.mid_exposure_ns;
-                        if let RunPose::Good(fit) = poses.pose(stamp_ns, image, full) {
-                            let motion = motion_message(stamp_ns, &fit);
-                            shared.recorder.motion(&motion);
-                            if let Some(pose) = messages::pose_message(&motion) {
-                                shared.recorder.pose(&pose);
-                            }
+                        shared.stripes.put((stamp_ns, image, full));
+                    }
+                }
+                Taken::Nothing => {}
+                Taken::Closed => return,
+            }
+        }
+    })
+}
+
+/// Fits the pose of the newest stripe, behind everything else: a fit costs many times an extraction,
+/// and must not keep stripes from being extracted.
+pub(super) fn poses(
+    shared: Arc<Shared>,
+    job: &Job,
+    map: Arc<dyn PlaneMap>,
+) -> Result<JoinHandle<Option<()>>, RecordError> {
+    let mut poses = PoseRun::new(&job.rig, map);
+    spawn("poses", shared, move |shared| {
+        step_back(19);
+        loop {
+            match shared.stripes.take(LOOK) {
+                Taken::Item((stamp_ns, image, profile)) => {
+                    if let RunPose::Good(fit) = poses.pose(stamp_ns, &image, &profile) {
+                        let motion = motion_message(stamp_ns, &fit);
+                        shared.recorder.motion(&motion);
+                        if let Some(pose) = messages::pose_message(&motion) {
+                            shared.recorder.pose(&pose);
                         }
                     }
                 }
