@@ -356,7 +356,7 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
         }
         Category::Unnamed => {
             let kind = UNNAMED[index % UNNAMED.len()];
-            let mains = if index % 3 == 0 {
+            let mains = if index.is_multiple_of(3) {
                 vec![others(&[], rng)]
             } else {
                 Vec::new()

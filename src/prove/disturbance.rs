@@ -54,7 +54,7 @@ impl Disturbance {
                 .map(|_| {
                     (
                         std::f64::consts::TAU / between(rng, 0.03, 0.12),
-                        between(rng, 0.0, 6.28),
+                        between(rng, 0.0, std::f64::consts::TAU),
                     )
                 })
                 .collect(),

@@ -186,7 +186,7 @@ impl Strange {
             "place_wave" => Strange::PlaceWave {
                 f_n,
                 length_m: between(rng, 0.2, 0.5),
-                phase_rad: between(rng, -3.14, 3.14),
+                phase_rad: between(rng, -std::f64::consts::PI, std::f64::consts::PI),
             },
             "speed_bump" => Strange::SpeedBump {
                 f_n,

@@ -211,12 +211,11 @@ impl Tank {
     }
 }
 
-/// A plan as it goes out: messages, and the surge load in force.
-fn sent(
-    rig: &Rig,
-    plan: &Plan,
-    length_s: f64,
-) -> Result<(Vec<pb::ThrusterCommand>, Vec<(f64, f64)>), ProveError> {
+/// Messages as they go out, and (time, surge load \[N\]) where it changes.
+type Sent = (Vec<pb::ThrusterCommand>, Vec<(f64, f64)>);
+
+/// A plan as it goes out.
+fn sent(rig: &Rig, plan: &Plan, length_s: f64) -> Result<Sent, ProveError> {
     let allocation = Allocation::new(&rig.thrusters)?;
     let period_s = 1.0 / rig.thrusters.link.rate_hz;
     let (mut commands, mut edges) = (Vec::new(), Vec::<(f64, f64)>::new());
