@@ -144,7 +144,13 @@ pub fn simulate(
             ahead.push_back((command_s, set));
             next_command += 1;
         }
-        while let Some((command_s, set)) = ahead.pop_front_if(|(command_s, _)| *command_s <= t_s) {
+        while ahead
+            .front()
+            .is_some_and(|(command_s, _)| *command_s <= t_s)
+        {
+            let Some((command_s, set)) = ahead.pop_front() else {
+                break;
+            };
             write_commands(&mut log, &rig, &set, command_s, &mut sequence)?;
         }
         let stamp_ns = at_ns(t_s);

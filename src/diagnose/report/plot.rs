@@ -84,13 +84,13 @@ fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
         });
-    (low <= high).then(|| {
-        if high > low {
-            (low, high)
-        } else {
-            (low - 1.0, high + 1.0)
-        }
-    })
+    if high > low {
+        Some((low, high))
+    } else if high == low {
+        Some((low - 1.0, high + 1.0))
+    } else {
+        None
+    }
 }
 
 impl Plot<'_> {

@@ -215,11 +215,11 @@ impl Regime {
         };
         let mut windows: Vec<[f64; 2]> = Vec::new();
         let mut open = false;
-        for k in 0..t.len() {
+        for (k, t_s) in t.iter().enumerate() {
             let inside = (self.range[0]..=self.range[1]).contains(&value(k));
             match windows.last_mut().filter(|_| open && inside) {
-                Some(last) => last[1] = t[k],
-                None if inside => windows.push([t[k], t[k]]),
+                Some(last) => last[1] = *t_s,
+                None if inside => windows.push([*t_s, *t_s]),
                 None => {}
             }
             open = inside;
