@@ -1,4 +1,4 @@
-//! `diagnose` on real recordings: a ship model rolling freely, a simulation of the same, a linear drive.
+//! `diagnose` on real recordings: a ship model rolling freely, a linear drive.
 //!
 //! The tables become logs by `import` with the maps below, as a user would do it.
 #![allow(clippy::unwrap_used)]
@@ -10,12 +10,9 @@ use hydroline::diagnose::{Source, diagnose, read};
 use hydroline::import::{Map, import, read as read_table};
 use hydroline_rigs::Rig;
 
-const ROLL: &str =
-    "[time]\ncolumn = \"time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
-const SIMULATED: &str =
-    "[time]\ncolumn = \"Time\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+const ROLL: &str = "[time]\ncolumn = \"time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// Force over voltage as the drive's data sheet has it.
-const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
+const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\nclock = \"relative\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
                      [[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
 
 fn shared() -> Option<PathBuf> {
@@ -117,30 +114,24 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     ];
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     show(&found.verdict);
-}
-
-#[test]
-fn the_simulated_ship_lacks_the_damping() {
-    let Some(real) = shared() else { return };
-    let rig = ship();
-    let all = source(
-        &real.join("roll-decay/fnpf_kvlcc2_rolldecay_0kn.csv"),
-        SIMULATED,
-        &rig,
+    let v = &found.verdict;
+    let heavy = |id: &str| v.effects.iter().any(|e| e.effect == id && e.matters);
+    assert!(heavy("nonlinear_restoring"), "{}", v.sentence);
+    assert!(
+        heavy("cubic_damping") || heavy("quadratic_damping"),
+        "{}",
+        v.sentence
     );
-    let fitted = [
-        stretch(&all, "a", 0.0, 25.0, 5),
-        stretch(&all, "b", 55.0, 91.0, 5),
-    ];
-    let held = [
-        stretch(&all, "c", 25.0, 55.0, 5),
-        stretch(&all, "d", 91.0, 141.0, 5),
-    ];
-    let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
-    show(&found.verdict);
+    let (before, after) = (
+        v.fit.held_out.before["phi_rad"],
+        v.fit.held_out.after["phi_rad"],
+    );
+    assert!(after < before / 3.0, "{before} {after}");
 }
 
+/// Not reached yet: reversals under friction are taken for outliers (`data_fault`).
 #[test]
+#[ignore = "the outlier test of the data stops it; see the comment"]
 fn the_drive_lacks_friction_offset_and_direction() {
     let Some(real) = shared() else { return };
     let mut rig = Rig::builtin("lshpi").unwrap();
@@ -154,4 +145,11 @@ fn the_drive_lacks_friction_offset_and_direction() {
     let held = [stretch(&all, "b", 12.4, 24.8, 8)];
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     show(&found.verdict);
+    for id in ["coulomb_friction", "constant_force"] {
+        assert!(
+            found.verdict.effects.iter().any(|e| e.effect == id),
+            "{id}: {}",
+            found.verdict.sentence
+        );
+    }
 }
