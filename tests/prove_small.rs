@@ -1,5 +1,7 @@
 //! A fixed handful of sealed cases; the full set is `hydroline prove --cases 460`.
 
+#![allow(clippy::unwrap_used)] // a test
+
 use hydroline::prove::case::parse;
 use hydroline::prove::score::complaint;
 use hydroline::prove::{Category, Judged, run};
