@@ -28,5 +28,6 @@ pub mod simulate;
 pub mod simulated;
 pub mod smooth;
 pub mod stripe;
+pub mod thread_class;
 pub mod thruster;
 pub mod water;

@@ -17,6 +17,8 @@ use support::hydroline;
 const FRAME_PERIOD_NS: u64 = 40_000_000;
 
 struct Lost {
+    /// The thrusters had gone to neutral before: of the commands' end this kill says nothing.
+    stopped: bool,
     frames: u64,
     commands: u64,
     frames_kept: usize,
@@ -77,16 +79,22 @@ fn judge(dir: &Path, log: &Path, killed_ns: u64) -> Lost {
         .collect::<Result<_, _>>()
         .unwrap();
 
+    let mut stopped = None;
     let (mut indexes, mut images, mut latest_ns) = (Vec::new(), 0, 0);
-    let (mut last_frame_ns, mut command_ns, mut last_sequence) = (0, Vec::new(), None);
+    let (mut frame_ns, mut command_ns, mut last_sequence) = (Vec::new(), Vec::new(), None);
     for message in &messages {
         match &message.record {
             Record::FrameInfo(info) => indexes.push(info.frame_index),
             Record::Frame(frame) => {
                 images += 1;
                 assert!(frame.to_grey().is_ok(), "a recovered frame is whole");
-                last_frame_ns = frame.meta.mid_exposure_ns;
-                latest_ns = latest_ns.max(message.log_ns.saturating_sub(last_frame_ns));
+                let taken_ns = frame.meta.mid_exposure_ns;
+                frame_ns.push(taken_ns);
+                latest_ns = latest_ns.max(message.log_ns.saturating_sub(taken_ns));
+            }
+            // A run that the daemon itself took to neutral, and says so: from then on no set-point was due.
+            Record::Event(event) if event.kind == "thruster.neutral" && !command_ns.is_empty() => {
+                stopped = Some((message.log_ns, event.message.clone()));
             }
             Record::Command(command) => {
                 if let Some(last) = last_sequence {
@@ -101,7 +109,14 @@ fn judge(dir: &Path, log: &Path, killed_ns: u64) -> Lost {
         }
     }
     assert!(images >= 3 && command_ns.len() >= 3, "enough to judge by");
-    assert_eq!(indexes.len(), images, "no frame without its account");
+    // SIGKILL may cut the write of a chunk between an image and its account: `recover` keeps such an image, but it
+    // counts as lost here.
+    assert!(
+        (indexes.len()..=indexes.len() + 1).contains(&images),
+        "{images} frames, {} accounts",
+        indexes.len()
+    );
+    let images = indexes.len();
     assert!(
         indexes.windows(2).all(|w| w[1] == w[0] + 1),
         "frames are contiguous: {indexes:?}"
@@ -119,13 +134,21 @@ fn judge(dir: &Path, log: &Path, killed_ns: u64) -> Lost {
     let widest_ns = spacing.iter().copied().max().unwrap_or(0);
     let period_ns = median(spacing).max(1);
     let last_command_ns = *command_ns.last().unwrap();
+    if let Some((at_ns, why)) = &stopped {
+        let before_ms = killed_ns.saturating_sub(*at_ns) / 1_000_000;
+        println!("{before_ms} ms before the kill: {why}");
+    }
     Lost {
-        frames: due(last_frame_ns, latest_ns, FRAME_PERIOD_NS),
-        commands: due(
-            last_command_ns,
-            widest_ns.saturating_sub(period_ns),
-            period_ns,
-        ),
+        stopped: stopped.is_some(),
+        frames: due(frame_ns[images - 1], latest_ns, FRAME_PERIOD_NS),
+        commands: match stopped {
+            Some(_) => 0,
+            None => due(
+                last_command_ns,
+                widest_ns.saturating_sub(period_ns),
+                period_ns,
+            ),
+        },
         frames_kept: images,
         commands_kept: command_ns.len(),
     }
@@ -170,6 +193,11 @@ fn kill_and_judge(times: u64, seed: u64) {
     let (frames, commands) = (worst(|l| l.frames), worst(|l| l.commands));
     println!("{times} kills: at most {frames} frames and {commands} commands lost");
     assert_eq!(all.len() as u64, times);
+    let judged = all.iter().filter(|l| !l.stopped).count() as u64;
+    assert!(
+        judged * 10 >= times * 9,
+        "only {judged} of {times} runs kept their thrusters running: this computer is too busy to judge by"
+    );
     assert!(frames <= 3, "{frames} frames lost");
     assert!(commands <= 1, "{commands} commands lost");
 }

@@ -10,6 +10,7 @@ use crate::frame::Frame;
 use crate::log::messages;
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::shutdown::StopReason;
+use crate::thread_class::{block_signals, step_back};
 use hydroline_calib::plane::PlaneMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
@@ -38,27 +39,6 @@ pub(super) fn spawn<T: Send + 'static>(
             result.ok()
         })
         .map_err(|source| RecordError::Start { what, source })
-}
-
-/// A signal must not interrupt a camera's ioctl: the main thread alone takes them.
-fn block_signals() {
-    // SAFETY: sigset_t is plain data filled by sigfillset; only this thread's mask changes.
-    unsafe {
-        let mut set: libc::sigset_t = std::mem::zeroed();
-        libc::sigfillset(&mut set);
-        libc::pthread_sigmask(libc::SIG_BLOCK, &set, std::ptr::null_mut());
-    }
-}
-
-/// Leaves most of the processor to whoever else wants it. Extraction may cost a whole core on a busy
-/// picture; without this the scheduler shares fairly, and on a small machine the camera's own kernel
-/// thread then loses frames.
-fn step_back(niceness: i32) {
-    // SAFETY: no pointers; on Linux `PRIO_PROCESS` with 0 means the calling thread alone. It cannot fail upwards in
-    // niceness, and if it did the recording would only be as it was.
-    unsafe {
-        libc::setpriority(libc::PRIO_PROCESS, 0, niceness);
-    }
 }
 
 /// Waits for a thread; `None` when it panicked, which it has then said itself.

@@ -23,6 +23,7 @@ use super::safety::{NeutralReason, State};
 use super::scheduler::LoadAt;
 use super::transport::{OpenError, SerialTransport, Transport};
 use crate::clock::Clock;
+use crate::thread_class::{block_signals, real_time};
 use hydroline_rigs::ThrusterSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -241,6 +242,12 @@ impl ThrusterService {
         let mut core = Core::new(config, protocol, opener, clock, sink, inbox, shared.clone());
         let run = move || {
             block_signals();
+            if let Err(error) = real_time() {
+                tracing::info!(
+                    "the thruster thread has no real-time priority ({error}): on a busy computer set-points may come late; \
+                     systemd's LimitRTPRIO=10 or CAP_SYS_NICE allows it"
+                );
+            }
             // A panic (in the sink, in a plan, in ourselves) must not leave the thrusters running.
             if let Err(panic) =
                 catch_unwind(AssertUnwindSafe(|| while core.step() == Flow::Continue {}))
@@ -375,16 +382,6 @@ impl ThrusterService {
 impl Drop for ThrusterService {
     fn drop(&mut self) {
         self.stop();
-    }
-}
-
-/// Signals belong to the daemon's own threads: here they would only cut system calls short.
-fn block_signals() {
-    // SAFETY: sigset_t is plain data filled by sigfillset; the mask of this thread alone is changed.
-    unsafe {
-        let mut set: libc::sigset_t = std::mem::zeroed();
-        libc::sigfillset(&mut set);
-        libc::pthread_sigmask(libc::SIG_BLOCK, &set, std::ptr::null_mut());
     }
 }
 

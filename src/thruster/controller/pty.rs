@@ -3,6 +3,7 @@
 use super::serve::serve;
 use super::{ControllerEvent, Faults, SimController};
 use crate::clock::{Clock, SystemClock};
+use crate::thread_class::real_time;
 use std::fs::File;
 use std::io;
 use std::os::fd::{FromRawFd, OwnedFd};
@@ -145,6 +146,8 @@ impl PtyController {
             stop.clone(),
         );
         let run = move || {
+            // It stands for a microcontroller, which does not share our processor.
+            real_time().ok();
             // Our own hold on the far side: without it the master reads EIO whenever the host has it closed.
             let _slave: OwnedFd = slave;
             let mut master = master;
