@@ -341,7 +341,9 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
     let mut pulses: Vec<f64> = (0..=8)
         .map(|k| min_us + (at[3] - min_us) * f64::from(k) / 8.0)
         .collect();
-    pulses.extend((0..=8).map(|k| at[0] + (max_us - at[0]) * f64::from(k) / 8.0));
+    // Without a deadband both edges are at neutral, which is one point then.
+    let first = i32::from(at[0] <= at[3]);
+    pulses.extend((first..=8).map(|k| at[0] + (max_us - at[0]) * f64::from(k) / 8.0));
     let thrusts: Vec<Dual<7>> = pulses.iter().map(at_pulse).collect();
     let slopes = DMatrix::from_fn(pulses.len(), n, |k, i| thrusts[k].slope[i]);
     let spread = &slopes * &c * slopes.transpose();
@@ -470,6 +472,25 @@ mod tests {
             "{:?}",
             found.curve
         );
+    }
+
+    #[test]
+    fn a_thruster_without_deadband_has_one_point_at_neutral() {
+        let mut rng = StdRng::seed_from_u64(5);
+        let pull = |k: i32| {
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            let pulse_us = 1500.0 + 20.0 * f64::from(k);
+            Pull {
+                pulse_us,
+                thrust_n: 0.05 * (pulse_us - 1500.0) + 0.02 * noise,
+                voltage_v: None,
+            }
+        };
+        let pulls: Vec<Pull> = (-20..=20).filter(|k| *k != 0).map(pull).collect();
+        let found = fit(&pulls, (1100.0, 1500.0, 1900.0)).unwrap();
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        found.put(&mut rig).unwrap();
+        assert!(Rig::from_toml(&rig.to_toml(), "rig.toml", None).is_ok());
     }
 
     #[test]

@@ -48,10 +48,36 @@ pub fn moved_rigs(rig: &Rig) -> Vec<Rig> {
                 for (i, point) in thruster.curve.points.iter_mut().enumerate() {
                     point.1 += sd * eigen.eigenvectors[(i, k)];
                 }
+                level_falls(&mut thruster.curve.points);
             }
             moved
         })
         .collect()
+}
+
+/// The nearest curve that nowhere falls (pool adjacent violators: Barlow et al. 1972, ch. 1). Across the deadband a moved
+/// curve may fall by a little, which no rig may hold.
+fn level_falls(points: &mut [(f64, f64)]) {
+    // Blocks of equal thrust: (mean thrust, points in it).
+    let mut blocks: Vec<(f64, usize)> = Vec::with_capacity(points.len());
+    for (_, thrust_n) in points.iter() {
+        let mut block = (*thrust_n, 1);
+        while let Some(&(before, count)) = blocks.last()
+            && before > block.0
+        {
+            let all = count + block.1;
+            block.0 = (before * count as f64 + block.0 * block.1 as f64) / all as f64;
+            block.1 = all;
+            blocks.pop();
+        }
+        blocks.push(block);
+    }
+    let levels = blocks
+        .iter()
+        .flat_map(|(thrust_n, count)| std::iter::repeat_n(*thrust_n, *count));
+    for (point, thrust_n) in points.iter_mut().zip(levels) {
+        point.1 = thrust_n;
+    }
 }
 
 /// Adds to a result what refits with moved curves found: `values[k]` in the result's order.
@@ -101,6 +127,25 @@ pub fn widen(result: &mut Identification, values: &[Vec<f64>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Nothing falls, the sum of thrusts stays, and a curve that did not fall stays as it is.
+        #[test]
+        fn levelled_curves_rise_and_keep_their_mean(thrusts in proptest::collection::vec(-50.0f64..50.0, 2..20)) {
+            let curve = |t: &[f64]| -> Vec<(f64, f64)> { t.iter().enumerate().map(|(i, t)| (i as f64, *t)).collect() };
+            let mut points = curve(&thrusts);
+            level_falls(&mut points);
+            prop_assert!(points.windows(2).all(|w| w[0].1 <= w[1].1));
+            let sum: f64 = points.iter().map(|p| p.1).sum();
+            prop_assert!((sum - thrusts.iter().sum::<f64>()).abs() < 1e-9);
+            let mut sorted = thrusts;
+            sorted.sort_by(f64::total_cmp);
+            let mut rising = curve(&sorted);
+            level_falls(&mut rising);
+            prop_assert_eq!(rising, curve(&sorted));
+        }
+    }
     use hydroline_rigs::BollardPull;
 
     #[test]
