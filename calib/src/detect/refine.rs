@@ -23,6 +23,14 @@ pub(super) struct Refined {
     pub rms: f64,
 }
 
+impl Refined {
+    /// Whether the pattern explains its pixels; a crossing of which only one line is there
+    /// leaves a fifth of its contrast.
+    pub fn is_pattern(&self) -> bool {
+        self.rms < (0.1 * self.contrast.abs()).max(4.0)
+    }
+}
+
 /// What all nodes of an image share.
 pub(super) struct Refiner<'a> {
     pub image: &'a Grey<'a>,
@@ -153,51 +161,53 @@ impl Refiner<'_> {
         let mut settled = false;
         for round in 0..11usize {
             let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
-            let mut normal_matrix = SMatrix::<f64, 6, 6>::zeros();
-            let mut right = SVector::<f64, 6>::zeros();
+            // Plain arrays: their loops unroll, and this is where the frame's time goes.
+            let mut products = [[0.0f64; 6]; 6];
+            let mut sums = [0.0f64; 6];
             // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
             let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
             let s = s.hypot(soft);
             let (mut weight_sum, mut square_sum) = (0.0, 0.0);
-            for (n, p) in pixels.iter().enumerate() {
+            let reach = 1.0 / (5.0 * scale);
+            for (p, residual) in pixels.iter().zip(&mut residuals) {
                 let (value, gradient) =
                     self.pattern(p[2] - shift[0], p[3] - shift[1], &m, gs, gt, s);
                 let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
                 let e = p[4] - model;
-                residuals[n] = e;
-                let t = e / (5.0 * scale);
-                let weight = if t.abs() < 1.0 {
-                    (1.0 - t * t).powi(2)
-                } else {
-                    0.0
-                };
+                *residual = e;
+                let t = e * reach;
+                let left = (1.0 - t * t).max(0.0);
+                let weight = left * left;
                 // δ moves the pattern: ∂I/∂δ = −c ∇P.
-                let row = SVector::<f64, 6>::new(
+                let row = [
                     1.0,
                     p[0],
                     p[1],
                     value,
                     -theta[3] * gradient[0],
                     -theta[3] * gradient[1],
-                );
-                let free = if round == 0 { 4 } else { 6 };
-                for i in 0..free {
+                ];
+                for i in 0..6 {
+                    let weighted = weight * row[i];
                     for k in 0..=i {
-                        normal_matrix[(i, k)] += weight * row[i] * row[k];
+                        products[i][k] += weighted * row[k];
                     }
-                    right[i] += weight * row[i] * e;
+                    sums[i] += weighted * e;
                 }
                 weight_sum += weight;
                 square_sum += weight * e * e;
             }
-            for i in 0..6 {
-                for k in 0..i {
-                    normal_matrix[(k, i)] = normal_matrix[(i, k)];
-                }
-            }
+            let mut normal_matrix =
+                SMatrix::<f64, 6, 6>::from_fn(|i, k| products[i.max(k)][i.min(k)]);
+            let mut right = SVector::<f64, 6>::from(sums);
             if round == 0 {
-                normal_matrix[(4, 4)] = 1.0;
-                normal_matrix[(5, 5)] = 1.0;
+                // The first round finds levels and contrast; δ stays.
+                for k in 4..6 {
+                    normal_matrix.row_mut(k).fill(0.0);
+                    normal_matrix.column_mut(k).fill(0.0);
+                    normal_matrix[(k, k)] = 1.0;
+                    right[k] = 0.0;
+                }
             }
             let inverse = normal_matrix.try_inverse()?;
             if settled {
