@@ -46,10 +46,14 @@ fn board(kind: &str) -> Board {
     }
 }
 
-fn shots() -> Vec<Shot> {
+fn shots(part: &str) -> Vec<Shot> {
     let mut shots = Vec::new();
     for kind in ["lines", "dots", "chessboard"] {
         for (angle_deg, conditions) in [(0, ""), (30, ""), (45, ""), (60, ""), (45, " hard")] {
+            let name = format!("{kind} {angle_deg}{conditions}");
+            if !name.contains(part) {
+                continue;
+            }
             let board = board(kind);
             let half = 0.5 * f64::from(board.rows) * board.pitch_m;
             let angle = f64::from(angle_deg).to_radians();
@@ -70,7 +74,7 @@ fn shots() -> Vec<Shot> {
                 ..Scene::default()
             };
             shots.push(Shot {
-                name: format!("{kind} {angle_deg}{conditions}"),
+                name,
                 pixels: render(&board, &view, &scene),
                 board,
                 view,
@@ -167,8 +171,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .skip(1)
         .find(|a| !a.starts_with('-'))
         .unwrap_or_default();
-    let mut shots = shots();
-    shots.retain(|s| s.name.contains(&part));
+    let shots = shots(&part);
     let folder = std::env::temp_dir().join(format!("hydroline-opencv-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let other = theirs(&folder, &shots);

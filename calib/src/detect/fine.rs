@@ -127,10 +127,20 @@ pub(super) fn fine<'a>(
             refiner.blur_px = trials[k] * 1.37f64.powf(t);
         }
     }
-    let nodes: Vec<(Index, Refined)> = indices
-        .into_iter()
-        .filter_map(|index| Some((index, run(&refiner, index, ordered.nodes[&index])?)))
-        .collect();
+    // A quarter of the nodes first, spread over the lattice: half of a board's nodes must hold in
+    // the end, and what is no board is not worth the rest of the time.
+    let mut nodes: Vec<(Index, Refined)> = Vec::with_capacity(indices.len());
+    for part in 0..4 {
+        let some = indices.iter().skip(part).step_by(4);
+        nodes.extend(
+            some.filter_map(|&index| Some((index, run(&refiner, index, ordered.nodes[&index])?))),
+        );
+        let sound = nodes.iter().filter(|n| n.1.is_pattern()).count();
+        if part == 0 && sound * 10 < indices.len().div_ceil(4) * 4 {
+            return None;
+        }
+    }
+    nodes.sort_by_key(|n| n.0);
     Some((nodes, refiner))
 }
 

@@ -85,8 +85,8 @@ fn normal(x: f64) -> (f64, f64) {
 /// A line of half width w blurred by s, at distance d from its middle, and its slope.
 #[inline]
 fn band(d: f64, w: f64, s: f64) -> (f64, f64) {
-    // Most of a patch is plain face.
-    if d.abs() > w + 4.5 * s {
+    // Most of a patch is plain face. At 3.8 s a ten-thousandth of the line is left.
+    if d.abs() > w + 3.8 * s {
         return (0.0, 0.0);
     }
     let (p, dp) = normal((d + w) / s);
@@ -131,8 +131,13 @@ impl Refiner<'_> {
         }
         // Pixels of the patch with their lattice coordinates at δ = 0.
         let mut pixels: Vec<[f64; 5]> = Vec::with_capacity(324);
+        // A large dot has more rim than its middle needs: every other pixel, as on a chessboard.
+        let sparse = dots && hc + hr > 20;
         for r in middle[1] - hr..=middle[1] + hr {
             for q in middle[0] - hc..=middle[0] + hc {
+                if sparse && (q + r) % 2 != 0 {
+                    continue;
+                }
                 let (x, y) = (q as f64 - start[0], r as f64 - start[1]);
                 let seen = apply(&self.to_index, [anchor[0] + x, anchor[1] + y])?;
                 let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
@@ -169,7 +174,9 @@ impl Refiner<'_> {
             let s = s.hypot(soft);
             let (mut weight_sum, mut square_sum) = (0.0, 0.0);
             let reach = 1.0 / (5.0 * scale);
-            for (p, residual) in pixels.iter().zip(&mut residuals) {
+            // Two rounds to come near with every other pixel, then all.
+            let stride = if round < 2 { 2 } else { 1 };
+            for (p, residual) in pixels.iter().zip(&mut residuals).step_by(stride) {
                 let (value, gradient) =
                     self.pattern(p[2] - shift[0], p[3] - shift[1], &m, gs, gt, s);
                 let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
@@ -226,10 +233,11 @@ impl Refiner<'_> {
                 return None;
             }
             // Weights that flicker keep the last hundredths of a pixel moving.
-            let still = [0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(3, 8) - 3];
-            settled = round >= 3 && step[4].hypot(step[5]) < still;
+            let still = [0.004, 0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(2, 8) - 2];
+            settled = round >= 2 && step[4].hypot(step[5]) < still;
             if round >= 1 {
-                let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
+                let mut sizes: Vec<f64> =
+                    residuals.iter().step_by(stride).map(|e| e.abs()).collect();
                 let k = sizes.len() / 2;
                 let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
                 // Most of a patch is plain: its median says nothing of the marks' rims, which
@@ -292,11 +300,18 @@ impl Refiner<'_> {
         let half = |k: usize| (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs())) as i64;
         let (hc, hr) = (half(0).min(40), half(1).min(40));
         let mut at = start;
+        // Of a large dot every fourth pixel: a tenth of a pixel is good enough here.
+        let sparse = if hc.max(hr) > 8 { 2 } else { 1 };
         for _ in 0..2 {
             let middle = [at[0].round() as i64, at[1].round() as i64];
             let window = || {
                 (middle[1] - hr..=middle[1] + hr)
-                    .flat_map(move |r| (middle[0] - hc..=middle[0] + hc).map(move |c| (c, r)))
+                    .step_by(sparse)
+                    .flat_map(move |r| {
+                        (middle[0] - hc..=middle[0] + hc)
+                            .step_by(sparse)
+                            .map(move |c| (c, r))
+                    })
             };
             let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
             for (c, r) in window() {

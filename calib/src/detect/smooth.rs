@@ -17,6 +17,8 @@ pub(super) struct Smooth {
     h: Matrix3<f64>,
     high: [f64; 2],
     cubic: SMatrix<f64, TERMS, 2>,
+    /// Farther off than this \[px\] is a stray.
+    limit_px: f64,
 }
 
 impl Smooth {
@@ -33,6 +35,7 @@ impl Smooth {
                 f64::from(high.max(1))
             }),
             cubic: SMatrix::zeros(),
+            limit_px: f64::INFINITY,
         };
         let terms: Vec<(SVector<f64, TERMS>, [f64; 2])> = pairs
             .iter()
@@ -105,14 +108,14 @@ pub(super) fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<Smooth> {
     const STRAY_PX: f64 = 0.15;
     // No lens leaves this much after a cubic: a map that does is bent by false nodes.
     const WORST_STRAY_PX: f64 = 1.0;
-    let (map, off) = Smooth::fit(nodes)?;
+    let (mut map, off) = Smooth::fit(nodes)?;
     let mut sorted = off.clone();
     sorted.sort_by(f64::total_cmp);
-    let limit = (6.0 * sorted[sorted.len() / 2]).clamp(STRAY_PX, WORST_STRAY_PX);
+    map.limit_px = (6.0 * sorted[sorted.len() / 2]).clamp(STRAY_PX, WORST_STRAY_PX);
     let mut k = 0;
     nodes.retain(|_| {
         k += 1;
-        off[k - 1] < limit
+        off[k - 1] < map.limit_px
     });
     Some(map)
 }
@@ -129,7 +132,6 @@ pub(super) fn fill(
     nodes: &mut Vec<(Index, Refined)>,
     holds: impl Fn(Index, &Refined) -> bool,
 ) {
-    const NEAR_PX: f64 = 1.0;
     let look = |k: Index| {
         let place = k.map(f64::from);
         if !stands_out(refiner, map, place, 0.25 * contrast) {
@@ -138,7 +140,7 @@ pub(super) fn fill(
         let start = map.at(place)?;
         let found = refiner.refine(k, start, map.steps(place)?)?;
         let [c, r] = found.position;
-        let near = (c - start[0]).hypot(r - start[1]) < NEAR_PX;
+        let near = (c - start[0]).hypot(r - start[1]) < map.limit_px;
         (near && holds(k, &found)).then_some((k, found))
     };
     let bounds = |nodes: &[(Index, Refined)]| {
