@@ -24,7 +24,7 @@ use hydroline_calib::map::refractive::Known;
 use hydroline_calib::map::{FitOptions, Method, Node, RefractivePrior, fit};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions, Status};
 use hydroline_calib::{Calibration, ImageSize, Medium};
-use hydroline_rigs::{Board, Rig};
+use hydroline_rigs::{Board, FlatPort, Rig};
 
 /// The map may spend a quarter of what the rig tolerates: pose and stripe need the rest.
 const SHARE_OF_TOLERANCE: f64 = 0.25;
@@ -33,23 +33,11 @@ const TOLERANCE_M: f64 = 0.5e-3;
 /// How well the sheet's thickness is known beforehand, of itself.
 const SHEET_SIGMA_SD: f64 = 0.1;
 
-/// What the flat port is like, as far as a ruler tells.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Port {
-    /// Entrance pupil to the port's inner face \[m\].
-    pub distance_m: f64,
-    /// Its thickness \[m\].
-    pub glass_m: f64,
-}
-
-impl Default for Port {
-    fn default() -> Self {
-        Port {
-            distance_m: 0.03,
-            glass_m: 0.01,
-        }
-    }
-}
+/// A port where rig and arguments name none: a usual one.
+const PORT: FlatPort = FlatPort {
+    distance_m: 0.03,
+    glass_m: 0.01,
+};
 
 /// What is looked for, and under which conditions.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +53,7 @@ pub struct Setup {
     /// Where the board's middle stands, if someone measured it.
     pub at: Option<Placement>,
     /// Port of a `refractive` map.
-    pub port: Port,
+    pub port: FlatPort,
     /// Frames at least before a calibration is accepted.
     pub frames: u32,
     /// A gap between board and sheet that nobody measured is accepted (a board without blocks).
@@ -79,9 +67,9 @@ impl Setup {
             board,
             method: Method::Homography,
             medium,
-            rig,
             at: None,
-            port: Port::default(),
+            port: rig.as_ref().and_then(|r| r.port).unwrap_or(PORT),
+            rig,
             frames: 5,
             accept_unknown_gap: false,
         }

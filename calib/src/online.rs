@@ -160,9 +160,8 @@ impl OnlineCalibration {
             detection.orientation == Orientation::KeySeen && self.moved_px(detection).is_none();
         let restarted = !known && !apart && !self.nodes.is_empty();
         // The same places under other indices: the first frames were read without their key.
-        let renamed = restarted
-            && !self.sure
-            && carry::over(&self.board, &self.nodes(), detection).is_some();
+        let renamed =
+            restarted && !self.sure && carry::over(&self.board, &self.nodes(), detection).is_some();
         if restarted {
             self.nodes.clear();
             self.frames = 0;

@@ -101,7 +101,7 @@ impl CalibrationStudy {
                 homography("homography, flat port", Case::PortNoisy)?,
                 homography("homography, air", Case::AirNoisy)?,
                 LargestErrors::of(
-                    "perspective alone, air (the least possible)",
+                    "perspective alone, air (8 numbers)",
                     perspective_alone(SEEDS, POINTS)?,
                 ),
             ],
@@ -206,9 +206,12 @@ mod tests {
         let [port, air, least] = &study.largest_errors[..] else {
             unreachable!("three lines")
         };
-        assert!(port.median_mm <= 0.17 && port.within_limit >= 0.75, "{port:?}");
+        assert!(
+            port.median_mm <= 0.17 && port.within_limit >= 0.75,
+            "{port:?}"
+        );
         assert!(air.median_mm <= 0.13 && air.within_limit >= 0.85, "{air:?}");
-        assert!(least.median_mm <= air.median_mm + 0.01, "{least:?}");
+        assert!((least.median_mm - air.median_mm).abs() < 0.02, "{least:?}");
         let text = study.to_string();
         assert!(text.contains("scallop") && text.contains("flat port, nodes ±0.2 px"));
     }

@@ -2,12 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use hydroline_rigs::Board;
 use super::identify::Ordered;
 use super::image::Grey;
 use super::lattice::Index;
 use super::refine::{Refined, Refiner};
 use crate::map::geometry::{apply, homography};
+use hydroline_rigs::Board;
 
 /// Moves coarse dots to their middles, so that the local steps become good to a per cent.
 pub(super) fn centre_dots(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) {

@@ -103,15 +103,13 @@ impl HomographyMap {
                 whitener: whitener(&n.covariance_px2) * image_scale_px,
             })
             .collect();
-        let fitted =
-            fitting::fit(map.parameters, &mut pairs).map_err(|source| MapError::Fit {
-                method: "homography",
-                source,
-            })?;
+        let fitted = fitting::fit(map.parameters, &mut pairs).map_err(|source| MapError::Fit {
+            method: "homography",
+            source,
+        })?;
         map.parameters = fitted.parameters;
         map.noise_scale = fitted.noise_scale;
-        map.covariance =
-            DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, k| fitted.covariance[(i, k)]);
+        map.covariance = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, k| fitted.covariance[(i, k)]);
         Ok(map)
     }
 

@@ -100,14 +100,8 @@ pub(super) fn see(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<Seen> {
     by.set_column(8, &(d * r2));
     by.set_column(9, &(d * (r2 * r2)));
     by.set_column(10, &(d * (r2 * r2 * r2)));
-    by.set_column(
-        11,
-        &Vector2::new(2.0 * d[0] * d[1], r2 + 2.0 * d[1] * d[1]),
-    );
-    by.set_column(
-        12,
-        &Vector2::new(r2 + 2.0 * d[0] * d[0], 2.0 * d[0] * d[1]),
-    );
+    by.set_column(11, &Vector2::new(2.0 * d[0] * d[1], r2 + 2.0 * d[1] * d[1]));
+    by.set_column(12, &Vector2::new(r2 + 2.0 * d[0] * d[0], 2.0 * d[0] * d[1]));
     by.set_column(13, &Vector2::new(1.0 - by_d[(0, 0)], -by_d[(1, 0)]));
     by.set_column(14, &Vector2::new(-by_d[(0, 1)], 1.0 - by_d[(1, 1)]));
     by.set_column(15, &(d * (r2 * nearness)));
