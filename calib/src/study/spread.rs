@@ -55,8 +55,8 @@ pub fn over_seeds(
     Ok(Spread::of(max_mm))
 }
 
-/// The same for perspective alone, 8 numbers fitted to the same noise through a camera that has no
-/// lens: with fewer nobody maps a plane, so no map of these nodes does better on average.
+/// The same for perspective alone, 8 numbers fitted (linearly) to the same noise through a camera
+/// that has no lens: with fewer nobody maps a plane. What a map with a lens may be measured by.
 ///
 /// # Errors
 /// [`MapError::Degenerate`] when the nodes span nothing.
