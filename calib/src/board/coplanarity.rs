@@ -393,7 +393,7 @@ fn side(
             }
         }
     }
-    (samples.len() >= 30 && gain > 100.0).then(|| Side {
+    (samples.len() >= 30 && gain > 100.0).then_some(Side {
         eta_m,
         top_m: block.height_m,
         spread_m,
