@@ -24,35 +24,20 @@ use hydroline_calib::map::refractive::Known;
 use hydroline_calib::map::{FitOptions, Method, Node, RefractivePrior, fit};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions, Status};
 use hydroline_calib::{Calibration, ImageSize, Medium};
-use hydroline_rigs::{Board, Rig};
-use std::collections::HashMap;
+use hydroline_rigs::{Board, FlatPort, Rig};
 
 /// The map may spend a quarter of what the rig tolerates: pose and stripe need the rest.
 const SHARE_OF_TOLERANCE: f64 = 0.25;
 /// Tolerance of a map without a rig \[m\]: a quarter of the rig file's default of 2 mm.
 const TOLERANCE_M: f64 = 0.5e-3;
-/// A median move of more than this \[px\] is another pose of the board.
-const MOVED_PX: f64 = 0.5;
 /// How well the sheet's thickness is known beforehand, of itself.
 const SHEET_SIGMA_SD: f64 = 0.1;
 
-/// What the flat port is like, as far as a ruler tells.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Port {
-    /// Entrance pupil to the port's inner face \[m\].
-    pub distance_m: f64,
-    /// Its thickness \[m\].
-    pub glass_m: f64,
-}
-
-impl Default for Port {
-    fn default() -> Self {
-        Port {
-            distance_m: 0.03,
-            glass_m: 0.01,
-        }
-    }
-}
+/// A port where rig and arguments name none: a usual one.
+const PORT: FlatPort = FlatPort {
+    distance_m: 0.03,
+    glass_m: 0.01,
+};
 
 /// What is looked for, and under which conditions.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +53,7 @@ pub struct Setup {
     /// Where the board's middle stands, if someone measured it.
     pub at: Option<Placement>,
     /// Port of a `refractive` map.
-    pub port: Port,
+    pub port: FlatPort,
     /// Frames at least before a calibration is accepted.
     pub frames: u32,
     /// A gap between board and sheet that nobody measured is accepted (a board without blocks).
@@ -82,9 +67,9 @@ impl Setup {
             board,
             method: Method::Homography,
             medium,
-            rig,
             at: None,
-            port: Port::default(),
+            port: rig.as_ref().and_then(|r| r.port).unwrap_or(PORT),
+            rig,
             frames: 5,
             accept_unknown_gap: false,
         }
@@ -183,7 +168,12 @@ pub fn see(setup: &Setup, image: &GreyImage, reason: bool) -> Result<Sighting, N
         detect_quick(&grey, &setup.board)
     };
     let detection = found?;
-    let gap = setup.rig.as_ref().and_then(|rig| {
+    // Blocks are where the board's own order of nodes puts them.
+    let known = setup
+        .rig
+        .as_ref()
+        .filter(|_| detection.orientation.is_usable());
+    let gap = known.and_then(|rig| {
         let nodes = detection.nodes();
         let options = FitOptions {
             image: Some(ImageSize::of(&rig.camera)),
@@ -260,23 +250,6 @@ impl Pose {
         let (placement, by) = place::place(setup, &self.nodes(), gap.as_ref());
         Some((made(placement)?, by))
     }
-
-    /// Median distance \[px\] of a detection's nodes from the average; `None` without common nodes.
-    fn distance_px(&self, detection: &Detection) -> Option<f64> {
-        // Both sides take node coordinates from the same formula: equal nodes have equal bits.
-        let key = |n: &Node| (n.xi_m.to_bits(), n.eta_m.to_bits());
-        let known: HashMap<_, _> = self.nodes().iter().map(|n| (key(n), *n)).collect();
-        let mut moved: Vec<f64> = detection
-            .nodes
-            .iter()
-            .filter_map(|n| {
-                let old = known.get(&key(&n.node))?;
-                Some((old.column_px - n.node.column_px).hypot(old.row_px - n.node.row_px))
-            })
-            .collect();
-        moved.sort_by(f64::total_cmp);
-        moved.get(moved.len() / 2).copied()
-    }
 }
 
 /// Images sorted by the pose of the board.
@@ -287,18 +260,31 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// Takes one image's board to the pose it shows; answers with that pose's index.
-    pub fn push(&mut self, setup: &Setup, sighting: Sighting) -> usize {
-        let known = self.poses.iter().position(|pose| {
-            pose.distance_px(&sighting.detection)
-                .is_some_and(|d| d <= MOVED_PX)
+    /// Takes one image's board to the pose it shows; answers with that pose's index. `None` for an
+    /// image in which the key is hidden and that shows no pose whose nodes are known: nobody can say
+    /// which node is which, and nothing is guessed.
+    pub fn push(&mut self, setup: &Setup, sighting: Sighting) -> Option<usize> {
+        let recognised = (0..self.poses.len()).find_map(|k| {
+            let detection = self.poses[k].online.recognise(&sighting.detection)?;
+            Some((k, detection))
         });
-        let index = known.unwrap_or_else(|| {
-            self.poses.push(Pose::new(setup));
-            self.poses.len() - 1
-        });
-        self.poses[index].push(sighting);
-        index
+        let index = match recognised {
+            Some((index, detection)) => {
+                self.poses[index].push(Sighting {
+                    detection,
+                    ..sighting
+                });
+                index
+            }
+            None if !sighting.detection.orientation.is_usable() => return None,
+            None => {
+                self.poses.push(Pose::new(setup));
+                let index = self.poses.len() - 1;
+                self.poses[index].push(sighting);
+                index
+            }
+        };
+        Some(index)
     }
 
     /// The pose with the most nodes times images: the one to calibrate with.

@@ -236,14 +236,8 @@ fn an_air_calibration_is_refused_in_water_unless_forced() {
     let dir = tempfile::tempdir().unwrap();
     let log = board_log(dir.path(), "board.mcap", "dots-50", "0", "1");
     let file = dir.path().join("air.toml");
-    let output = run(&[
-        "calibrate",
-        text(&log),
-        "--board",
-        "dots-50",
-        "--out",
-        text(&file),
-    ]);
+    // The board is the one that the log's rig names.
+    let output = run(&["calibrate", text(&log), "--out", text(&file)]);
     assert_eq!(output.status.code(), Some(0), "{:?}", words(&output));
     let out = dir.path().join("wet.mcap");
     let wet = [
@@ -461,6 +455,11 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
     ]));
     assert_eq!(code, Some(1), "{stderr}");
     assert!(stderr.contains("another board"), "{stderr}");
+    // A rig that names no board.
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    rig.board = None;
+    let boardless = dir.path().join("boardless.toml");
+    std::fs::write(&boardless, rig.to_toml()).unwrap();
     for (args, reason) in [
         (
             vec![
@@ -488,11 +487,15 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
             vec![
                 "record",
                 "--rig",
-                "lshpi",
+                text(&boardless),
                 "--calibrate",
                 "--out",
                 text(&out),
             ],
+            "--board",
+        ),
+        (
+            vec!["calibrate", text(&good_png), "--out", text(&out)],
             "--board",
         ),
         (vec!["board", "dots-50", "--out", "x.pdf"], ".svg"),

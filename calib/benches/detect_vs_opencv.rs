@@ -12,10 +12,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
-use hydroline_calib::detect::synthetic::{CLUTTER_KINDS, Scene, View, clutter, render};
+use hydroline_calib::board::coplanarity::{Coplanarity, GaugeOptions, measure};
+use hydroline_calib::detect::synthetic::{CLUTTER_KINDS, LaserSheet, Scene, View, clutter, render};
 use hydroline_calib::detect::{Grey, detect, detect_quick};
+use hydroline_calib::map::{FitOptions, Method, fit};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
-use hydroline_rigs::{Board, BoardPattern};
+use hydroline_rigs::{Board, BoardPattern, GaugeBlock};
 
 const REPEATS: u32 = 20;
 /// The budget of the frame that the detector shares the core with \[ms\].
@@ -46,10 +48,14 @@ fn board(kind: &str) -> Board {
     }
 }
 
-fn shots() -> Vec<Shot> {
+fn shots(part: &str) -> Vec<Shot> {
     let mut shots = Vec::new();
     for kind in ["lines", "dots", "chessboard"] {
         for (angle_deg, conditions) in [(0, ""), (30, ""), (45, ""), (60, ""), (45, " hard")] {
+            let name = format!("{kind} {angle_deg}{conditions}");
+            if !name.contains(part) {
+                continue;
+            }
             let board = board(kind);
             let half = 0.5 * f64::from(board.rows) * board.pitch_m;
             let angle = f64::from(angle_deg).to_radians();
@@ -70,7 +76,7 @@ fn shots() -> Vec<Shot> {
                 ..Scene::default()
             };
             shots.push(Shot {
-                name: format!("{kind} {angle_deg}{conditions}"),
+                name,
                 pixels: render(&board, &view, &scene),
                 board,
                 view,
@@ -161,8 +167,75 @@ fn theirs(folder: &Path, shots: &[Shot]) -> Result<BTreeMap<String, String>, Box
         .collect())
 }
 
+/// A whole frame of a live calibration: board with gauge blocks in a laser sheet, 1 mm off.
+fn in_the_sheet(kind: &str) -> Result<(f64, String), Box<dyn Error>> {
+    let block = |x, y| GaugeBlock {
+        centre_m: [x, y],
+        size_m: [0.03, 0.03],
+        height_m: 0.01,
+    };
+    let board = Board {
+        blocks: vec![
+            block(-0.175, -0.175),
+            block(0.175, -0.175),
+            block(0.025, 0.175),
+        ],
+        ..board(kind)
+    };
+    let half = 0.5 * f64::from(board.rows) * board.pitch_m;
+    let angle = 45f64.to_radians();
+    let away_m = 740.0 * half / 250.0 + half * angle.sin();
+    let view = View::pinhole(
+        [720, 576],
+        740.0,
+        away_m,
+        angle,
+        std::f64::consts::FRAC_PI_2,
+        0.05,
+    );
+    let scene = Scene {
+        greys: [120.0, 15.0, 40.0],
+        laser: Some(LaserSheet {
+            offset_m: 1e-3,
+            tilt_xi: 0.0,
+            tilt_eta: 0.0,
+            sigma_m: 0.002,
+            peak: 110.0,
+            apex_m: 0.68,
+        }),
+        ..Scene::default()
+    };
+    let pixels = render(&board, &view, &scene);
+    let grey = Grey::new(720, 576, &pixels).ok_or("size")?;
+    let mut online = OnlineCalibration::new(board.clone(), OnlineOptions::default());
+    let mut words = String::new();
+    let (ms, _) = timed(|| {
+        let Ok(found) = detect_quick(std::hint::black_box(&grey), &board) else {
+            return;
+        };
+        let gap = fit(Method::Homography, &found.nodes(), &FitOptions::default())
+            .ok()
+            .map(|map| {
+                let options = GaugeOptions {
+                    camera_m: [0.0, away_m * angle.sin(), away_m * angle.cos()],
+                    sheet_sigma_m: [0.002, 0.0002],
+                    blur_px: found.blur_px,
+                };
+                measure(&grey, &board, &map, &options)
+            });
+        words = gap.as_ref().map_or_else(String::new, Coplanarity::words);
+        std::hint::black_box(online.push(&found, gap));
+    });
+    Ok((ms, words))
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let shots = shots();
+    // `-- PART` looks at images whose name holds PART only: for a profiler.
+    let part = std::env::args()
+        .skip(1)
+        .find(|a| !a.starts_with('-'))
+        .unwrap_or_default();
+    let shots = shots(&part);
     let folder = std::env::temp_dir().join(format!("hydroline-opencv-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let other = theirs(&folder, &shots);
@@ -212,12 +285,24 @@ fn main() -> Result<(), Box<dyn Error>> {
             None => println!(),
         }
     }
+    for kind in ["lines", "dots"] {
+        let name = format!("{kind} 45 in the sheet");
+        if !name.contains(&part) {
+            continue;
+        }
+        let (ms, gap) = in_the_sheet(kind)?;
+        worst = worst.max(ms);
+        println!("{name:20} detection, gauge blocks and update {ms:5.2}   ({gap})");
+    }
     // What every frame costs before the board comes, over all kinds of floors and clutter.
     for kind in ["lines", "dots", "chessboard"] {
         let board = board(kind);
         let mut slowest = (0.0, "");
         let mut sum = 0.0;
         for (seed, name) in (0u64..).zip(CLUTTER_KINDS) {
+            if !format!("{kind} in {name}").contains(&part) {
+                continue;
+            }
             let pixels = clutter([720, 576], seed);
             let grey = Grey::new(720, 576, &pixels).ok_or("size")?;
             let (mean, _) = timed(|| {
@@ -227,6 +312,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             if mean > slowest.0 {
                 slowest = (mean, name);
             }
+        }
+        if slowest.0 == 0.0 {
+            continue;
         }
         println!(
             "no board ({kind} sought): mean {sum:5.2}, slowest {:5.2} ({})",

@@ -8,7 +8,9 @@
 //! its neighbours towards +ξ and +η, near the middle of the board. The key fixes origin
 //! and rotation, also when only part of the board is seen. A board without it (Wang and
 //! Cheng's own) is read by the *upright assumption*: η within 45° of up in the image, and
-//! all columns and rows in view with more than half a step around. Which of the two applied is reported with each detection.
+//! all columns and rows in view with more than half a step around. Which of the two applied is
+//! reported with each detection, and so is a key that a hand or a laser line hides: nothing may then
+//! rest on the order, unless another frame of the same pose showed it.
 
 pub mod coplanarity;
 

@@ -12,32 +12,43 @@ mod image;
 mod lattice;
 mod reason;
 mod refine;
+mod smooth;
 pub mod synthetic;
 
+pub(crate) use identify::turn_index;
 pub use image::Grey;
 pub use reason::NotFound;
-
-use std::collections::HashSet;
 
 use hydroline_rigs::{Board, BoardPattern};
 
 use crate::board;
 use crate::map::Node;
 use candidates::Candidate;
-use fine::{centre_dots, drop_miscounted, drop_strays, drop_thin_borders, fine};
+use fine::{centre_dots, drop_miscounted, drop_thin_borders, fine};
 use identify::{Ordered, place};
 use image::Plane;
 use lattice::{Field, Index, Lattice};
 use refine::Refined;
+use smooth::{drop_strays, fill};
 
 /// How the origin of the nodes was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Orientation {
     /// The key was seen: origin and rotation are certain.
     KeySeen,
-    /// No key: the board is assumed to stand upright (η within 45° of the image's up); all its
-    /// columns and rows are in view, and so is that nothing follows them.
+    /// The board carries no key: it is assumed to stand upright (η within 45° of the image's up);
+    /// all its columns and rows are in view, and so is that nothing follows them.
     UprightAssumed,
+    /// Whether there is a key cannot be seen (a hand, a laser line, poor light): the indices are
+    /// those of a board that stands upright, but nothing may rest on them.
+    KeyHidden,
+}
+
+impl Orientation {
+    /// Whether nodes may be used under their indices.
+    pub fn is_usable(self) -> bool {
+        self != Orientation::KeyHidden
+    }
 }
 
 /// A node found: its index on the board and where it is.
@@ -114,7 +125,7 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
             second,
         });
     }
-    let (orientation, turns, shift) = place(image, board, &seen.ordered)?;
+    let (orientation, turns, shift) = place(image, board, &seen.ordered, seen.contrast)?;
     let mut kept: Vec<BoardNode> = Vec::with_capacity(wanted);
     for (index, r) in &seen.nodes {
         let [i, j] = identify::turn_index(*index, turns);
@@ -210,7 +221,7 @@ fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) 
     if matches!(board.pattern, BoardPattern::Dots { .. }) {
         centre_dots(image, board, &mut ordered);
     }
-    let (mut nodes, blur_px) = fine(image, board, &ordered)?;
+    let (mut nodes, refiner) = fine(image, board, &ordered)?;
     let median = |mut values: Vec<f64>| -> f64 {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -222,35 +233,38 @@ fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) 
     };
     let contrast = median(nodes.iter().map(signed).collect());
     let noise = median(nodes.iter().map(|n| n.1.rms).collect());
-    nodes.retain(|n| {
-        let sd = n.1.covariance[(0, 0)].max(n.1.covariance[(1, 1)]).sqrt();
+    let holds = |index: Index, r: &Refined| {
+        let sd = r.covariance[(0, 0)].max(r.covariance[(1, 1)]).sqrt();
         sd <= WORST_SD_PX
-            && signed(n) * contrast.signum() > 0.2 * contrast.abs()
-            // A crossing of which only one line is there leaves a fifth of its contrast; the
-            // median of what others leave is no measure when all of them are wrong.
-            && n.1.rms < (0.1 * n.1.contrast.abs()).max(4.0)
-            && n.1.rms < (3.0 * noise).max(0.06 * n.1.contrast.abs())
-    });
+            && signed(&(index, *r)) * contrast.signum() > 0.2 * contrast.abs()
+            // The median of what others leave is no measure when all of them are wrong.
+            && r.is_pattern()
+            && r.rms < (3.0 * noise).max(0.06 * r.contrast.abs())
+    };
+    nodes.retain(|(index, r)| holds(*index, r));
     drop_miscounted(&mut nodes);
     let before = nodes.len();
-    drop_strays(&mut nodes)?;
+    let map = drop_strays(&mut nodes)?;
     let sound = nodes.len() >= fewest(board)
         && nodes.len() * 10 >= ordered.nodes.len() * 5
         && nodes.len() * 10 >= before * 8
         && contrast.abs() > 8.0;
+    if !sound {
+        return None;
+    }
+    fill(&refiner, board, &map, contrast.abs(), &mut nodes, holds);
     drop_thin_borders(&mut nodes, [board.columns, board.rows]);
     // Only what held under the pattern's fit says how far the lattice reaches.
-    let found: HashSet<Index> = nodes.iter().map(|n| n.0).collect();
-    ordered.nodes.retain(|k, _| found.contains(k));
+    ordered.nodes = nodes.iter().map(|(k, r)| (*k, r.position)).collect();
     let low = ordered.rebase();
     for n in &mut nodes {
         n.0 = [n.0[0] - low[0], n.0[1] - low[1]];
     }
-    sound.then_some(Seen {
+    Some(Seen {
         ordered,
         nodes,
         rest,
-        blur_px,
+        blur_px: refiner.blur_px,
         noise,
         contrast: contrast.abs(),
     })

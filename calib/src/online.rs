@@ -4,6 +4,7 @@
 //! what is known and what is still missing. The board stands still while it is looked at;
 //! a board that moves starts the average anew.
 
+mod carry;
 pub mod coverage;
 
 pub use coverage::Coverage;
@@ -16,7 +17,7 @@ use hydroline_rigs::Board;
 
 use crate::board::coplanarity::Coplanarity;
 use crate::calibration::board_map::{Placement, Provenance};
-use crate::detect::Detection;
+use crate::detect::{Detection, Orientation};
 use crate::map::{FitOptions, FittedMap, Method, Node, fit};
 use crate::{Calibration, Medium, Residuals};
 
@@ -89,6 +90,8 @@ const MOVED_PX: f64 = 0.5;
 #[derive(Debug, Clone)]
 pub struct OnlineCalibration {
     board: Board,
+    /// Which node is which is certain: a frame has shown the key.
+    sure: bool,
     options: OnlineOptions,
     nodes: BTreeMap<(u32, u32), Average>,
     frames: u32,
@@ -101,6 +104,7 @@ impl OnlineCalibration {
     pub fn new(board: Board, options: OnlineOptions) -> Self {
         OnlineCalibration {
             board,
+            sure: false,
             options,
             nodes: BTreeMap::new(),
             frames: 0,
@@ -109,8 +113,21 @@ impl OnlineCalibration {
         }
     }
 
-    /// Takes one frame's nodes and, where measured, the gap; answers with the new standing.
-    pub fn push(&mut self, detection: &Detection, gap: Option<Coplanarity>) -> Status {
+    /// A detection under the indices of the board that is known here: a still board keeps its
+    /// nodes' indices, also in frames that do not show the key. `None` where it is another pose, or
+    /// nobody can say which node is which.
+    pub fn recognise(&self, detection: &Detection) -> Option<Detection> {
+        let seen = detection.orientation == Orientation::KeySeen;
+        if self.sure && !seen {
+            return carry::over(&self.board, &self.nodes(), detection);
+        }
+        (detection.orientation.is_usable()
+            && self.moved_px(detection).is_some_and(|d| d <= MOVED_PX))
+        .then(|| detection.clone())
+    }
+
+    /// Median distance \[px\] of a detection's nodes from the average; `None` without common nodes.
+    fn moved_px(&self, detection: &Detection) -> Option<f64> {
         let mut moved: Vec<f64> = detection
             .nodes
             .iter()
@@ -120,12 +137,38 @@ impl OnlineCalibration {
             })
             .collect();
         moved.sort_by(f64::total_cmp);
-        let restarted = moved.get(moved.len() / 2).is_some_and(|&m| m > MOVED_PX);
+        moved.get(moved.len() / 2).copied()
+    }
+
+    /// Takes one frame's nodes and, where measured, the gap; answers with the new standing.
+    pub fn push(&mut self, detection: &Detection, gap: Option<Coplanarity>) -> Status {
+        let recognised = self.recognise(detection);
+        let known = recognised.is_some();
+        let detection = recognised.as_ref().unwrap_or(detection);
+        if !detection.orientation.is_usable() {
+            let mut status = self.status();
+            status.accepted = false;
+            status.missing.insert(
+                0,
+                "the board's key is hidden, and which node is which depends on it: uncover its three discs"
+                    .to_owned(),
+            );
+            return status;
+        }
+        // Another part of the same board, its key in view, has no nodes in common and adds to them.
+        let apart =
+            detection.orientation == Orientation::KeySeen && self.moved_px(detection).is_none();
+        let restarted = !known && !apart && !self.nodes.is_empty();
+        // The same places under other indices: the first frames were read without their key.
+        let renamed =
+            restarted && !self.sure && carry::over(&self.board, &self.nodes(), detection).is_some();
         if restarted {
             self.nodes.clear();
             self.frames = 0;
             self.gap = None;
+            self.sure = false;
         }
+        self.sure |= detection.orientation == Orientation::KeySeen;
         self.frames += 1;
         for n in &detection.nodes {
             let Some(information) = n.node.covariance_px2.try_inverse() else {
@@ -157,10 +200,12 @@ impl OnlineCalibration {
         }
         let mut status = self.status();
         if restarted {
-            status.missing.insert(
-                0,
-                "the board moved: starting anew, hold it still".to_owned(),
-            );
+            let why = if renamed {
+                "the key came into view and shows another order of the nodes: starting anew"
+            } else {
+                "the board moved: starting anew, hold it still"
+            };
+            status.missing.insert(0, why.to_owned());
         }
         status
     }

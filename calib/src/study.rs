@@ -1,5 +1,6 @@
 //! The comparison of all maps on one synthetic rig, whose truth no map knows.
 
+pub mod spread;
 pub mod truth;
 
 use nalgebra::Matrix2;

@@ -36,6 +36,11 @@ pub(crate) fn rig(rig: &Rig) -> String {
     w.number("h_camera_m", rig.mounts.h_camera_m);
     w.number("h_centre_m", rig.mounts.h_centre_m);
     w.number("camera_tilt_rad", rig.mounts.camera_tilt_rad);
+    if let Some(port) = &rig.port {
+        w.table("port");
+        w.number("distance_m", port.distance_m);
+        w.number("glass_m", port.glass_m);
+    }
     if let Some(t) = &rig.target {
         w.table("target");
         target(&mut w, t, "target.slab");

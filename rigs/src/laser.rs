@@ -1,4 +1,4 @@
-//! Laser sheet and the mounts of camera and laser on the body.
+//! Laser sheet, the mounts of camera and laser on the body, and the camera's port.
 
 /// The laser sheet. Apex at body (l_laser, 0, 0), fan centred on body z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,4 +26,13 @@ pub struct Mounts {
     pub h_centre_m: f64,
     /// Optical axis from the vertical, looking forward and down \[rad\] (alpha, 45 deg).
     pub camera_tilt_rad: f64,
+}
+
+/// The flat port that the camera looks through, as far as a ruler tells; for `refractive` maps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlatPort {
+    /// Entrance pupil of the lens to the port's inner face \[m\].
+    pub distance_m: f64,
+    /// Thickness of the port \[m\].
+    pub glass_m: f64,
 }

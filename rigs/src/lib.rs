@@ -43,7 +43,7 @@ mod rig;
 
 pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat};
 pub use error::{Problem, ProblemKind, RigError};
-pub use laser::{Laser, Mounts};
+pub use laser::{FlatPort, Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
 pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use rig::Rig;

@@ -1,5 +1,5 @@
 use crate::{
-    BollardPull, Camera, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target,
+    BollardPull, Camera, FlatPort, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target,
     ThrusterSet, Tolerance, Vehicle, target::Board,
 };
 
@@ -14,6 +14,8 @@ pub struct Rig {
     pub laser: Laser,
     /// Where camera and laser sit on the body.
     pub mounts: Mounts,
+    /// The camera's flat port, when the rig says what it is like.
+    pub port: Option<FlatPort>,
     /// What lies on the tank floor; `None` = bare floor.
     pub target: Option<Target>,
     /// Calibration board, when the rig names one.

@@ -6,7 +6,7 @@ mod report;
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
-use crate::calibrate::{Port, Setup, medium, rfc3339};
+use crate::calibrate::{Setup, medium, rfc3339};
 use crate::clock::{Clock, SystemClock};
 use crate::log::LogReader;
 use collect::{Collected, Source};
@@ -14,7 +14,7 @@ use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::map::Method;
 use hydroline_calib::{Calibration, Medium};
-use hydroline_rigs::{Board, Rig};
+use hydroline_rigs::{Board, FlatPort, Rig};
 use report::{Against, Report};
 use std::path::{Path, PathBuf};
 
@@ -32,9 +32,9 @@ pub struct Args {
     /// Logs (.mcap) or images (PNG, JPEG) of the board
     #[arg(required = true, value_name = "LOG|IMAGE")]
     inputs: Vec<PathBuf>,
-    /// Board file or built-in name
+    /// Board file or built-in name; default: the rig's [board]
     #[arg(long, value_name = "BOARD")]
-    board: String,
+    board: Option<String>,
     /// Calibration to write
     #[arg(long, value_name = "CALIB.toml")]
     out: PathBuf,
@@ -50,12 +50,12 @@ pub struct Args {
     /// Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts
     #[arg(long, value_parser = placement, allow_hyphen_values = true, value_name = "XI,ETA[,DEG]")]
     at: Option<Placement>,
-    /// For refractive: entrance pupil to the port's inner face [m]
-    #[arg(long, default_value_t = Port::default().distance_m, value_parser = inputs::not_negative, value_name = "M")]
-    port_distance_m: f64,
-    /// For refractive: thickness of the port [m]
-    #[arg(long, default_value_t = Port::default().glass_m, value_parser = inputs::not_negative, value_name = "M")]
-    port_glass_m: f64,
+    /// For refractive: entrance pupil to the port's inner face [m]; default: the rig's [port], else 0.03
+    #[arg(long, value_parser = inputs::not_negative, value_name = "M")]
+    port_distance_m: Option<f64>,
+    /// For refractive: thickness of the port [m]; default: the rig's [port], else 0.01
+    #[arg(long, value_parser = inputs::not_negative, value_name = "M")]
+    port_glass_m: Option<f64>,
     /// Counts a board without gauge blocks as accepted; the claim stays withdrawn
     #[arg(long)]
     accept_unknown_gap: bool,
@@ -106,7 +106,11 @@ pub(super) fn placement(text: &str) -> Result<Placement, String> {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let board = Board::load_or_builtin(&args.board).map_err(CliError::config)?;
+    let named = args
+        .board
+        .as_deref()
+        .map(|name| Board::load_or_builtin(name).map_err(CliError::config))
+        .transpose()?;
     inputs::new_file("--out", &args.out)?;
     if let Some(path) = &args.annotate {
         inputs::new_file("--annotate", path)?;
@@ -119,16 +123,23 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .map_err(|e: hydroline_calib::CalibError| CliError::config(e))?;
     let sources = collect::sources(&args.inputs)?;
     let (rig, medium) = circumstances(args, &sources)?;
+    let Some(board) = named.or_else(|| rig.as_ref().and_then(|r| r.board.clone())) else {
+        return Err(CliError::Config(
+            "no board: give --board (dots-50, wc-lines-50, chess-25 or a file), or --rig with a [board]"
+                .to_owned(),
+        ));
+    };
+    let setup = Setup::new(board, medium, rig);
     let setup = Setup {
         method: args.method,
         at: args.at,
-        port: Port {
-            distance_m: args.port_distance_m,
-            glass_m: args.port_glass_m,
+        port: FlatPort {
+            distance_m: args.port_distance_m.unwrap_or(setup.port.distance_m),
+            glass_m: args.port_glass_m.unwrap_or(setup.port.glass_m),
         },
         frames: 1,
         accept_unknown_gap: args.accept_unknown_gap,
-        ..Setup::new(board, medium, rig)
+        ..setup
     };
     let collected = collect::collect(&setup, &sources, args.every)?;
     finish(args, &setup, &collected, &old)

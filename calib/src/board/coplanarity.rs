@@ -214,6 +214,8 @@ struct Sample {
     height_m: f64,
     xi_m: f64,
     grey: f64,
+    /// Shares of face, side and top in this pixel, blurred.
+    shares: [f64; 3],
 }
 
 struct Side {
@@ -247,40 +249,43 @@ pub fn measure(
     }
     let count: usize = sides.iter().map(|s| s.samples.len()).sum();
     let [sigma, sigma_sd] = options.sheet_sigma_m;
-    let mut best = None;
-    for start in [0.0, 2e-3, 5e-3, -1.5e-3] {
-        let fit = minimise(
-            &[start, 0.0, 0.0, sigma],
-            &[1e-6, 1e-6, 1e-6, 1e-6],
-            count + 3,
-            |x, out| {
-                let mut k = 0;
-                for side in &sides {
-                    let Some(solved) = solve(side, x) else {
-                        return false;
-                    };
-                    for r in solved.1 {
-                        out[k] = r;
-                        k += 1;
-                    }
-                }
-                // Residuals are grey levels; the priors are given that unit below.
-                out[k] = (x[3] - sigma) / sigma_sd.max(1e-6);
-                // A board that leans by more than 2° would be seen to.
-                out[k + 1] = x[1] / 0.035;
-                out[k + 2] = x[2] / 0.035;
-                true
-            },
-        );
-        if let Ok(fit) = fit
-            && best
-                .as_ref()
-                .is_none_or(|b: &crate::map::lm::LmFit| fit.cost < b.cost)
-        {
-            best = Some(fit);
+    let residuals = |x: &[f64], out: &mut [f64]| {
+        let mut k = 0;
+        for side in &sides {
+            let Some(solved) = solve(side, x) else {
+                return false;
+            };
+            for r in solved.1 {
+                out[k] = r;
+                k += 1;
+            }
+        }
+        // Residuals are grey levels; the priors are given that unit below.
+        out[k] = (x[3] - sigma) / sigma_sd.max(1e-6);
+        // A board that leans by more than 2° would be seen to.
+        out[k + 1] = x[1] / 0.035;
+        out[k + 2] = x[2] / 0.035;
+        true
+    };
+    // The misfit over the offset has more than one valley: begin in the deepest.
+    let mut left = vec![0.0; count + 3];
+    let mut start = (f64::INFINITY, 0.0);
+    for step in -4..=16 {
+        let offset_m = 0.5e-3 * f64::from(step);
+        if residuals(&[offset_m, 0.0, 0.0, sigma], &mut left) {
+            let cost: f64 = left.iter().map(|r| r * r).sum();
+            if cost < start.0 {
+                start = (cost, offset_m);
+            }
         }
     }
-    let Some(fit) = best else {
+    let fit = minimise(
+        &[start.1, 0.0, 0.0, sigma],
+        &[1e-6, 1e-6, 1e-6, 1e-6],
+        count + 3,
+        residuals,
+    );
+    let Ok(fit) = fit else {
         return unknown("the light on the blocks fits no sheet");
     };
     let x = fit.parameters.as_slice();
@@ -346,6 +351,7 @@ fn side(
     let middle = 0.5 * (left + right);
     let (a, b) = (face(middle, 0.0)?, face(middle, block.height_m)?);
     let gain = (a.0 - b.0).hypot(a.1 - b.1) / block.height_m;
+    let spread_m = options.blur_px.max(0.4) / gain;
     let bound = |f: &dyn Fn(f64, f64) -> f64, from: f64, part: usize| {
         corners
             .iter()
@@ -376,18 +382,21 @@ fn side(
                 && (left + inset..right - inset).contains(&xi_m)
                 && grey < 252.0
             {
+                let foot = phi(height_m / spread_m);
+                let edge = phi((height_m - block.height_m) / spread_m);
                 samples.push(Sample {
                     height_m,
                     xi_m,
                     grey,
+                    shares: [1.0 - foot, foot - edge, edge],
                 });
             }
         }
     }
-    (samples.len() >= 30 && gain > 100.0).then(|| Side {
+    (samples.len() >= 30 && gain > 100.0).then_some(Side {
         eta_m,
         top_m: block.height_m,
-        spread_m: options.blur_px.max(0.4) / gain,
+        spread_m,
         samples,
     })
 }
@@ -404,8 +413,8 @@ fn solve(side: &Side, x: &[f64]) -> Option<(nalgebra::Vector4<f64>, Vec<f64>)> {
         .map(|p| {
             let mean = x[0] + x[1] * p.xi_m + x[2] * side.eta_m;
             let h = p.height_m;
-            let (foot, edge) = (phi(h / s), phi((h - top) / s));
-            nalgebra::Vector4::new(1.0 - foot, foot - edge, edge, cut(h, mean, sigma, s, top))
+            let [face, side, above] = p.shares;
+            nalgebra::Vector4::new(face, side, above, cut(h, mean, sigma, s, top))
         })
         .collect();
     let mut normal = nalgebra::Matrix4::identity() * 1e-9;

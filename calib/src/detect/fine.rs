@@ -2,14 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use hydroline_rigs::Board;
-use nalgebra::{SMatrix, SVector};
-
 use super::identify::Ordered;
 use super::image::Grey;
 use super::lattice::Index;
 use super::refine::{Refined, Refiner};
 use crate::map::geometry::{apply, homography};
+use hydroline_rigs::Board;
 
 /// Moves coarse dots to their middles, so that the local steps become good to a per cent.
 pub(super) fn centre_dots(image: &Grey<'_>, board: &Board, ordered: &mut Ordered) {
@@ -56,11 +54,11 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
 }
 
 /// All nodes refined, with the blur that fits them best.
-pub(super) fn fine(
-    image: &Grey<'_>,
-    board: &Board,
+pub(super) fn fine<'a>(
+    image: &'a Grey<'a>,
+    board: &'a Board,
     ordered: &Ordered,
-) -> Option<(Vec<(Index, Refined)>, f64)> {
+) -> Option<(Vec<(Index, Refined)>, Refiner<'a>)> {
     let mut refiner = refiner(image, board, ordered)?;
     let to_image = refiner.to_image;
     let mut indices: Vec<Index> = ordered.nodes.keys().copied().collect();
@@ -69,53 +67,81 @@ pub(super) fn fine(
         refiner.refine(index, start, ordered.steps(index, &to_image)?)
     };
     // The blur from some nodes spread over the board.
-    let stride = (indices.len() / 5).max(1);
+    let stride = (indices.len() / 6).max(1);
     let sample: Vec<Index> = indices.iter().copied().step_by(stride).collect();
     let misfit = |refiner: &mut Refiner<'_>, blur_px: f64| {
         refiner.blur_px = blur_px;
-        let mut left: Vec<f64> = sample
+        let fits: Vec<Option<Refined>> = sample
             .iter()
-            .map(|&k| {
-                run(refiner, k, ordered.nodes[&k])
+            .map(|&k| run(refiner, k, ordered.nodes[&k]))
+            .collect();
+        let mut left: Vec<f64> = fits
+            .iter()
+            .map(|r| {
+                r.as_ref()
                     .map_or(1.0, |r| (r.rms / r.contrast.abs().max(1.0)).min(1.0))
             })
             .collect();
         left.sort_by(f64::total_cmp);
-        left[..=left.len() / 2].iter().sum::<f64>()
+        let sound = fits.iter().flatten().filter(|r| r.is_pattern()).count();
+        (left[..=left.len() / 2].iter().sum::<f64>(), sound)
     };
     let trials = [0.5, 0.7, 0.95, 1.3, 1.8, 2.5, 3.5];
-    let mut best = (f64::INFINITY, 1);
-    let mut scores: Vec<f64> = Vec::new();
-    for &blur_px in &trials {
-        scores.push(misfit(&mut refiner, blur_px));
-        // Past the minimum: the rest is worse.
-        let n = scores.len();
-        if n >= 3 && scores[n - 1] > scores[n - 2] && scores[n - 2] > scores[n - 3] {
+    let mut scores: Vec<Option<f64>> = vec![None; trials.len()];
+    let mut most_sound = 0;
+    // Downhill from the blur of a good lens: most images need three or four of the trials.
+    let mut k = 2usize;
+    loop {
+        for near in [k, k.saturating_sub(1), (k + 1).min(trials.len() - 1)] {
+            if scores[near].is_none() {
+                let (score, sound) = misfit(&mut refiner, trials[near]);
+                scores[near] = Some(score);
+                most_sound = most_sound.max(sound);
+            }
+        }
+        let tried = |k: usize| scores.get(k).copied().flatten().unwrap_or(f64::INFINITY);
+        let lower = if k > 0 { tried(k - 1) } else { f64::INFINITY };
+        let upper = tried(k + 1);
+        if lower < tried(k) && lower <= upper {
+            k -= 1;
+        } else if upper < tried(k) {
+            k += 1;
+        } else {
             break;
         }
     }
-    for (k, &score) in scores.iter().enumerate() {
-        if score < best.0 {
-            best = (score, k);
-        }
+    // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
+    // rest of this lattice is not worth its time.
+    if most_sound * 4 < sample.len() {
+        return None;
     }
-    let k = best.1;
     refiner.blur_px = trials[k];
-    if k > 0 && k + 1 < scores.len() {
+    let tried = |k: usize| scores.get(k).copied().flatten();
+    if k > 0
+        && let (Some(a), Some(b), Some(c)) = (tried(k - 1), tried(k), tried(k + 1))
+    {
         // Vertex of the parabola over log blur.
-        let (a, b, c) = (scores[k - 1], scores[k], scores[k + 1]);
         let bend = a - 2.0 * b + c;
         if bend > 0.0 {
             let t = (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
             refiner.blur_px = trials[k] * 1.37f64.powf(t);
         }
     }
-    let nodes: Vec<(Index, Refined)> = indices
-        .into_iter()
-        .filter_map(|index| Some((index, run(&refiner, index, ordered.nodes[&index])?)))
-        .collect();
-    let blur_px = refiner.blur_px;
-    Some((nodes, blur_px))
+    // A quarter of the nodes first, spread over the lattice: half of a board's nodes must hold in
+    // the end, and what is no board is not worth the rest of the time.
+    let mut nodes: Vec<(Index, Refined)> = Vec::with_capacity(indices.len());
+    for part in 0..4 {
+        let some = indices.iter().skip(part).step_by(4);
+        nodes.extend(
+            some.filter_map(|&index| Some((index, run(&refiner, index, ordered.nodes[&index])?))),
+        );
+        let sound = nodes.iter().filter(|n| n.1.is_pattern()).count();
+        if part == 0 && sound * 10 < indices.len().div_ceil(4) * 4 {
+            return None;
+        }
+    }
+    nodes.sort_by_key(|n| n.0);
+    Some((nodes, refiner))
 }
 
 /// Where the lattice is larger than the board, takes off outer rows and columns that hold
@@ -208,71 +234,4 @@ pub(super) fn drop_miscounted(nodes: &mut Vec<(Index, Refined)>) {
         let g = group[n - 1];
         g == base || votes[g] * 2 > sizes[g]
     });
-}
-
-/// Drops nodes that one smooth map of the whole board does not explain: a homography and,
-/// for lens and port, a cubic on top (it leaves 0.1 px of a strong lens). `None` when there
-/// is no such map.
-pub(super) fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<()> {
-    const STRAY_PX: f64 = 0.15;
-    // No lens leaves this much after a cubic: a map that does is bent by false nodes.
-    const WORST_STRAY_PX: f64 = 1.0;
-    let pairs: Vec<_> = nodes
-        .iter()
-        .map(|(k, r)| (k.map(f64::from), r.position))
-        .collect();
-    let h = homography(&pairs)?;
-    let high = [0, 1].map(|k| nodes.iter().map(|n| n.0[k]).max().unwrap_or(1).max(1));
-    let terms: Vec<([f64; 10], [f64; 2])> = pairs
-        .iter()
-        .map(|(k, p)| {
-            let q = apply(&h, *k)?;
-            let x = 2.0 * k[0] / f64::from(high[0]) - 1.0;
-            let y = 2.0 * k[1] / f64::from(high[1]) - 1.0;
-            Some((
-                [
-                    1.0,
-                    x,
-                    y,
-                    x * x,
-                    x * y,
-                    y * y,
-                    x * x * x,
-                    x * x * y,
-                    x * y * y,
-                    y * y * y,
-                ],
-                [p[0] - q[0], p[1] - q[1]],
-            ))
-        })
-        .collect::<Option<_>>()?;
-    let mut off = vec![0.0f64; terms.len()];
-    for _ in 0..6 {
-        let mut sorted = off.clone();
-        sorted.sort_by(f64::total_cmp);
-        let scale = sorted[sorted.len() / 2].max(0.05);
-        let mut normal = SMatrix::<f64, 10, 10>::identity() * 1e-6;
-        let mut right = SMatrix::<f64, 10, 2>::zeros();
-        for ((t, e), off) in terms.iter().zip(&off) {
-            let row = SVector::<f64, 10>::from_column_slice(t);
-            // Cauchy: a stray of many pixels hardly pulls.
-            let weight = 1.0 / (1.0 + (off / (2.0 * scale)).powi(2));
-            normal += row * row.transpose() * weight;
-            right += row * nalgebra::RowVector2::new(e[0], e[1]) * weight;
-        }
-        let solved = normal.cholesky()?.solve(&right);
-        for ((t, e), off) in terms.iter().zip(&mut off) {
-            let model = solved.transpose() * SVector::<f64, 10>::from_column_slice(t);
-            *off = (e[0] - model[0]).hypot(e[1] - model[1]);
-        }
-    }
-    let mut sorted = off.clone();
-    sorted.sort_by(f64::total_cmp);
-    let limit = (6.0 * sorted[sorted.len() / 2]).clamp(STRAY_PX, WORST_STRAY_PX);
-    let mut k = 0;
-    nodes.retain(|_| {
-        k += 1;
-        off[k - 1] < limit
-    });
-    Some(())
 }

@@ -104,14 +104,15 @@ impl Ordered {
         Some(steps)
     }
 
-    /// Looks for the key. `Some((turns, shift))` brings the nodes into the board's order.
+    /// Looks for the key. `contrast`: that of the pattern; discs are as dark as its marks.
     pub fn find_key(
         &self,
         image: &Grey<'_>,
         board: &Board,
         key: &Key,
         h: &Matrix3<f64>,
-    ) -> Option<(usize, Index)> {
+        contrast: f64,
+    ) -> KeySearch {
         let radius = 0.5 * key.diameter_m / board.pitch_m;
         let chess = matches!(board.pattern, BoardPattern::Chessboard);
         let mut marks: HashMap<Index, f32> = HashMap::new();
@@ -162,22 +163,15 @@ impl Ordered {
             let lighter = (disc[1] - around[6]).max(0.0);
             marks.insert([i, j], lighter - darker);
         }
-        if marks.len() < 3 {
-            return None;
-        }
-        // A disc differs from its surroundings as nothing else in a cell does.
-        let mut strengths: Vec<f32> = marks.values().map(|v| v.abs()).collect();
+        // Of what may differ from its surroundings in a cell only what is as strong as a key
+        // counts: lit blocks do too. On a chessboard discs are light on dark and dark on light.
+        let strength = |v: f32| f64::from(if chess { v.abs() } else { (-v).max(0.0) });
+        let mut strengths: Vec<f64> = marks.values().map(|&v| strength(v)).collect();
         strengths.sort_by(|a, b| b.total_cmp(a));
-        let threshold = (0.5 * strengths[2]).max(12.0);
-        let marked = |k: Index| {
-            marks.get(&k).is_some_and(|v| {
-                if chess {
-                    v.abs() >= threshold
-                } else {
-                    *v <= -threshold
-                }
-            })
-        };
+        // Light falls off over the board: a third disc in the shade sets the threshold.
+        let third = strengths.get(2).copied().unwrap_or(0.0);
+        let threshold = (0.5 * third).max(0.2 * contrast).max(8.0);
+        let marked = |k: Index| marks.get(&k).is_some_and(|&v| strength(v) >= threshold);
         let mut found = None;
         for &corner in marks.keys().filter(|&&k| marked(k)) {
             for turns in 0..4usize {
@@ -204,13 +198,52 @@ impl Ordered {
                     continue;
                 }
                 if found.is_some() {
-                    return None; // two keys: neither is believed
+                    return KeySearch::Hidden; // two keys: neither is believed
                 }
                 found = Some((turns, shift));
             }
         }
-        found
+        if let Some((turns, shift)) = found {
+            return KeySearch::Seen(turns, shift);
+        }
+        // No key at all only where all of its places are in view and plain, whichever way the
+        // board is turned; one dark place may be a stain.
+        let [ni, nj] = self.extent().map(|n| n as i32);
+        let absent = (0..4usize).all(|turns| {
+            let turned = if turns % 2 == 0 { [ni, nj] } else { [nj, ni] };
+            if turned != [board.columns as i32, board.rows as i32] {
+                return true; // a board that does not lie so
+            }
+            let low = [[0, 0], [ni - 1, 0], [ni - 1, nj - 1], [0, nj - 1]]
+                .map(|k| turn_index(k, turns))
+                .into_iter()
+                .reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1])])
+                .unwrap_or([0, 0]);
+            let places = key.cells.map(|c| {
+                let middle = [0, 1].map(|k| 2 * (c[k] as i32 + low[k]) + 1);
+                let seen = turn_index(middle, (4 - turns) % 4);
+                [0, 1].map(|k| (seen[k] - 1).div_euclid(2))
+            });
+            places.iter().all(|k| marks.contains_key(k))
+                && places.iter().filter(|k| marked(**k)).count() <= 1
+        });
+        if absent {
+            KeySearch::Absent
+        } else {
+            KeySearch::Hidden
+        }
     }
+}
+
+/// What was seen of a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum KeySearch {
+    /// These quarter turns and this shift bring the nodes into the board's order.
+    Seen(usize, Index),
+    /// Its places are in view, and there is none.
+    Absent,
+    /// Nobody can tell.
+    Hidden,
 }
 
 /// Quarter turns and shift that bring upright indices to those on the board.
@@ -218,6 +251,7 @@ pub(super) fn place(
     image: &Grey<'_>,
     board: &Board,
     ordered: &Ordered,
+    contrast: f64,
 ) -> Result<(Orientation, usize, Index), NotFound> {
     let seen = ordered.extent();
     let wanted = [board.columns, board.rows];
@@ -225,9 +259,11 @@ pub(super) fn place(
         seen: ordered.nodes.len(),
     })?;
     let key = crate::board::key(board);
-    if let Some((turns, shift)) = key.and_then(|k| ordered.find_key(image, board, &k, &h)) {
-        return Ok((Orientation::KeySeen, turns, shift));
-    }
+    let without = match key.map(|k| ordered.find_key(image, board, &k, &h, contrast)) {
+        Some(KeySearch::Seen(turns, shift)) => return Ok((Orientation::KeySeen, turns, shift)),
+        Some(KeySearch::Hidden) => Orientation::KeyHidden,
+        Some(KeySearch::Absent) | None => Orientation::UprightAssumed,
+    };
     // Whether the image shows that the pattern ends: places more than half a step beyond are in view
     // (and hold none, or the lattice would be larger).
     const NEXT: f64 = 0.6;
@@ -247,7 +283,7 @@ pub(super) fn place(
     };
     if seen == wanted {
         return if ends(0) && ends(1) {
-            Ok((Orientation::UprightAssumed, 0, [0, 0]))
+            Ok((without, 0, [0, 0]))
         } else {
             Err(NotFound::EndNotSeen { seen })
         };
@@ -278,7 +314,7 @@ pub(super) fn place(
 
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old
 /// frame lies along +ξ of the new one.
-pub(super) fn turn_index([i, j]: Index, turns: usize) -> Index {
+pub(crate) fn turn_index([i, j]: Index, turns: usize) -> Index {
     match turns % 4 {
         0 => [i, j],
         1 => [j, -i],

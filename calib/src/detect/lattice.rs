@@ -1,6 +1,6 @@
 //! From candidates to a lattice: a seed, its neighbours, and growth by prediction.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 
 use hydroline_rigs::BoardPattern;
 
@@ -9,6 +9,78 @@ use super::image::Plane;
 
 /// Index of a node in a lattice whose origin is arbitrary.
 pub(super) type Index = [i32; 2];
+
+/// A node of a growing lattice.
+#[derive(Debug, Clone, Copy)]
+struct Grown {
+    index: Index,
+    candidate: usize,
+    /// To the next node along both directions \[px\].
+    steps: [[f64; 2]; 2],
+}
+
+/// A lattice while it grows. Tables instead of maps, used again for every seed: some hundred
+/// lattices are begun in a frame without a board.
+#[derive(Debug, Clone)]
+struct Growth {
+    nodes: Vec<Grown>,
+    /// Candidate + 1 by index, 0 = none.
+    cells: Vec<u32>,
+    taken: Vec<bool>,
+    /// Farthest index from the seed.
+    widest: i32,
+    /// More nodes than this are no board.
+    most: usize,
+}
+
+impl Growth {
+    fn new(most: [u32; 2], candidates: usize) -> Self {
+        let widest = most[0].max(most[1]) as i32;
+        // One more all round: neighbours of the outermost are asked for.
+        let side = (2 * widest + 3) as usize;
+        Growth {
+            nodes: Vec::new(),
+            cells: vec![0; side * side],
+            taken: vec![false; candidates],
+            widest,
+            most: 2 * (most[0] * most[1]) as usize,
+        }
+    }
+
+    fn cell(&self, index: Index) -> usize {
+        let side = 2 * self.widest + 3;
+        ((index[1] + self.widest + 1) * side + index[0] + self.widest + 1) as usize
+    }
+
+    fn at(&self, index: Index) -> Option<usize> {
+        (self.cells[self.cell(index)] as usize).checked_sub(1)
+    }
+
+    fn put(&mut self, index: Index, candidate: usize, steps: [[f64; 2]; 2]) {
+        let cell = self.cell(index);
+        self.cells[cell] = candidate as u32 + 1;
+        self.taken[candidate] = true;
+        self.nodes.push(Grown {
+            index,
+            candidate,
+            steps,
+        });
+    }
+
+    fn clear(&mut self) {
+        self.nodes.clear();
+        self.cells.fill(0);
+        self.taken.fill(false);
+    }
+
+    fn extent(&self) -> [u32; 2] {
+        [0, 1].map(|k| {
+            let low = self.nodes.iter().map(|n| n.index[k]).min().unwrap_or(0);
+            let high = self.nodes.iter().map(|n| n.index[k]).max().unwrap_or(-1);
+            (high - low + 1) as u32
+        })
+    }
+}
 
 /// Candidates by lattice index.
 #[derive(Debug, Clone, Default)]
@@ -174,39 +246,42 @@ impl<'a> Field<'a> {
         const SEEDS: usize = 40;
         // A board shows within its first few seeds; an endless floor of tiles grows large
         // lattices from every one of them, and the frame's time is gone.
-        let budget = 20 * (most[0] * most[1]) as usize;
+        let budget = 12 * (most[0] * most[1]) as usize;
         let mut grown = 0;
-        let mut best = Lattice::default();
+        let mut best = Growth::new(most, self.candidates.len());
+        let mut growth = best.clone();
         let mut tried = 0;
         // Seeds: every so many of the stronger candidates, not all from one bright corner.
-        let pool: Vec<usize> = self.buckets.iter().flatten().map(|&n| n as usize).collect();
-        if pool.len() < 9 {
-            return best;
+        let mut order: Vec<usize> = self.buckets.iter().flatten().map(|&n| n as usize).collect();
+        if order.len() < 9 {
+            return Lattice::default();
         }
-        let mut order = pool;
         order.sort_unstable();
         let half = order.len().div_ceil(2);
         let stride = (half / SEEDS).max(1);
-        for &seed in order[..half].iter().step_by(stride) {
+        'seeds: for &seed in order[..half].iter().step_by(stride) {
             tried += 1;
             for (a, b) in self.bases(seed) {
-                let lattice = self.grow(seed, a, b, most);
-                grown += lattice.nodes.len();
-                let [ni, nj] = lattice.extent();
+                self.grow(&mut growth, seed, a, b);
+                grown += growth.nodes.len();
+                self.prune(&mut growth.nodes);
+                let [ni, nj] = growth.extent();
                 let fits = (ni <= most[0] && nj <= most[1]) || (nj <= most[0] && ni <= most[1]);
-                let filled = lattice.nodes.len() * 2 >= (ni * nj) as usize;
-                if fits && filled && lattice.nodes.len() > best.nodes.len() {
-                    best = lattice;
+                let filled = growth.nodes.len() * 2 >= (ni * nj) as usize;
+                if fits && filled && growth.nodes.len() > best.nodes.len() {
+                    std::mem::swap(&mut best, &mut growth);
                 }
                 if best.nodes.len() >= enough {
-                    return best;
+                    break 'seeds;
                 }
             }
             if tried >= SEEDS || grown > budget {
                 break;
             }
         }
-        best
+        Lattice {
+            nodes: best.nodes.iter().map(|n| (n.index, n.candidate)).collect(),
+        }
     }
 
     /// Pairs of steps from a seed to neighbours, shortest first.
@@ -251,19 +326,18 @@ impl<'a> Field<'a> {
         pairs
     }
 
-    fn grow(&self, seed: usize, a: [f64; 2], b: [f64; 2], most: [u32; 2]) -> Lattice {
-        let widest = most[0].max(most[1]) as i32;
-        let mut nodes: HashMap<Index, usize> = HashMap::new();
-        let mut taken: HashMap<usize, Index> = HashMap::new();
-        let mut steps: HashMap<Index, [[f64; 2]; 2]> = HashMap::new();
-        let mut queue = VecDeque::from([[0, 0]]);
-        nodes.insert([0, 0], seed);
-        taken.insert(seed, [0, 0]);
-        steps.insert([0, 0], [a, b]);
-        while let Some(index) = queue.pop_front() {
-            let from = nodes[&index];
+    fn grow(&self, growth: &mut Growth, seed: usize, a: [f64; 2], b: [f64; 2]) {
+        growth.clear();
+        growth.put([0, 0], seed, [a, b]);
+        let mut done = 0;
+        while done < growth.nodes.len() {
+            let Grown {
+                index,
+                candidate: from,
+                steps: local,
+            } = growth.nodes[done];
+            done += 1;
             let p = self.candidates[from].position;
-            let local = steps[&index];
             for (axis, sign) in [(0usize, 1i32), (0, -1), (1, 1), (1, -1)] {
                 let step = local[axis].map(|v| v * f64::from(sign));
                 let across = local[1 - axis];
@@ -272,10 +346,7 @@ impl<'a> Field<'a> {
                 for far in [1i32, 2] {
                     let mut next = index;
                     next[axis] += sign * far;
-                    if nodes.contains_key(&next) {
-                        break;
-                    }
-                    if next[axis].abs() > widest {
+                    if next[axis].abs() > growth.widest || growth.at(next).is_some() {
                         break;
                     }
                     let k = f64::from(far);
@@ -284,7 +355,7 @@ impl<'a> Field<'a> {
                     let Some(to) = self.nearest(at, radius.max(2.5)) else {
                         continue;
                     };
-                    if taken.contains_key(&to) {
+                    if growth.taken[to] {
                         break;
                     }
                     let sound = if far == 1 {
@@ -305,49 +376,49 @@ impl<'a> Field<'a> {
                     for s in [1, -1] {
                         let mut beside = next;
                         beside[1 - axis] += s;
-                        if let Some(&n) = nodes.get(&beside) {
+                        if let Some(n) = growth.at(beside) {
                             let r = self.candidates[n].position;
                             own[1 - axis] =
                                 [f64::from(s) * (r[0] - q[0]), f64::from(s) * (r[1] - q[1])];
                         }
                     }
-                    nodes.insert(next, to);
-                    taken.insert(to, next);
-                    steps.insert(next, own);
-                    queue.push_back(next);
+                    growth.put(next, to, own);
                     break;
                 }
             }
             // Larger than any board of this kind: a texture.
-            if nodes.len() > 2 * (most[0] * most[1]) as usize {
+            if growth.nodes.len() > growth.most {
                 break;
             }
         }
-        self.prune(&mut nodes);
-        Lattice { nodes }
     }
 
     /// Takes off outer rows and columns that hold hardly any nodes: a step over a hidden node
     /// may have landed on the board's edge or behind it. And those where a chessboard's outer
     /// squares meet the background: corners of a quarter of the strength.
-    fn prune(&self, nodes: &mut HashMap<Index, usize>) {
+    fn prune(&self, nodes: &mut Vec<Grown>) {
         loop {
             let before = nodes.len();
             for axis in 0..2 {
-                let mut counts: HashMap<i32, usize> = HashMap::new();
-                for index in nodes.keys() {
-                    *counts.entry(index[axis]).or_default() += 1;
+                let (mut low, mut high) = (i32::MAX, i32::MIN);
+                for n in nodes.iter() {
+                    low = low.min(n.index[axis]);
+                    high = high.max(n.index[axis]);
                 }
-                let fullest = counts.values().copied().max().unwrap_or(0);
-                let (Some(&low), Some(&high)) = (counts.keys().min(), counts.keys().max()) else {
+                if low > high {
                     return;
-                };
+                }
+                let mut counts = vec![0usize; (high - low + 1) as usize];
+                for n in nodes.iter() {
+                    counts[(n.index[axis] - low) as usize] += 1;
+                }
+                let fullest = counts.iter().copied().max().unwrap_or(0);
                 for (end, inner) in [(low, low + 1), (high, high - 1)] {
-                    let few = counts.get(&end).is_some_and(|&n| n * 10 < fullest * 3);
+                    let few = counts[(end - low) as usize] * 10 < fullest * 3;
                     let faint = matches!(self.pattern, BoardPattern::Chessboard)
                         && self.median(nodes, axis, end) < 0.45 * self.median(nodes, axis, inner);
                     if few || faint {
-                        nodes.retain(|index, _| index[axis] != end);
+                        nodes.retain(|n| n.index[axis] != end);
                     }
                 }
             }
@@ -358,11 +429,11 @@ impl<'a> Field<'a> {
     }
 
     /// Median strength of a row or column.
-    fn median(&self, nodes: &HashMap<Index, usize>, axis: usize, at: i32) -> f32 {
+    fn median(&self, nodes: &[Grown], axis: usize, at: i32) -> f32 {
         let mut values: Vec<f32> = nodes
             .iter()
-            .filter(|(index, _)| index[axis] == at)
-            .map(|(_, &n)| self.candidates[n].strength)
+            .filter(|n| n.index[axis] == at)
+            .map(|n| self.candidates[n.candidate].strength)
             .collect();
         values.sort_by(f32::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(0.0)

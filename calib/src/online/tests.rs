@@ -128,6 +128,66 @@ fn a_board_that_moves_starts_anew() {
     assert!(moved.missing[0].contains("moved"), "{:?}", moved.missing);
 }
 
+/// The same board with its nodes counted from the opposite corner, as a frame without its key may be read.
+fn half_turned(mut detection: Detection, orientation: Orientation) -> Detection {
+    let board = board();
+    for n in &mut detection.nodes {
+        (n.i, n.j) = (8 - n.i, 8 - n.j);
+        [n.node.xi_m, n.node.eta_m] = crate::board::node_m(&board, n.i, n.j);
+    }
+    detection.orientation = orientation;
+    detection
+}
+
+#[test]
+fn a_still_board_keeps_its_nodes_when_the_key_is_hidden() {
+    let rig = Rig::behind_port();
+    let mut online = OnlineCalibration::new(board(), OnlineOptions::default());
+    online.push(&detection(&rig, 1, 0.0, |_, _| true), None);
+    for orientation in [Orientation::KeyHidden, Orientation::UprightAssumed] {
+        let seen = half_turned(detection(&rig, 2, 0.0, |i, _| i != 3), orientation);
+        let known = online.recognise(&seen).unwrap();
+        assert_eq!(known.orientation, Orientation::KeySeen);
+        let truth = detection(&rig, 2, 0.0, |i, _| i != 3);
+        assert_eq!(known.nodes, truth.nodes);
+        let frames = online.push(&seen, None).frames;
+        assert!(frames > 1, "the average goes on: {frames}");
+    }
+    // Moved and hidden: nobody knows, and what is known stays as it was.
+    let moved = half_turned(
+        detection(&rig, 3, 0.004, |_, _| true),
+        Orientation::KeyHidden,
+    );
+    assert_eq!(online.recognise(&moved), None);
+    let status = online.push(&moved, None);
+    assert_eq!((status.frames, status.accepted), (3, false));
+    assert!(status.missing[0].contains("key"), "{:?}", status.missing);
+}
+
+#[test]
+fn a_hidden_key_alone_begins_nothing_and_the_key_corrects_what_was_assumed() {
+    let rig = Rig::behind_port();
+    let mut online = OnlineCalibration::new(board(), OnlineOptions::default());
+    let hidden = half_turned(detection(&rig, 1, 0.0, |_, _| true), Orientation::KeyHidden);
+    let status = online.push(&hidden, None);
+    assert_eq!((status.frames, status.nodes), (0, 0));
+    let assumed = half_turned(
+        detection(&rig, 1, 0.0, |_, _| true),
+        Orientation::UprightAssumed,
+    );
+    assert_eq!(online.push(&assumed, None).frames, 1);
+    let truth = detection(&rig, 2, 0.0, |_, _| true);
+    let status = online.push(&truth, None);
+    assert_eq!(status.frames, 1);
+    assert!(
+        status.missing[0].contains("the key came into view"),
+        "{:?}",
+        status.missing
+    );
+    assert_eq!(online.nodes().len(), 81);
+    assert!((online.nodes()[0].column_px - truth.nodes[0].node.column_px).abs() < 0.1);
+}
+
 fn calibration(method: Method, seed: u64, rig: &Rig, shift_m: f64) -> Calibration {
     let mut online = OnlineCalibration::new(
         board(),

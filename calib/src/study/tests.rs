@@ -172,20 +172,30 @@ fn print_table() {
     }
 }
 
+/// The largest error over the sheet is the luck of 242 numbers: perspective alone, which nobody
+/// can do without, stays within 0.2 mm for 93 % of all boards; the lens and its port may cost little more.
+#[test]
+fn distortion_costs_little_more_than_perspective_alone() {
+    let least = spread::perspective_alone(100, 1000).unwrap();
+    assert!((0.08..0.13).contains(&least.median_mm), "{least:?}");
+    for (case, within) in [(Case::PortNoisy, 0.75), (Case::AirNoisy, 0.85)] {
+        let found = spread::over_seeds(Method::Homography, case, 100, 1000).unwrap();
+        assert!(found.median_mm < 1.45 * least.median_mm, "{found:?}");
+        assert!(found.within >= within, "{case:?}: {found:?}");
+    }
+}
+
 #[test]
 #[ignore = "prints figures"]
 fn largest_errors_over_many_seeds() {
-    for method in [Method::Homography, Method::Refractive] {
-        let mut max: Vec<f64> = (0..50)
-            .map(|seed| row(method, Case::PortNoisy, seed, 4000).unwrap().max_mm)
-            .collect();
-        max.sort_by(f64::total_cmp);
-        println!(
-            "{}: largest error at 0.2 px over 50 boards: {:.3} to {:.3} mm, median {:.3}",
-            method.name(),
-            max[0],
-            max[49],
-            max[25]
-        );
+    println!(
+        "perspective alone {:?}",
+        spread::perspective_alone(200, 4000).unwrap()
+    );
+    for case in [Case::PortNoisy, Case::AirNoisy] {
+        for method in [Method::Homography, Method::Refractive] {
+            let s = spread::over_seeds(method, case, 200, 1000).unwrap();
+            println!("{} {case:?} {s:?}", method.name());
+        }
     }
 }

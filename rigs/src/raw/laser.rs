@@ -1,7 +1,7 @@
-//! `[laser]` and `[mounts]` as typed.
+//! `[laser]`, `[mounts]` and `[port]` as typed.
 
 use super::{Section, quantity};
-use crate::{Laser, Mounts};
+use crate::{FlatPort, Laser, Mounts};
 
 pub(super) fn read_laser(s: &Section<'_>) -> Option<Laser> {
     let fan_rad = s.angle("fan", quantity(1.0, 170.0, "deg"));
@@ -49,4 +49,25 @@ pub(super) fn read_mounts(s: &Section<'_>) -> Option<Mounts> {
         );
     }
     Some(mounts)
+}
+
+/// `Some(None)`: the rig has none. `None`: reported.
+pub(super) fn read_port(root: &Section<'_>) -> Option<Option<FlatPort>> {
+    if !root.has("port") {
+        return Some(None);
+    }
+    let s = root.table("port");
+    let distance_m = s.number(
+        "distance_m",
+        quantity(0.0, 0.5, "m").hint("From the lens' entrance pupil to the port's inner face"),
+    );
+    let glass_m = s.number(
+        "glass_m",
+        quantity(0.0, 0.1, "m").hint("The port's thickness"),
+    );
+    s.finish();
+    Some(Some(FlatPort {
+        distance_m: distance_m?,
+        glass_m: glass_m?,
+    }))
 }

@@ -2,7 +2,7 @@
 
 use super::camera::read_camera;
 use super::include::{read_rig_board, read_rig_target};
-use super::laser::{read_laser, read_mounts};
+use super::laser::{read_laser, read_mounts, read_port};
 use super::physics::read_physics;
 use super::settings::{read_limits, read_log, read_tank, read_tolerance};
 use super::thruster::{read_bollard, read_thrusters};
@@ -20,6 +20,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
     camera_table.finish();
     let laser = read_laser(&root.table("laser"));
     let mounts = read_mounts(&root.table("mounts"));
+    let port = read_port(root);
     let target = read_rig_target(root, includes);
     let board = read_rig_board(root, includes);
     let thrusters = read_thrusters(root);
@@ -35,6 +36,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
         camera: camera?,
         laser: laser?,
         mounts: mounts?,
+        port: port?,
         target: target?,
         board: board?,
         thrusters: thrusters?,

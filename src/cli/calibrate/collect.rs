@@ -109,12 +109,16 @@ impl Collected {
         self.looked += 1;
         let (image, sighting) = looked?;
         self.check_size(setup, &image)?;
-        self.found += 1;
-        let pose = self.poses.push(setup, sighting);
-        if pose == self.shown.len() {
-            self.shown.push(image);
+        match self.poses.push(setup, sighting) {
+            Some(pose) => {
+                self.found += 1;
+                if pose == self.shown.len() {
+                    self.shown.push(image);
+                }
+                Ok(())
+            }
+            None => Err(KEY_HIDDEN.to_owned()),
         }
-        Ok(())
     }
 }
 
@@ -127,6 +131,9 @@ fn look(setup: &Setup, image: Result<GreyImage, String>, reason: bool) -> Looked
         Err(why) => Err(why.to_string()),
     }
 }
+
+/// Why an image with a board is left out.
+const KEY_HIDDEN: &str = "the board's key is hidden, and which node is which depends on it; show its three discs, here or in another image of the same pose given before";
 
 /// Looks for the board everywhere. Refused image files are named on stderr.
 pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collected, CliError> {
