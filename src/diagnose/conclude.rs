@@ -226,13 +226,13 @@ fn one(
     let Some(found) = explain(&mut search) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
-    let post = posterior(&search);
-    let Some(plain) = search.get(&[]).cloned() else {
+    let Some(plain) = search.finished(&[]) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
+    let post = posterior(&search);
     made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
-    let simple = found.family.is_none();
+    let simple = found.family.is_none() && found.twice.is_none();
     let mut groups: Vec<Group> = if simple {
         post.tied().into_iter().cloned().collect()
     } else {
@@ -336,14 +336,20 @@ fn one(
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },
             law_note: if inexact {
-                found.family.as_ref().map(|f| {
-                    format!(
-                        "{} is not constant but depends on {} (log Bayes factor {:.1})",
-                        info.parameters[0].name,
-                        f.family.variable.name(),
-                        f.gain
-                    )
-                })
+                found
+                    .twice
+                    .as_ref()
+                    .map(|(c, two)| twice_note(&setting, *c, two))
+                    .or_else(|| {
+                        found.family.as_ref().map(|f| {
+                            format!(
+                                "{} is not constant but depends on {} (log Bayes factor {:.1})",
+                                info.parameters[0].name,
+                                f.family.variable.name(),
+                                f.gain
+                            )
+                        })
+                    })
             } else {
                 None
             },
@@ -549,6 +555,23 @@ fn worst(a: Word, b: Word) -> Word {
     if rank(b) > rank(a) { b } else { a }
 }
 
+/// How a mechanism that acts twice is told.
+fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
+    let info = setting.vocabulary[candidate].info;
+    let copies: Vec<String> = (0..two.set.len())
+        .filter(|m| two.set[*m] == candidate)
+        .map(|m| {
+            info.parameters
+                .iter()
+                .zip(two.member(setting, m))
+                .map(|(p, v)| format!("{} = {v:.4}", p.name))
+                .collect::<Vec<_>>()
+                .join(", ")
+        })
+        .collect();
+    format!("acts as two in a row would: {}", copies.join(" and "))
+}
+
 /// Probability of a member against the best explanation without it, a free function on either side.
 fn needed(found: &Explanation, candidate: usize) -> f64 {
     let lacks = found
@@ -682,6 +705,7 @@ fn probe(setting: &Setting) -> Vec<usize> {
         cost: 0.0,
         hessian: nalgebra::DMatrix::zeros(0, 0),
         log_evidence: 0.0,
+        rough: false,
     };
     let mut moved: Vec<usize> = responses(&there, &none)
         .iter()

@@ -6,8 +6,8 @@
 //! its first parameter depends on something it should not depend on.
 //! Reference: MacKay 1992, Bayesian interpolation.
 
-use hydroline_sim::Dual;
 use hydroline_sim::single::Instant;
+use hydroline_sim::{Dual, Real};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 
@@ -33,6 +33,8 @@ pub enum Variable {
     Time,
     /// Time since the last command edge \[s\].
     SinceEdge,
+    /// The same, of a force in proportion to what the edge changed \[s\].
+    AfterEdge,
     /// Time in one run only \[s\].
     TimeIn(usize),
 }
@@ -48,6 +50,9 @@ impl Variable {
             Variable::LoadSize => "size of the command".to_owned(),
             Variable::Time => "time since the log's start".to_owned(),
             Variable::SinceEdge => "time since the last command edge".to_owned(),
+            Variable::AfterEdge => {
+                "time since the last command edge, in proportion to its change".to_owned()
+            }
             Variable::TimeIn(run) => format!("time in run {}", run + 1),
         }
     }
@@ -61,7 +66,17 @@ impl Variable {
             Variable::Load => Dual::constant(here.load),
             Variable::LoadSize => Dual::constant(here.load.abs()),
             Variable::Time | Variable::TimeIn(_) => Dual::constant(here.t_s.value),
-            Variable::SinceEdge => Dual::constant(here.t_s.value - here.edge_s),
+            Variable::SinceEdge | Variable::AfterEdge => {
+                Dual::constant(here.t_s.value - here.edge_s)
+            }
+        }
+    }
+
+    /// What the function is multiplied by.
+    fn factor<const N: usize>(self, here: &Instant<Dual<N>>) -> f64 {
+        match self {
+            Variable::AfterEdge => here.jump,
+            _ => 1.0,
         }
     }
 }
@@ -71,7 +86,7 @@ impl Variable {
 pub enum Acts {
     /// A force \[N, N m\] of its own.
     Force,
-    /// A factor on the first parameter of this candidate.
+    /// The logarithm of a factor on the first parameter of this candidate.
     Bends(usize),
 }
 
@@ -144,12 +159,13 @@ impl Family {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
                         let value = self.variable.of(here).value;
+                        let factor = self.variable.factor(here);
                         for (slope, hat) in made
                             .slope
                             .iter_mut()
                             .zip(self.hats(value).iter().skip(first))
                         {
-                            *slope = *hat;
+                            *slope = factor * *hat;
                         }
                         made
                     };
@@ -283,7 +299,7 @@ impl Family {
                 *s += h;
             }
         }
-        made
+        made * self.variable.factor(here)
     }
 
     /// Motion of a run under a set and this function.
@@ -310,8 +326,9 @@ impl Family {
             Acts::Bends(candidate) => {
                 let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
                 let place = setting.places(set)[member];
+                // A factor e^f keeps the parameter's sign.
                 setting.simulate_bent(run, set, globals, start, place, |h| {
-                    self.profile(h, amplitudes, first) + Dual::constant(1.0)
+                    self.profile(h, amplitudes, first).exp()
                 })
             }
         }
@@ -494,6 +511,7 @@ impl FamilyFit {
             cost,
             hessian: hessian.clone(),
             log_evidence: 0.0,
+            rough: false,
         };
         joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
         let covariance = crate::identify::uncertainty::covariance(&hessian);
@@ -579,7 +597,7 @@ fn family(
     count: usize,
 ) -> Option<Family> {
     let (low, high) = range(setting, fit, variable)?;
-    let knots = if variable == Variable::SinceEdge {
+    let knots = if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
         let first: f64 = 0.15;
         if high < 4.0 * first {
             return None;
@@ -614,6 +632,14 @@ pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
         .into_iter()
         .filter_map(|(v, n)| family(setting, fit, Acts::Force, v, n))
         .collect()
+}
+
+/// The same and, in proportion to each command edge, the time since it: where the mismatch acts. That
+/// one is what any lag of the thrust looks like, so it locates but is no explanation of its own.
+pub fn regimes(setting: &Setting, fit: &Fit) -> Vec<Family> {
+    let mut all = forces(setting, fit);
+    all.extend(family(setting, fit, Acts::Force, Variable::AfterEdge, 10));
+    all
 }
 
 /// Ways in which a member's law may be bent.

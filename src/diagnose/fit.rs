@@ -3,16 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::descent::{Effort, Linear, Linearised, descend};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
 use crate::identify::forward::ForwardError;
-use crate::identify::lm::{Squares, descend};
+use crate::identify::lm::Squares;
 use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
 
-/// A step that gains less than this (in units of half chi-square) ends a fit.
-const ENOUGH: f64 = 0.01;
 /// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
 const COEFFICIENT_PRIOR: f64 = 1.0;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
@@ -37,6 +36,8 @@ pub struct Fit {
     pub hessian: DMatrix<f64>,
     /// Laplace's log evidence with the prior of the set.
     pub log_evidence: f64,
+    /// Stopped before its minimum: far from the best, right to a percent of its cost.
+    pub rough: bool,
 }
 
 impl Fit {
@@ -242,19 +243,27 @@ impl<'a> Posed<'a> {
             .sum()
     }
 
-    /// Fits from a point.
+    /// Fits from a point to the minimum.
     ///
     /// # Errors
     /// [`ForwardError`] when the motion diverges there.
     pub fn fit(&self, from: Vec<f64>) -> Result<Fit, ForwardError> {
-        let held = vec![false; from.len()];
-        let (found, normal) = descend(self, from, &held, ENOUGH)?;
+        self.fit_with(from, Effort::FULL)
+    }
+
+    /// Fits from a point as far as is worth it.
+    ///
+    /// # Errors
+    /// [`ForwardError`] when the motion diverges there.
+    pub fn fit_with(&self, from: Vec<f64>, effort: Effort) -> Result<Fit, ForwardError> {
+        let found = descend(self, from, effort)?;
         let mut fit = Fit {
             set: self.set.to_vec(),
-            at: found.parameters,
-            cost: found.objective,
-            hessian: normal.hessian,
+            at: found.at,
+            cost: found.cost,
+            hessian: found.hessian,
             log_evidence: 0.0,
+            rough: found.rough,
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)
@@ -323,18 +332,52 @@ impl Squares for Posed<'_> {
     }
 
     fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
+        let made = self.linearise(at)?;
+        Ok(Normal {
+            cost: made.cost,
+            gradient: made.gradient,
+            hessian: made.hessian,
+        })
+    }
+}
+
+impl Linearised for Posed<'_> {
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        (self.free[i].low, self.free[i].high)
+    }
+
+    fn residuals(&self, at: &[f64]) -> (f64, Vec<Vec<f64>>) {
+        let all: Vec<Vec<f64>> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.whitened(run, at))
+            .collect();
+        let squares: f64 = all.iter().flatten().map(|v| 0.5 * v * v).sum();
+        let total = squares + self.prior_cost(at);
+        (
+            if total.is_finite() {
+                total
+            } else {
+                f64::INFINITY
+            },
+            all,
+        )
+    }
+
+    fn linearise(&self, at: &[f64]) -> Result<Linear, ForwardError> {
         let n = at.len();
         let g = self.globals();
         let (mut cost, mut gradient, mut hessian) =
             (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
-        let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
-            .into_par_iter()
-            .map(|run| {
-                let (r, j) = self.linearised(run, at);
-                (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j))
-            })
-            .collect();
-        for (run, (c, gr, h)) in blocks.iter().enumerate() {
+        let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>, DMatrix<f64>)> =
+            (0..self.setting.tracks.len())
+                .into_par_iter()
+                .map(|run| {
+                    let (r, j) = self.linearised(run, at);
+                    (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j), j)
+                })
+                .collect();
+        let mut jacobians = Vec::with_capacity(blocks.len());
+        for (run, (c, gr, h, j)) in blocks.into_iter().enumerate() {
             if !c.is_finite() || h.iter().any(|v| !v.is_finite()) {
                 return Err(ForwardError {
                     run,
@@ -352,15 +395,37 @@ impl Squares for Posed<'_> {
                     hessian[(column(i), column(j))] += h[(i, j)];
                 }
             }
+            jacobians.push(j);
         }
         for (i, (centre, k)) in self.priors.iter().enumerate() {
             gradient[i] += (at[i] - centre) * k * k;
             hessian[(i, i)] += k * k;
         }
-        Ok(Normal {
+        Ok(Linear {
             cost,
             gradient,
             hessian,
+            jacobians,
         })
+    }
+
+    fn gradient(
+        &self,
+        at: &[f64],
+        residuals: &[Vec<f64>],
+        jacobians: &[DMatrix<f64>],
+    ) -> DVector<f64> {
+        let g = self.globals();
+        let mut gradient = DVector::zeros(at.len());
+        for (run, (r, j)) in residuals.iter().zip(jacobians).enumerate() {
+            for (i, column) in j.column_iter().enumerate() {
+                let k = if i < g { i } else { g + 2 * run + (i - g) };
+                gradient[k] += column.iter().zip(r).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+        for (i, (centre, k)) in self.priors.iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k * k;
+        }
+        gradient
     }
 }

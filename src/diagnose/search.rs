@@ -6,8 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::bank::{Promise, Response, View, joined, motion, pursue, responses, whitened, without};
+use super::descent::Effort;
 use super::explain::look;
-use super::family::forces;
+use super::family::regimes;
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::{Weights, noise_beyond};
@@ -24,6 +25,10 @@ const STARTS: usize = 2;
 const DEPTH: usize = 9;
 /// A set this far below the best one in log evidence is out of the race.
 const FAR: f64 = 12.0;
+/// A fit whose cost ends this far above the best one's is not followed to its minimum.
+const HOPELESSLY_FAR: f64 = 60.0;
+/// Rough fits at the front that are finished when a search ends.
+const FINISHED: usize = 12;
 /// Half chi-square per sample above which a fit is far from the noise.
 const HOPELESS: f64 = 1.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
@@ -79,10 +84,24 @@ impl<'a> Search<'a> {
 
     /// Fits sets from given points; a better fit of the same set replaces the old one.
     pub fn fit(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
+        let effort = Effort {
+            floor: 0.5 * self.weights.samples() as f64,
+            limit: self
+                .best()
+                .map_or(f64::INFINITY, |b| b.cost + HOPELESSLY_FAR),
+        };
+        self.fit_with(jobs, effort);
+    }
+
+    fn fit_with(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>, effort: Effort) {
         self.looked += jobs.len();
         let made: Vec<Fit> = jobs
             .into_par_iter()
-            .filter_map(|(set, from)| Posed::new(self.setting, &self.weights, &set).fit(from).ok())
+            .filter_map(|(set, from)| {
+                Posed::new(self.setting, &self.weights, &set)
+                    .fit_with(from, effort)
+                    .ok()
+            })
             .filter(|f| f.log_evidence.is_finite())
             .collect();
         for fit in made {
@@ -97,11 +116,37 @@ impl<'a> Search<'a> {
             let keep = self
                 .fits
                 .get(&fit.set)
-                .is_none_or(|old| fit.cost < old.cost - 1e-3);
+                .is_none_or(|old| fit.cost < old.cost - 1e-3 || (old.rough && !fit.rough));
             if keep {
                 self.fits.insert(fit.set.clone(), fit);
             }
         }
+    }
+
+    /// Brings rough fits at the front to their minimum, until none is left there.
+    pub fn finish(&mut self) {
+        for _ in 0..4 {
+            let rough: Vec<(Vec<usize>, Vec<f64>)> = self
+                .ranked()
+                .iter()
+                .take(FINISHED)
+                .filter(|f| f.rough)
+                .map(|f| (f.set.clone(), f.at.clone()))
+                .collect();
+            if rough.is_empty() {
+                break;
+            }
+            self.fit_with(rough, Effort::FULL);
+        }
+    }
+
+    /// One set's fit, brought to its minimum.
+    pub fn finished(&mut self, set: &[usize]) -> Option<Fit> {
+        if let Some(fit) = self.get(set).filter(|f| f.rough) {
+            let job = (fit.set.clone(), fit.at.clone());
+            self.fit_with(vec![job], Effort::FULL);
+        }
+        self.get(set).cloned()
     }
 
     /// Fits the empty set from the rig's numbers.
@@ -146,7 +191,7 @@ impl<'a> Search<'a> {
             // Columns raw, to be whitened by whatever noise is tried.
             let mut raw: Vec<DVector<f64>> = self.bank.iter().map(|r| r.column.clone()).collect();
             let mut white = self.whitened.clone();
-            for family in forces(self.setting, &fit) {
+            for family in regimes(self.setting, &fit) {
                 for column in family.columns(self.setting, &fit).column_iter() {
                     let column = column.into_owned();
                     white.push(whitened(self.setting, &self.weights, &column));
@@ -373,6 +418,7 @@ impl<'a> Search<'a> {
         if change > 0.05 && !self.hopeless {
             self.exchange();
         }
+        self.finish();
     }
 
     /// The whole search under the present weights: singles, pairs, then the beam, then exchange.
