@@ -222,6 +222,8 @@ fn one(
     search.prepare();
     search.run();
     search.settle();
+    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
+    search.confirm(&held_tracks);
     progress("explanations");
     let Some(found) = explain(&mut search) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
@@ -238,7 +240,6 @@ fn one(
     } else {
         Vec::new()
     };
-    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     if groups.len() > 1 && !held_tracks.is_empty() {
         // The runs fitted cannot tell them apart; the one that predicts best comes first.
         let miss = |g: &Group| {
@@ -706,6 +707,7 @@ fn probe(setting: &Setting) -> Vec<usize> {
         hessian: nalgebra::DMatrix::zeros(0, 0),
         log_evidence: 0.0,
         rough: false,
+        held: 0.0,
     };
     let mut moved: Vec<usize> = responses(&there, &none)
         .iter()

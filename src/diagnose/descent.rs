@@ -53,6 +53,15 @@ pub struct Linear {
     pub jacobians: Vec<DMatrix<f64>>,
 }
 
+/// A point downhill.
+struct Lower {
+    at: Vec<f64>,
+    cost: f64,
+    residuals: Vec<Vec<f64>>,
+    /// What the step there promised.
+    hoped: f64,
+}
+
 /// How far a fit must go.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
@@ -114,7 +123,7 @@ pub fn descend(
             rough = true;
             break;
         }
-        let mut best: Option<(Vec<f64>, f64, Vec<Vec<f64>>, f64)> = None;
+        let mut lower: Option<Lower> = None;
         while damping < 1e12 {
             let s = step(&now.hessian, &now.gradient, &moves, damping);
             let trial: Vec<f64> = at
@@ -124,18 +133,27 @@ pub fn descend(
                 .collect();
             let (cost, residuals) = problem.residuals(&trial);
             if cost <= now.cost {
-                let hoped = promise(&now.hessian, &now.gradient, &s);
-                best = Some((trial, cost, residuals, hoped));
+                lower = Some(Lower {
+                    at: trial,
+                    cost,
+                    residuals,
+                    hoped: promise(&now.hessian, &now.gradient, &s),
+                });
                 break;
             }
             damping *= 8.0;
         }
-        let Some((mut there, mut cost, mut residuals, hoped)) = best else {
+        let Some(Lower {
+            at: mut there,
+            mut cost,
+            mut residuals,
+            hoped,
+        }) = lower
+        else {
             // No step downhill is left: the minimum to rounding.
             break;
         };
-        let first_gain = now.cost - cost;
-        let mut share = first_gain / hoped.max(1e-300);
+        let mut share = (now.cost - cost) / hoped.max(1e-300);
         for _ in 0..CHORDS {
             if !(CHORD_GAIN..=2.0).contains(&share) {
                 break;

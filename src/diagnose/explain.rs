@@ -20,6 +20,9 @@ const BELIEVED: f64 = 5.0;
 const REFINED: usize = 3;
 /// Log of the choice between one law and the same law twice.
 const TWICE_PENALTY: f64 = 2.0;
+/// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
+/// evidence: invent nothing.
+const SPARING: f64 = 4.0;
 /// A second copy begins with this share of the first one's size.
 const SPLIT: f64 = 0.35;
 /// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
@@ -97,7 +100,8 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
         .take(REFINED)
         .filter_map(|f| f.refine(setting, &search.weights, fit))
         .filter(|(_, f)| f.gain > BELIEVED)
-        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
+        .map(|best| FamilyFit::sharpen(setting, &search.weights, fit, best));
     tracing::debug!(
         "beside {:?}: {:?}",
         fit.set
@@ -182,7 +186,7 @@ fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<F
             // The copy stands before the original.
             at[setting.places(&set)[member + 1]] *= left;
             let mut two = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
-            two.log_evidence -= TWICE_PENALTY;
+            two.log_evidence += fit.held - TWICE_PENALTY;
             two.log_evidence.is_finite().then_some(two)
         })
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
@@ -239,9 +243,14 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
                 .or_insert_with(|| look(search, &fit))
                 .clone();
             needed.push((candidate, best.log_evidence - other.log_evidence));
+            let sparing = if other.bent().is_some() && best.bent().is_none() && !best.unnamed() {
+                SPARING
+            } else {
+                0.0
+            };
             let bar = better
                 .as_ref()
-                .map_or(best.log_evidence, |b| b.log_evidence);
+                .map_or(best.log_evidence - sparing, |b| b.log_evidence);
             if other.log_evidence > bar {
                 better = Some(other);
             }

@@ -336,6 +336,58 @@ impl Family {
 }
 
 impl FamilyFit {
+    /// A refined fit with more knots where the function bends most, as long as it is far from the
+    /// noise and more knots earn their keep: what begins and ends sharply (a snag) needs them.
+    pub fn sharpen(
+        setting: &Setting,
+        weights: &Weights,
+        base: &Fit,
+        mut found: (Fit, FamilyFit),
+    ) -> (Fit, FamilyFit) {
+        for _ in 0..SHARPENED {
+            if found.0.cost < FAR_FROM_NOISE * weights.samples() as f64 {
+                break;
+            }
+            let from = Fit {
+                at: found.0.at.clone(),
+                ..base.clone()
+            };
+            match found.1.split().refine(setting, weights, &from) {
+                Some(finer) if finer.0.log_evidence > found.0.log_evidence + WORTH_KNOTS => {
+                    found = finer;
+                }
+                _ => break,
+            }
+        }
+        found
+    }
+
+    /// The same function with the intervals around its sharpest bends halved.
+    fn split(&self) -> FamilyFit {
+        let (k, a) = (&self.family.knots, &self.amplitudes);
+        let slope = |i: usize| (a[i + 1] - a[i]) / (k[i + 1] - k[i]);
+        let mut bends: Vec<(f64, usize)> = (1..k.len().saturating_sub(1))
+            .map(|i| ((slope(i) - slope(i - 1)).abs(), i))
+            .collect();
+        bends.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let halved: std::collections::BTreeSet<usize> = bends
+            .iter()
+            .take(BENDS_SPLIT)
+            .flat_map(|(_, i)| [i - 1, *i])
+            .collect();
+        let mut finer = self.clone();
+        (finer.family.knots, finer.amplitudes) = (Vec::new(), Vec::new());
+        for i in 0..k.len() {
+            finer.family.knots.push(k[i]);
+            finer.amplitudes.push(a[i]);
+            if halved.contains(&i) {
+                finer.family.knots.push(0.5 * (k[i] + k[i + 1]));
+                finer.amplitudes.push(0.5 * (a[i] + a[i + 1]));
+            }
+        }
+        finer
+    }
+
     /// Fits set and function together, nonlinearly, from the linear fit; the set's evidence then
     /// includes the function's. `None` where the motion diverges.
     pub fn refine(
@@ -345,7 +397,6 @@ impl FamilyFit {
         fit: &Fit,
     ) -> Option<(Fit, FamilyFit)> {
         let posed = Posed::new(setting, weights, &fit.set);
-        let precisions = posed.precisions();
         let (g, n, m) = (
             fit.globals(setting).len(),
             fit.at.len(),
@@ -464,7 +515,7 @@ impl FamilyFit {
                     }
                 }
             }
-            for (i, (centre, k)) in precisions.iter().enumerate() {
+            for (i, (centre, k)) in posed.precisions(&at).into_iter().enumerate() {
                 gradient[i] += (at[i] - centre) * k;
                 hessian[(i, i)] += k;
             }
@@ -512,8 +563,10 @@ impl FamilyFit {
             hessian: hessian.clone(),
             log_evidence: 0.0,
             rough: false,
+            held: fit.held,
         };
-        joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
+        joint.log_evidence =
+            posed.log_evidence(&joint) + fit.held - m as f64 * self.prior_sd.ln() - PENALTY;
         let covariance = crate::identify::uncertainty::covariance(&hessian);
         let sds = (0..m)
             .map(|i| covariance[(n + i, n + i)].max(0.0).sqrt())
@@ -550,6 +603,14 @@ impl FamilyFit {
     }
 }
 
+/// Times that the knots of a function are made denser.
+const SHARPENED: usize = 4;
+/// Half chi-square per sample above which a function may need more knots; noise leaves 0.5.
+const FAR_FROM_NOISE: f64 = 0.6;
+/// Log evidence that they must gain.
+const WORTH_KNOTS: f64 = 5.0;
+/// Bends about which intervals are halved at once.
+const BENDS_SPLIT: usize = 6;
 /// Log of the choice among a dozen functions.
 const PENALTY: f64 = 3.0;
 

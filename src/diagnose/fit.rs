@@ -20,6 +20,9 @@ const LACKING: f64 = 1e-6;
 const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
 const OWN_SHARE: f64 = 1e-7;
+/// Beyond its plausible range a parameter's prior falls off as a normal one with this share of the
+/// range as sd: a range is no limit, but what the data do not know must not wander.
+const TAIL: f64 = 0.5;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -38,6 +41,8 @@ pub struct Fit {
     pub log_evidence: f64,
     /// Stopped before its minimum: far from the best, right to a percent of its cost.
     pub rough: bool,
+    /// What runs held out add to the log evidence; part of it.
+    pub held: f64,
 }
 
 impl Fit {
@@ -114,8 +119,8 @@ pub struct Posed<'a> {
     weights: &'a Weights,
     set: &'a [usize],
     free: Vec<Free>,
-    /// Prior (centre, 1 / sd) per unknown; (_, 0) = none.
-    priors: Vec<(f64, f64)>,
+    /// Prior (from, to, 1 / sd) per unknown, flat in between; (_, _, 0) = none.
+    priors: Vec<(f64, f64, f64)>,
 }
 
 impl<'a> Posed<'a> {
@@ -125,26 +130,35 @@ impl<'a> Posed<'a> {
             .iter()
             .map(|c| free(*c, &setting.vehicle))
             .collect();
-        let mut priors: Vec<(f64, f64)> = frees
+        let mut priors: Vec<(f64, f64, f64)> = frees
             .iter()
-            .map(|f| (f.start, 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9)))
+            .map(|f| {
+                let k = 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9);
+                (f.start, f.start, k)
+            })
             .collect();
         for (f, p) in frees.iter().zip(&mut priors) {
             if f.start == 0.0 {
                 // The rig's model lacks the term: it stays out, and is a candidate like any other.
-                *p = (0.0, 1.0 / (LACKING * f.high.max(1.0)));
+                *p = (0.0, 0.0, 1.0 / (LACKING * f.high.max(1.0)));
             }
         }
         for c in set {
             let candidate = &setting.vocabulary[*c];
-            for (p, (low, high)) in candidate.info.parameters.iter().zip(&candidate.bounds) {
+            for ((p, (low, high)), (from, to)) in candidate
+                .info
+                .parameters
+                .iter()
+                .zip(&candidate.bounds)
+                .zip(&candidate.flat)
+            {
                 frees.push(Free {
                     name: p.name.to_owned(),
                     start: p.typical,
                     low: *low,
                     high: *high,
                 });
-                priors.push((0.0, 0.0));
+                priors.push((*from, *to, 1.0 / (TAIL * (to - from)).max(1e-12)));
             }
         }
         for track in &setting.tracks {
@@ -163,14 +177,14 @@ impl<'a> Posed<'a> {
             };
             any(first, 2.0 * spread);
             any(0.0, 3.0 * spread);
-            priors.push((0.0, 0.0));
+            priors.push((0.0, 0.0, 0.0));
             // Without commands it is a decay: the start is what moves it; a run cut to a window moves at its start.
             let rest = if track.edges.is_empty() || track.start_s > 0.0 {
                 0.0
             } else {
                 DRIFT_S / setting.tolerance
             };
-            priors.push((0.0, rest));
+            priors.push((0.0, 0.0, rest));
         }
         Posed {
             setting,
@@ -239,7 +253,7 @@ impl<'a> Posed<'a> {
     fn prior_cost(&self, at: &[f64]) -> f64 {
         at.iter()
             .zip(&self.priors)
-            .map(|(v, (c, k))| 0.5 * ((v - c) * k).powi(2))
+            .map(|(v, (from, to, k))| 0.5 * ((v - v.clamp(*from, *to)) * k).powi(2))
             .sum()
     }
 
@@ -264,16 +278,21 @@ impl<'a> Posed<'a> {
             hessian: found.hessian,
             log_evidence: 0.0,
             rough: found.rough,
+            held: 0.0,
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)
     }
 
-    /// Prior precision of each unknown.
-    pub fn precisions(&self) -> Vec<(f64, f64)> {
-        self.priors
-            .iter()
-            .map(|(centre, k)| (*centre, k * k))
+    /// Prior (centre, precision) of each unknown as felt at a point.
+    pub fn precisions(&self, at: &[f64]) -> Vec<(f64, f64)> {
+        at.iter()
+            .zip(&self.priors)
+            .map(|(v, (from, to, k))| {
+                let centre = v.clamp(*from, *to);
+                let felt = from == to || centre != *v;
+                (centre, if felt { k * k } else { 0.0 })
+            })
             .collect()
     }
 
@@ -368,16 +387,13 @@ impl Linearised for Posed<'_> {
         let g = self.globals();
         let (mut cost, mut gradient, mut hessian) =
             (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
-        let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>, DMatrix<f64>)> =
-            (0..self.setting.tracks.len())
-                .into_par_iter()
-                .map(|run| {
-                    let (r, j) = self.linearised(run, at);
-                    (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j), j)
-                })
-                .collect();
+        let blocks: Vec<(DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.linearised(run, at))
+            .collect();
         let mut jacobians = Vec::with_capacity(blocks.len());
-        for (run, (c, gr, h, j)) in blocks.into_iter().enumerate() {
+        for (run, (r, j)) in blocks.into_iter().enumerate() {
+            let (c, gr, h) = (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j));
             if !c.is_finite() || h.iter().any(|v| !v.is_finite()) {
                 return Err(ForwardError {
                     run,
@@ -397,9 +413,9 @@ impl Linearised for Posed<'_> {
             }
             jacobians.push(j);
         }
-        for (i, (centre, k)) in self.priors.iter().enumerate() {
-            gradient[i] += (at[i] - centre) * k * k;
-            hessian[(i, i)] += k * k;
+        for (i, (centre, k2)) in self.precisions(at).into_iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k2;
+            hessian[(i, i)] += k2;
         }
         Ok(Linear {
             cost,
@@ -423,8 +439,8 @@ impl Linearised for Posed<'_> {
                 gradient[k] += column.iter().zip(r).map(|(a, b)| a * b).sum::<f64>();
             }
         }
-        for (i, (centre, k)) in self.priors.iter().enumerate() {
-            gradient[i] += (at[i] - centre) * k * k;
+        for (i, (centre, k2)) in self.precisions(at).into_iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k2;
         }
         gradient
     }

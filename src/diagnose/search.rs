@@ -10,7 +10,7 @@ use super::descent::Effort;
 use super::explain::look;
 use super::family::regimes;
 use super::fit::{Fit, Posed};
-use super::setting::{COEFFICIENTS, Setting};
+use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::{Weights, noise_beyond};
 
 /// Sets carried from one depth to the next.
@@ -29,6 +29,12 @@ const FAR: f64 = 12.0;
 const HOPELESSLY_FAR: f64 = 60.0;
 /// Rough fits at the front that are finished when a search ends.
 const FINISHED: usize = 12;
+/// Candidates tried in the place of a member.
+const REPLACED: usize = 3;
+/// Promised gain below the best one's at which a candidate is still tried there.
+const NEAR_TWIN: f64 = 12.0;
+/// Most sets that runs held out are asked about.
+const CONFIRMED: usize = 24;
 /// Half chi-square per sample above which a fit is far from the noise.
 const HOPELESS: f64 = 1.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
@@ -147,6 +153,62 @@ impl<'a> Search<'a> {
             self.fit_with(vec![job], Effort::FULL);
         }
         self.get(set).cloned()
+    }
+
+    /// What runs held out say of the front runners, and of those without one member: the evidence
+    /// of all runs together takes the place of the fitted ones' own. Parameters stay as fitted.
+    pub fn confirm(&mut self, held: &[Track]) {
+        if held.is_empty() {
+            return;
+        }
+        let ranked = self.ranked();
+        let top = ranked.first().map_or(0.0, |f| f.log_evidence);
+        let mut asked: BTreeSet<Vec<usize>> = ranked
+            .iter()
+            .take(CONFIRMED)
+            .filter(|f| f.log_evidence > top - 2.0 * FAR)
+            .map(|f| f.set.clone())
+            .collect();
+        for f in ranked.iter().take(2) {
+            asked.extend((0..f.set.len()).map(|m| without(self.setting, f, m).0));
+        }
+        let all: Vec<Track> = self.setting.tracks.iter().chain(held).cloned().collect();
+        let mut used = self.weights.used.clone();
+        used.extend(Weights::first(held).used);
+        let setting = self.setting.with_tracks(all);
+        let weights = Weights::new(&setting.tracks, self.weights.noise, used);
+        let jobs: Vec<Fit> = asked
+            .into_iter()
+            .filter_map(|s| self.get(&s).cloned())
+            .filter(|f| !f.rough)
+            .collect();
+        let together: Vec<(Vec<usize>, f64)> = jobs
+            .into_par_iter()
+            .filter_map(|fit| {
+                let posed = Posed::new(&setting, &weights, &fit.set);
+                let mut from = posed.start();
+                from[..fit.at.len()].copy_from_slice(&fit.at);
+                let made = posed.fit(from).ok()?;
+                Some((fit.set.clone(), made.log_evidence - fit.log_evidence))
+            })
+            .filter(|(_, gain)| gain.is_finite())
+            .collect();
+        // Runs held out are no evidence for or against effects as such: only differences count.
+        let best = self.best().map(|b| b.set.clone());
+        let Some(zero) = together
+            .iter()
+            .find(|(set, _)| Some(set) == best.as_ref())
+            .map(|t| t.1)
+        else {
+            return;
+        };
+        for (set, gain) in together {
+            if let Some(fit) = self.fits.get_mut(&set) {
+                fit.held = gain - zero;
+                fit.log_evidence += fit.held;
+            }
+        }
+        (self.progress)("runs held out");
     }
 
     /// Fits the empty set from the rig's numbers.
@@ -391,13 +453,21 @@ impl<'a> Search<'a> {
             let set = self.glance(4);
             self.refresh(&set);
             self.reweigh(&set);
+            self.nothing();
             (self.progress)("noise");
+            if self.unnamed_is_better(true) {
+                self.hopeless = true;
+                break;
+            }
         }
-        self.nothing();
     }
 
     /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
     pub fn settle(&mut self) {
+        if self.hopeless {
+            self.finish();
+            return;
+        }
         let Some(best) = self.best().map(|f| f.set.clone()) else {
             return;
         };
@@ -415,7 +485,7 @@ impl<'a> Search<'a> {
         tracing::debug!("noise changed by {change:.3}");
         self.fit(front);
         self.nothing();
-        if change > 0.05 && !self.hopeless {
+        if change > 0.05 {
             self.exchange();
         }
         self.finish();
@@ -430,6 +500,9 @@ impl<'a> Search<'a> {
         // All singles, fitted.
         self.extend(&[Vec::new()], usize::MAX, 0.0);
         (self.progress)("singles");
+        if self.hopeless {
+            return;
+        }
         // All pairs, linearised from every single; the promising ones fitted.
         let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
         let best_single = self
@@ -459,12 +532,11 @@ impl<'a> Search<'a> {
         pairs.truncate(4 * BEAM);
         self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
         (self.progress)("pairs");
-        self.hopeless = false;
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         for round in 0..2 * DEPTH {
-            if round == 2 && self.unnamed_is_better() {
+            if round == 2 && self.unnamed_is_better(false) {
                 self.hopeless = true;
                 return;
             }
@@ -506,11 +578,13 @@ impl<'a> Search<'a> {
 
     /// Whether a free force beside nothing, or beside the best single effect, beats every set so far
     /// while none of them comes near the noise: then more of the vocabulary only imitates it.
-    fn unnamed_is_better(&self) -> bool {
+    /// `alone` = only if that force leaves less than half of what the best set leaves beyond noise.
+    fn unnamed_is_better(&self, alone: bool) -> bool {
         let Some(best) = self.best() else {
             return false;
         };
-        if best.cost < HOPELESS * self.weights.samples() as f64 {
+        let floor = 0.5 * self.weights.samples() as f64;
+        if best.cost < 2.0 * HOPELESS * floor {
             return false;
         }
         let single = self
@@ -521,7 +595,9 @@ impl<'a> Search<'a> {
         let nothing = self.get(&[]).cloned();
         [nothing, single].into_iter().flatten().any(|fit| {
             let seen = look(self, &fit);
-            seen.unnamed() && seen.log_evidence > best.log_evidence
+            seen.unnamed()
+                && seen.log_evidence > best.log_evidence
+                && (!alone || seen.fit.cost - floor < 0.5 * (best.cost - floor))
         })
     }
 
@@ -538,12 +614,44 @@ impl<'a> Search<'a> {
                 .collect();
             self.extend(&smaller, 4, LEAST_GAIN);
             self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
+            self.replace(&best);
             self.rejoin(&best);
             (self.progress)("exchange");
             if self.best().is_some_and(|b| b.set == best.set) {
                 break;
             }
         }
+    }
+
+    /// What could stand in the place of each member, all else as it is: near twins are found so even
+    /// where the set without the member, fitted, has drifted away.
+    fn replace(&mut self, best: &Fit) {
+        let mut jobs = Vec::new();
+        for member in 0..best.set.len() {
+            let (set, at) = without(self.setting, best, member);
+            let gap = Fit {
+                set,
+                at,
+                ..best.clone()
+            };
+            let view = View::new(self.setting, &self.weights, &gap);
+            let found = view.promises(&self.bank, &self.whitened, &gap.set);
+            let own = best.set[member];
+            let top = found.first().map_or(0.0, |l| l[0].gain);
+            for list in found
+                .iter()
+                .filter(|l| l[0].candidate != own && !self.blind.contains(&l[0].candidate))
+                .take_while(|l| l[0].gain > top - NEAR_TWIN - 0.02 * top)
+                .take(REPLACED)
+            {
+                let point = self.begin(&gap, &list[0]);
+                let job = joined(self.setting, &gap, list[0].candidate, &point);
+                if !self.fits.contains_key(&job.0) {
+                    jobs.push(job);
+                }
+            }
+        }
+        self.fit(jobs);
     }
 
     /// A member with several parameters may have come to do the work of two: each is taken out, a

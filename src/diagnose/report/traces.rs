@@ -210,7 +210,9 @@ impl Regime {
                 Variable::Time => t[k],
                 Variable::TimeIn(only) if only == run => t[k],
                 Variable::TimeIn(_) => f64::NAN,
-                Variable::SinceEdge | Variable::AfterEdge => load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0),
+                Variable::SinceEdge | Variable::AfterEdge => {
+                    load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0)
+                }
             }
         };
         let mut windows: Vec<[f64; 2]> = Vec::new();
