@@ -404,19 +404,21 @@ fn one(
         Some(rms(&search, &plain)),
         Some(rms(&search, &first)),
     );
+    // A mechanism that acts twice predicts as two.
+    let predicting = found.twice.as_ref().map_or(&first, |(_, two)| two);
     if held_tracks.is_empty() {
         verdict.fit.held_out_by = "each run predicted by the others".to_owned();
         put(
             &mut verdict.fit.held_out,
             left_out(&setting, &search.weights, &plain),
-            left_out(&setting, &search.weights, &first),
+            left_out(&setting, &search.weights, predicting),
         );
     } else {
         verdict.fit.held_out_by = "runs held out".to_owned();
         put(
             &mut verdict.fit.held_out,
             held_out(&setting, &held_tracks, &plain, noise),
-            held_out(&setting, &held_tracks, &first, noise),
+            held_out(&setting, &held_tracks, predicting, noise),
         );
     }
     for (group, rank) in post.groups.iter().zip(0..12) {

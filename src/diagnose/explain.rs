@@ -12,12 +12,14 @@ use super::family::{Acts, FamilyFit, bends, forces};
 use super::fit::{Fit, Posed};
 use super::search::Search;
 use super::setting::COEFFICIENTS;
-use super::weight::{weight_of, weights};
+use super::weight::{weight_beyond, weights};
 
 /// Log evidence that a free function must gain before it is believed.
 const BELIEVED: f64 = 5.0;
 /// Free functions refitted nonlinearly.
 const REFINED: usize = 3;
+/// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
+const FAR_FROM_NOISE: f64 = 2.0;
 /// Log of the choice between one law and the same law twice.
 const TWICE_PENALTY: f64 = 2.0;
 /// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
@@ -74,6 +76,9 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
     let weights = weights(setting, fit);
     let heaviest = weights.iter().copied().fold(0.0, f64::max);
     let mut families = forces(setting, fit);
+    if fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64 {
+        families.iter_mut().for_each(|f| f.measured = true);
+    }
     let mut double: Option<(usize, Fit)> = None;
     for (member, (candidate, weight)) in fit.set.iter().zip(&weights).enumerate() {
         if *weight > setting.tolerance && *weight >= HEAVY_SHARE * heaviest {
@@ -98,7 +103,7 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
     let refined: Option<(Fit, FamilyFit)> = found
         .iter()
         .take(REFINED)
-        .filter_map(|f| f.refine(setting, &search.weights, fit))
+        .filter_map(|f| f.close(setting, &search.weights, fit))
         .filter(|(_, f)| f.gain > BELIEVED)
         .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
         .map(|best| FamilyFit::sharpen(setting, &search.weights, fit, best));
@@ -135,7 +140,7 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
         Some((joint, family)) => Explanation {
             twice: None,
             log_evidence: joint.log_evidence,
-            family_weight: weight_of(setting, &joint, &family.response),
+            family_weight: weight_beyond(setting, &joint, &family.response),
             weights: super::weight::weights(setting, &joint),
             fit: joint,
             family: Some(family),

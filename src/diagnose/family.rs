@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::bank::{View, outside};
 use super::fit::{Fit, Posed};
-use super::setting::{PASS, Setting};
+use super::setting::{PASS, Setting, Track};
 use super::weights::Weights;
 
 /// What a free function depends on.
@@ -99,6 +99,9 @@ pub struct Family {
     pub variable: Variable,
     /// Peaks of the hats, ascending.
     pub knots: Vec<f64>,
+    /// Place and rate are those that were measured, not those of the model: far from the noise
+    /// only so the motion is nearly linear in the function.
+    pub measured: bool,
 }
 
 /// A fitted free function beside a set.
@@ -119,6 +122,15 @@ pub struct FamilyFit {
 }
 
 impl Family {
+    /// What the function is asked about at an instant of a run.
+    fn value<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
+        match self.variable {
+            Variable::Place if self.measured => Dual::constant(track.at(here.t_s.value)),
+            Variable::Rate if self.measured => Dual::constant(track.rate_at(here.t_s.value)),
+            other => other.of(here),
+        }
+    }
+
     /// Weight of each hat at a value; constant beyond the ends.
     fn hats(&self, value: f64) -> Vec<f64> {
         let n = self.knots.len();
@@ -158,7 +170,7 @@ impl Family {
                 for first in (0..m).step_by(PASS) {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
-                        let value = self.variable.of(here).value;
+                        let value = self.value(&setting.tracks[run], here).value;
                         let factor = self.variable.factor(here);
                         for (slope, hat) in made
                             .slope
@@ -279,11 +291,12 @@ impl Family {
     /// The function at an instant: value with its slope in the variable, and each hat as a derivative.
     fn profile<const N: usize>(
         &self,
+        track: &Track,
         here: &Instant<Dual<N>>,
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Dual<N> {
-        let v = self.variable.of(here);
+        let v = self.value(track, here);
         let hats = self.hats(v.value);
         let mut made = Dual::constant(hats.iter().zip(amplitudes).map(|(h, a)| h * a).sum());
         let after = self.knots.partition_point(|k| *k <= v.value);
@@ -314,11 +327,12 @@ impl Family {
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Vec<Dual<N>> {
+        let track = &setting.tracks[run];
         let acts_here = !matches!(self.variable, Variable::TimeIn(only) if only != run);
         match self.acts {
             Acts::Force => setting.simulate(run, set, globals, start, |h| {
                 if acts_here {
-                    self.profile(h, amplitudes, first)
+                    self.profile(track, h, amplitudes, first)
                 } else {
                     Dual::constant(0.0)
                 }
@@ -328,7 +342,7 @@ impl Family {
                 let place = setting.places(set)[member];
                 // A factor e^f keeps the parameter's sign.
                 setting.simulate_bent(run, set, globals, start, place, |h| {
-                    self.profile(h, amplitudes, first).exp()
+                    self.profile(track, h, amplitudes, first).exp()
                 })
             }
         }
@@ -336,6 +350,25 @@ impl Family {
 }
 
 impl FamilyFit {
+    /// As [`FamilyFit::refine`]; a function of what was measured becomes one of the model's motion.
+    pub fn close(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+    ) -> Option<(Fit, FamilyFit)> {
+        let (joint, mut found) = self.refine(setting, weights, fit)?;
+        if !found.family.measured {
+            return Some((joint, found));
+        }
+        found.family.measured = false;
+        let from = Fit {
+            at: joint.at,
+            ..fit.clone()
+        };
+        found.refine(setting, weights, &from)
+    }
+
     /// A refined fit with more knots where the function bends most, as long as it is far from the
     /// noise and more knots earn their keep: what begins and ends sharply (a snag) needs them.
     pub fn sharpen(
@@ -676,6 +709,7 @@ fn family(
         acts,
         variable,
         knots,
+        measured: false,
     })
 }
 
