@@ -609,7 +609,7 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
     let (range, force) = stands_out(f);
     let unit = match f.family.variable {
-        Variable::Place => {
+        Variable::Place | Variable::PlaceAgainst => {
             if setting.dof.index() < 3 {
                 "m"
             } else {

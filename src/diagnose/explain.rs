@@ -16,6 +16,8 @@ use super::weight::{weight_beyond, weights};
 
 /// Log evidence that a free function must gain before it is believed.
 const BELIEVED: f64 = 5.0;
+/// Single effects tried beside an unnamed force.
+const SINGLES: usize = 5;
 /// Free functions refitted nonlinearly.
 const REFINED: usize = 3;
 /// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
@@ -216,11 +218,17 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
         .zip(&best.weights)
         .max_by(|a, b| a.1.total_cmp(b.1))
         .map(|(c, _)| vec![*c]);
-    let challengers = if best.family.is_some() || best.twice.is_some() {
+    let mut challengers = if best.family.is_some() || best.twice.is_some() {
         vec![Some(Vec::new()), heaviest]
     } else {
         vec![heaviest]
     };
+    if best.unnamed() {
+        // Beside an unnamed force another single effect may be right than without it.
+        let singles = search.ranked();
+        let singles = singles.iter().filter(|f| f.set.len() == 1);
+        challengers.extend(singles.take(SINGLES).map(|f| Some(f.set.clone())));
+    }
     for set in challengers.into_iter().flatten() {
         if let Some(fit) = search.get(&set).cloned()
             && !tried.contains_key(&set)

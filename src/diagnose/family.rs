@@ -21,6 +21,8 @@ use super::weights::Weights;
 pub enum Variable {
     /// Position along the line \[m, rad\].
     Place,
+    /// The same, of a force against the motion \[m, rad\].
+    PlaceAgainst,
     /// Rate over ground \[m/s\].
     Rate,
     /// Its size.
@@ -44,6 +46,7 @@ impl Variable {
     pub fn name(self) -> String {
         match self {
             Variable::Place => "position".to_owned(),
+            Variable::PlaceAgainst => "position, against the motion".to_owned(),
             Variable::Rate => "rate".to_owned(),
             Variable::Speed => "speed".to_owned(),
             Variable::Load => "command".to_owned(),
@@ -60,7 +63,7 @@ impl Variable {
     fn of<const N: usize>(self, here: &Instant<Dual<N>>) -> Dual<N> {
         let size = |v: Dual<N>| if v.value < 0.0 { -v } else { v };
         match self {
-            Variable::Place => here.position,
+            Variable::Place | Variable::PlaceAgainst => here.position,
             Variable::Rate => here.rate,
             Variable::Speed => size(here.rate),
             Variable::Load => Dual::constant(here.load),
@@ -72,11 +75,12 @@ impl Variable {
         }
     }
 
-    /// What the function is multiplied by.
-    fn factor<const N: usize>(self, here: &Instant<Dual<N>>) -> f64 {
+    /// What the function is multiplied by at a rate.
+    fn factor<const N: usize>(self, here: &Instant<Dual<N>>, rate: Dual<N>) -> Dual<N> {
         match self {
-            Variable::AfterEdge => here.jump,
-            _ => 1.0,
+            Variable::AfterEdge => Dual::constant(here.jump),
+            Variable::PlaceAgainst => -(rate * (1.0 / TURN_MPS)).tanh(),
+            _ => Dual::constant(1.0),
         }
     }
 }
@@ -125,10 +129,22 @@ impl Family {
     /// What the function is asked about at an instant of a run.
     fn value<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
         match self.variable {
-            Variable::Place if self.measured => Dual::constant(track.at(here.t_s.value)),
+            Variable::Place | Variable::PlaceAgainst if self.measured => {
+                Dual::constant(track.at(here.t_s.value))
+            }
             Variable::Rate if self.measured => Dual::constant(track.rate_at(here.t_s.value)),
             other => other.of(here),
         }
+    }
+
+    /// What it is multiplied by.
+    fn factor<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
+        let rate = if self.measured && self.variable == Variable::PlaceAgainst {
+            Dual::constant(track.rate_at(here.t_s.value))
+        } else {
+            here.rate
+        };
+        self.variable.factor(here, rate)
     }
 
     /// Weight of each hat at a value; constant beyond the ends.
@@ -171,7 +187,7 @@ impl Family {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
                         let value = self.value(&setting.tracks[run], here).value;
-                        let factor = self.variable.factor(here);
+                        let factor = self.factor(&setting.tracks[run], here).value;
                         for (slope, hat) in made
                             .slope
                             .iter_mut()
@@ -312,7 +328,7 @@ impl Family {
                 *s += h;
             }
         }
-        made * self.variable.factor(here)
+        made * self.factor(track, here)
     }
 
     /// Motion of a run under a set and this function.
@@ -644,6 +660,9 @@ const FAR_FROM_NOISE: f64 = 0.6;
 const WORTH_KNOTS: f64 = 5.0;
 /// Bends about which intervals are halved at once.
 const BENDS_SPLIT: usize = 6;
+/// Rate at which a force against the motion has three quarters of its size, as in
+/// `coulomb_friction` \[m/s, rad/s\].
+const TURN_MPS: f64 = 0.004;
 /// Log of the choice among a dozen functions.
 const PENALTY: f64 = 3.0;
 
@@ -717,6 +736,7 @@ fn family(
 pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
     let mut kinds = vec![
         (Variable::Place, 32),
+        (Variable::PlaceAgainst, 32),
         (Variable::Rate, 16),
         (Variable::Load, 12),
         (Variable::Time, 16),
