@@ -223,7 +223,6 @@ fn one(
     search.run();
     search.settle();
     let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
-    search.confirm(&held_tracks);
     progress("explanations");
     let Some(found) = explain(&mut search) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
@@ -709,7 +708,6 @@ fn probe(setting: &Setting) -> Vec<usize> {
         hessian: nalgebra::DMatrix::zeros(0, 0),
         log_evidence: 0.0,
         rough: false,
-        held: 0.0,
     };
     let mut moved: Vec<usize> = responses(&there, &none)
         .iter()

@@ -193,7 +193,7 @@ fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<F
             // The copy stands before the original.
             at[setting.places(&set)[member + 1]] *= left;
             let mut two = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
-            two.log_evidence += fit.held - TWICE_PENALTY;
+            two.log_evidence -= TWICE_PENALTY;
             two.log_evidence.is_finite().then_some(two)
         })
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))

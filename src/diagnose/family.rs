@@ -612,10 +612,8 @@ impl FamilyFit {
             hessian: hessian.clone(),
             log_evidence: 0.0,
             rough: false,
-            held: fit.held,
         };
-        joint.log_evidence =
-            posed.log_evidence(&joint) + fit.held - m as f64 * self.prior_sd.ln() - PENALTY;
+        joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
         let covariance = crate::identify::uncertainty::covariance(&hessian);
         let sds = (0..m)
             .map(|i| covariance[(n + i, n + i)].max(0.0).sqrt())

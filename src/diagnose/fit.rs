@@ -41,8 +41,6 @@ pub struct Fit {
     pub log_evidence: f64,
     /// Stopped before its minimum: far from the best, right to a percent of its cost.
     pub rough: bool,
-    /// What runs held out add to the log evidence; part of it.
-    pub held: f64,
 }
 
 impl Fit {
@@ -278,7 +276,6 @@ impl<'a> Posed<'a> {
             hessian: found.hessian,
             log_evidence: 0.0,
             rough: found.rough,
-            held: 0.0,
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)

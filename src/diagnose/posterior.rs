@@ -15,7 +15,7 @@ const FAR: f64 = 9.0;
 const MOST: usize = 60;
 /// Log evidence within which two explanations count as tied.
 pub const TIE: f64 = 4.0;
-/// Half chi-square (over all runs) within which two sets with as many parameters fit alike: a factor
+/// Half chi-square within which two sets with as many parameters fit alike: a factor
 /// of 20 between their likelihoods. Which of them is likelier before any data splits nothing.
 const ALIKE: f64 = 3.0;
 /// Most sets reported.
@@ -167,7 +167,7 @@ impl Posterior {
             };
             let likely = g.probability > first.probability * (-TIE).exp();
             let alike = g.fit.hessian.nrows() == first.fit.hessian.nrows()
-                && g.fit.cost - g.fit.held < first.fit.cost - first.fit.held + ALIKE;
+                && g.fit.cost < first.fit.cost + ALIKE;
             if (likely || alike) && !kept.iter().any(same) {
                 kept.push(g);
             }

@@ -10,7 +10,7 @@ use super::descent::Effort;
 use super::explain::look;
 use super::family::regimes;
 use super::fit::{Fit, Posed};
-use super::setting::{COEFFICIENTS, Setting, Track};
+use super::setting::{COEFFICIENTS, Setting};
 use super::weights::{Weights, noise_beyond};
 
 /// Sets carried from one depth to the next.
@@ -33,10 +33,10 @@ const FINISHED: usize = 12;
 const REPLACED: usize = 3;
 /// Promised gain below the best one's at which a candidate is still tried there.
 const NEAR_TWIN: f64 = 12.0;
-/// Most sets that runs held out are asked about.
-const CONFIRMED: usize = 24;
 /// Half chi-square per sample above which a fit is far from the noise.
 const HOPELESS: f64 = 1.0;
+/// Cost over that of pure noise below which a free force explains all there is.
+const ALL_BUT_NOISE: f64 = 3.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;
 /// Most columns taken out before the noise is estimated.
@@ -153,62 +153,6 @@ impl<'a> Search<'a> {
             self.fit_with(vec![job], Effort::FULL);
         }
         self.get(set).cloned()
-    }
-
-    /// What runs held out say of the front runners, and of those without one member: the evidence
-    /// of all runs together takes the place of the fitted ones' own. Parameters stay as fitted.
-    pub fn confirm(&mut self, held: &[Track]) {
-        if held.is_empty() {
-            return;
-        }
-        let ranked = self.ranked();
-        let top = ranked.first().map_or(0.0, |f| f.log_evidence);
-        let mut asked: BTreeSet<Vec<usize>> = ranked
-            .iter()
-            .take(CONFIRMED)
-            .filter(|f| f.log_evidence > top - 2.0 * FAR)
-            .map(|f| f.set.clone())
-            .collect();
-        for f in ranked.iter().take(2) {
-            asked.extend((0..f.set.len()).map(|m| without(self.setting, f, m).0));
-        }
-        let all: Vec<Track> = self.setting.tracks.iter().chain(held).cloned().collect();
-        let mut used = self.weights.used.clone();
-        used.extend(Weights::first(held).used);
-        let setting = self.setting.with_tracks(all);
-        let weights = Weights::new(&setting.tracks, self.weights.noise, used);
-        let jobs: Vec<Fit> = asked
-            .into_iter()
-            .filter_map(|s| self.get(&s).cloned())
-            .filter(|f| !f.rough)
-            .collect();
-        let together: Vec<(Vec<usize>, f64)> = jobs
-            .into_par_iter()
-            .filter_map(|fit| {
-                let posed = Posed::new(&setting, &weights, &fit.set);
-                let mut from = posed.start();
-                from[..fit.at.len()].copy_from_slice(&fit.at);
-                let made = posed.fit(from).ok()?;
-                Some((fit.set.clone(), made.log_evidence - fit.log_evidence))
-            })
-            .filter(|(_, gain)| gain.is_finite())
-            .collect();
-        // Runs held out are no evidence for or against effects as such: only differences count.
-        let best = self.best().map(|b| b.set.clone());
-        let Some(zero) = together
-            .iter()
-            .find(|(set, _)| Some(set) == best.as_ref())
-            .map(|t| t.1)
-        else {
-            return;
-        };
-        for (set, gain) in together {
-            if let Some(fit) = self.fits.get_mut(&set) {
-                fit.held = gain - zero;
-                fit.log_evidence += fit.held;
-            }
-        }
-        (self.progress)("runs held out");
     }
 
     /// Fits the empty set from the rig's numbers.
@@ -578,7 +522,7 @@ impl<'a> Search<'a> {
 
     /// Whether a free force beside nothing, or beside the best single effect, beats every set so far
     /// while none of them comes near the noise: then more of the vocabulary only imitates it.
-    /// `alone` = only if that force leaves less than half of what the best set leaves beyond noise.
+    /// `alone` = only if that force leaves hardly more than noise.
     fn unnamed_is_better(&self, alone: bool) -> bool {
         let Some(best) = self.best() else {
             return false;
@@ -597,7 +541,7 @@ impl<'a> Search<'a> {
             let seen = look(self, &fit);
             seen.unnamed()
                 && seen.log_evidence > best.log_evidence
-                && (!alone || seen.fit.cost - floor < 0.5 * (best.cost - floor))
+                && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
         })
     }
 
