@@ -134,27 +134,29 @@ fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
         for i in beyond {
             let sample = present[i];
             let bar = limit.max(ISOLATED * sizes[i]);
-            // Misfit of the neighbours among themselves without this sample, and perhaps one more.
-            let misfit = |without: Option<usize>| {
-                let near: Vec<usize> = rest
+            // Misfit of those around it among themselves without some of them.
+            let misfit = |without: &[usize]| {
+                let mut near: Vec<usize> = rest
                     .iter()
                     .copied()
-                    .filter(|k| Some(*k) != without && k.abs_diff(sample) < 12)
+                    .chain([sample])
+                    .filter(|k| !without.contains(k) && k.abs_diff(sample) < 12)
                     .collect();
+                near.sort_unstable();
                 let at = near.partition_point(|k| *k < sample);
-                (at.saturating_sub(2)..(at + 2).min(near.len()))
+                (at.saturating_sub(3)..(at + 3).min(near.len()))
                     .map(|j| apart(times_s, values, &near, j))
                     .fold(0.0, f64::max)
             };
-            let at = rest.partition_point(|k| *k < sample);
-            let beside = [at.checked_sub(1), Some(at)]
+            // Alone, or a pair: with a neighbour, or the two beside it (which throw it off most).
+            let beside = |by: isize| present.get(i.wrapping_add_signed(by)).copied();
+            let pairs = [(0, 0), (0, 1), (-1, 0), (1, 2), (-2, -1)];
+            let found = pairs
                 .into_iter()
-                .flatten()
-                .filter_map(|j| rest.get(j).copied());
-            if misfit(None) < bar {
-                used[sample] = false;
-            } else if let Some(other) = beside.into_iter().find(|k| misfit(Some(*k)) < bar) {
-                (used[sample], used[other]) = (false, false);
+                .filter_map(|(a, b)| Some([beside(a)?, beside(b)?]))
+                .find(|pair| misfit(pair) < bar);
+            if let Some(pair) = found {
+                pair.into_iter().for_each(|k| used[k] = false);
             } else {
                 motion[sample] = true;
             }
