@@ -10,6 +10,7 @@
 pub mod bank;
 pub mod candidate;
 mod conclude;
+mod descent;
 pub mod explain;
 pub mod family;
 pub mod faults;

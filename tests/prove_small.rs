@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
+use hydroline::diagnose::verdict::Word;
 use hydroline::prove::case::parse;
 use hydroline::prove::score::complaint;
 use hydroline::prove::{Category, Judged, run};
@@ -27,4 +28,45 @@ fn passed(all: &[Judged], key: &str) -> usize {
 fn faults_of_the_data_are_said_to_be_that() {
     let all = judged(1, &["fault-0", "fault-1", "fault-2", "fault-3", "fault-4"]);
     assert_eq!(passed(&all, "fault"), 5);
+}
+
+/// A drift that the log's clock records show is reported from them; one that only the motion shows
+/// is named as an effect.
+#[test]
+fn a_clock_that_drifts_is_told_from_the_records_or_else_from_the_motion() {
+    let all = judged(1, &["fault-5", "fault-6"]);
+    assert_eq!(passed(&all, "fault"), 2);
+    assert!(
+        all[0].verdict.as_ref().unwrap().effects.is_empty(),
+        "{}",
+        all[0].sentence
+    );
+    assert!(
+        all[1]
+            .verdict
+            .as_ref()
+            .unwrap()
+            .data_faults
+            .iter()
+            .all(|f| f.fault != "clock_drift"),
+        "{}",
+        all[1].sentence
+    );
+}
+
+/// The paper's two constant thrusts leave a set open, and the run proposed next splits it.
+#[test]
+fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
+    let all = judged(1, &["paper-0"]);
+    assert_eq!(all[0].word, Word::Ambiguous, "{}", all[0].sentence);
+    let set = |id: &str| all[0].equivalent.iter().any(|s| s.iter().any(|e| e == id));
+    for id in [
+        "thruster_deadband",
+        "current",
+        "constant_force",
+        "coulomb_friction",
+    ] {
+        assert!(set(id), "{id}: {:?}", all[0].equivalent);
+    }
+    assert_eq!(passed(&all, "paper_split"), 1, "{}", all[0].sentence);
 }

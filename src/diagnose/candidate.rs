@@ -18,6 +18,8 @@ pub struct Candidate {
     pub bounds: Vec<(f64, f64)>,
     /// Width of the prior per parameter.
     pub widths: Vec<f64>,
+    /// Range in which the prior is flat per parameter: the plausible one and "not there".
+    pub flat: Vec<(f64, f64)>,
 }
 
 /// Every effect that is not already switched on.
@@ -66,8 +68,21 @@ impl Candidate {
                 .iter()
                 .map(|p| (p.plausible.1.max(0.0) - p.plausible.0.min(0.0)).max(1e-12))
                 .collect(),
+            flat: info.parameters.iter().map(flat).collect(),
         })
     }
+}
+
+/// The plausible range down to where the effect is not there: 0, or a factor of 1 if that is nearer.
+fn flat(p: &ParameterInfo) -> (f64, f64) {
+    let (low, high) = p.plausible;
+    let away = |v: f64| (low - v).max(v - high);
+    let nothing = if p.unit == "1" && away(1.0) < away(0.0) {
+        1.0
+    } else {
+        0.0
+    };
+    (low.min(nothing), high.max(nothing))
 }
 
 /// A share of the plausible range, by ratio where the range spans one sign and a factor of four.

@@ -222,23 +222,23 @@ fn one(
     search.prepare();
     search.run();
     search.settle();
+    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     progress("explanations");
     let Some(found) = explain(&mut search) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
-    let post = posterior(&search);
-    let Some(plain) = search.get(&[]).cloned() else {
+    let Some(plain) = search.finished(&[]) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
+    let post = posterior(&search);
     made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
-    let simple = found.family.is_none();
+    let simple = found.family.is_none() && found.twice.is_none();
     let mut groups: Vec<Group> = if simple {
         post.tied().into_iter().cloned().collect()
     } else {
         Vec::new()
     };
-    let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     if groups.len() > 1 && !held_tracks.is_empty() {
         // The runs fitted cannot tell them apart; the one that predicts best comes first.
         let miss = |g: &Group| {
@@ -336,14 +336,20 @@ fn one(
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },
             law_note: if inexact {
-                found.family.as_ref().map(|f| {
-                    format!(
-                        "{} is not constant but depends on {} (log Bayes factor {:.1})",
-                        info.parameters[0].name,
-                        f.family.variable.name(),
-                        f.gain
-                    )
-                })
+                found
+                    .twice
+                    .as_ref()
+                    .map(|(c, two)| twice_note(&setting, *c, two))
+                    .or_else(|| {
+                        found.family.as_ref().map(|f| {
+                            format!(
+                                "{} is not constant but depends on {} (log Bayes factor {:.1})",
+                                info.parameters[0].name,
+                                f.family.variable.name(),
+                                f.gain
+                            )
+                        })
+                    })
             } else {
                 None
             },
@@ -397,19 +403,21 @@ fn one(
         Some(rms(&search, &plain)),
         Some(rms(&search, &first)),
     );
+    // A mechanism that acts twice predicts as two.
+    let predicting = found.twice.as_ref().map_or(&first, |(_, two)| two);
     if held_tracks.is_empty() {
         verdict.fit.held_out_by = "each run predicted by the others".to_owned();
         put(
             &mut verdict.fit.held_out,
             left_out(&setting, &search.weights, &plain),
-            left_out(&setting, &search.weights, &first),
+            left_out(&setting, &search.weights, predicting),
         );
     } else {
         verdict.fit.held_out_by = "runs held out".to_owned();
         put(
             &mut verdict.fit.held_out,
             held_out(&setting, &held_tracks, &plain, noise),
-            held_out(&setting, &held_tracks, &first, noise),
+            held_out(&setting, &held_tracks, predicting, noise),
         );
     }
     for (group, rank) in post.groups.iter().zip(0..12) {
@@ -549,6 +557,23 @@ fn worst(a: Word, b: Word) -> Word {
     if rank(b) > rank(a) { b } else { a }
 }
 
+/// How a mechanism that acts twice is told.
+fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
+    let info = setting.vocabulary[candidate].info;
+    let copies: Vec<String> = (0..two.set.len())
+        .filter(|m| two.set[*m] == candidate)
+        .map(|m| {
+            info.parameters
+                .iter()
+                .zip(two.member(setting, m))
+                .map(|(p, v)| format!("{} = {v:.4}", p.name))
+                .collect::<Vec<_>>()
+                .join(", ")
+        })
+        .collect();
+    format!("acts as two in a row would: {}", copies.join(" and "))
+}
+
 /// Probability of a member against the best explanation without it, a free function on either side.
 fn needed(found: &Explanation, candidate: usize) -> f64 {
     let lacks = found
@@ -583,7 +608,7 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
     let (range, force) = stands_out(f);
     let unit = match f.family.variable {
-        Variable::Place => {
+        Variable::Place | Variable::PlaceAgainst => {
             if setting.dof.index() < 3 {
                 "m"
             } else {
@@ -682,6 +707,7 @@ fn probe(setting: &Setting) -> Vec<usize> {
         cost: 0.0,
         hessian: nalgebra::DMatrix::zeros(0, 0),
         log_evidence: 0.0,
+        rough: false,
     };
     let mut moved: Vec<usize> = responses(&there, &none)
         .iter()

@@ -2,20 +2,33 @@
 //!
 //! A law that is not quite the vocabulary's leaves residuals that other effects mend: the search
 //! then invents small ones. So each effect of the best set is challenged: would a free bend of a
-//! heavy effect's law, or a free force, do its work with better evidence?
+//! heavy effect's law, the same mechanism a second time (two stages, two springs, two modes), or a
+//! free force, do its work with better evidence?
 
 use std::collections::BTreeMap;
 
-use super::bank::{View, without};
+use super::bank::{View, joined, motion, outside, whitened, without};
 use super::family::{Acts, FamilyFit, bends, forces};
-use super::fit::Fit;
+use super::fit::{Fit, Posed};
 use super::search::Search;
-use super::weight::{weight_of, weights};
+use super::setting::COEFFICIENTS;
+use super::weight::{weight_beyond, weights};
 
 /// Log evidence that a free function must gain before it is believed.
 const BELIEVED: f64 = 5.0;
+/// Single effects tried beside an unnamed force.
+const SINGLES: usize = 5;
 /// Free functions refitted nonlinearly.
 const REFINED: usize = 3;
+/// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
+const FAR_FROM_NOISE: f64 = 2.0;
+/// Log of the choice between one law and the same law twice.
+const TWICE_PENALTY: f64 = 2.0;
+/// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
+/// evidence: invent nothing.
+const SPARING: f64 = 4.0;
+/// A second copy begins with this share of the first one's size.
+const SPLIT: f64 = 0.35;
 /// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
 const HEAVY_SHARE: f64 = 0.25;
 
@@ -28,6 +41,8 @@ pub struct Explanation {
     pub weights: Vec<f64>,
     /// A free function that gains beside it.
     pub family: Option<FamilyFit>,
+    /// Without such a function: the member (candidate) that acts twice, with the fit of both.
+    pub twice: Option<(usize, Fit)>,
     /// Weight of the function's response \[m, rad\].
     pub family_weight: f64,
     /// Log evidence of both.
@@ -39,6 +54,9 @@ pub struct Explanation {
 impl Explanation {
     /// The member (candidate index) whose law bends.
     pub fn bent(&self) -> Option<usize> {
+        if let Some((candidate, _)) = &self.twice {
+            return Some(*candidate);
+        }
         match self.family.as_ref()?.family.acts {
             Acts::Bends(candidate) => Some(candidate),
             Acts::Force => None,
@@ -60,11 +78,23 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
     let weights = weights(setting, fit);
     let heaviest = weights.iter().copied().fold(0.0, f64::max);
     let mut families = forces(setting, fit);
-    for (candidate, weight) in fit.set.iter().zip(&weights) {
+    if fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64 {
+        families.iter_mut().for_each(|f| f.measured = true);
+    }
+    let mut double: Option<(usize, Fit)> = None;
+    for (member, (candidate, weight)) in fit.set.iter().zip(&weights).enumerate() {
         if *weight > setting.tolerance && *weight >= HEAVY_SHARE * heaviest {
             families.extend(bends(setting, fit, *candidate));
+            if let Some(two) = twice(search, fit, &view, member).filter(|two| {
+                double
+                    .as_ref()
+                    .is_none_or(|d| two.log_evidence > d.1.log_evidence)
+            }) {
+                double = Some((*candidate, two));
+            }
         }
     }
+    let double = double.filter(|d| d.1.log_evidence > fit.log_evidence + BELIEVED);
     let mut found: Vec<FamilyFit> = families
         .iter()
         .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
@@ -75,9 +105,10 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
     let refined: Option<(Fit, FamilyFit)> = found
         .iter()
         .take(REFINED)
-        .filter_map(|f| f.refine(setting, &search.weights, fit))
+        .filter_map(|f| f.close(setting, &search.weights, fit))
         .filter(|(_, f)| f.gain > BELIEVED)
-        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
+        .map(|best| FamilyFit::sharpen(setting, &search.weights, fit, best));
     tracing::debug!(
         "beside {:?}: {:?}",
         fit.set
@@ -88,10 +119,30 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
             .as_ref()
             .map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
     );
+    let bar = refined
+        .as_ref()
+        .map_or(f64::NEG_INFINITY, |(joint, _)| joint.log_evidence);
+    if let Some((candidate, two)) = double.filter(|d| d.1.log_evidence > bar) {
+        tracing::debug!(
+            "{} twice gains {:.1}",
+            setting.vocabulary[candidate].info.id,
+            two.log_evidence - fit.log_evidence
+        );
+        return Explanation {
+            log_evidence: two.log_evidence,
+            fit: fit.clone(),
+            weights,
+            family: None,
+            twice: Some((candidate, two)),
+            family_weight: 0.0,
+            needed: Vec::new(),
+        };
+    }
     match refined {
         Some((joint, family)) => Explanation {
+            twice: None,
             log_evidence: joint.log_evidence,
-            family_weight: weight_of(setting, &joint, &family.response),
+            family_weight: weight_beyond(setting, &joint, &family.response),
             weights: super::weight::weights(setting, &joint),
             fit: joint,
             family: Some(family),
@@ -102,18 +153,58 @@ pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
             fit: fit.clone(),
             weights,
             family: None,
+            twice: None,
             family_weight: 0.0,
             needed: Vec::new(),
         },
     }
 }
 
+/// A set with one of its members a second time, its evidence less the choice.
+fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<Fit> {
+    let setting = search.setting;
+    let candidate = fit.set[member];
+    let own = fit.member(setting, member).to_vec();
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
+        .map(|r| fit.start(setting, r))
+        .collect();
+    let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
+    // A share of the first one's size goes over to the copy, or the copy begins where it promises most.
+    let mut split = own.clone();
+    split[0] *= SPLIT;
+    let mut begins: Vec<(f64, Vec<f64>, f64)> = vec![(f64::INFINITY, split, 1.0 - SPLIT)];
+    if own.len() > 1 {
+        begins.extend(setting.vocabulary[candidate].starts.iter().filter_map(|p| {
+            let (set, at) = joined(setting, fit, candidate, p);
+            let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
+            let moved = motion(setting, &set, globals, &starts) - &plain;
+            let left = outside(&view.basis, &whitened(setting, &search.weights, &moved));
+            let (product, energy) = (left.dot(&view.residual), left.norm_squared());
+            (energy > 0.0 && product < 0.0)
+                .then(|| (0.5 * product * product / energy, p.clone(), 1.0))
+        }));
+        begins.sort_by(|a, b| b.0.total_cmp(&a.0));
+    }
+    begins
+        .into_iter()
+        .take(2)
+        .filter_map(|(_, copy, left)| {
+            let (set, mut at) = joined(setting, fit, candidate, &copy);
+            // The copy stands before the original.
+            at[setting.places(&set)[member + 1]] *= left;
+            let mut two = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
+            two.log_evidence -= TWICE_PENALTY;
+            two.log_evidence.is_finite().then_some(two)
+        })
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+}
+
 /// The best explanation: sets from the search and sets with members taken out, each with its best free function.
 pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
     let first = search.best()?.clone();
     let mut best = look(search, &first);
-    if best.family.is_none() {
-        // Nothing is left: what the search named stands on its own.
+    if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
+        // Nothing is left, and nothing to take away: what the search named stands on its own.
         return Some(best);
     }
     // Nothing at all, and the heaviest alone, beside a free function: the search may have needed
@@ -127,7 +218,18 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
         .zip(&best.weights)
         .max_by(|a, b| a.1.total_cmp(b.1))
         .map(|(c, _)| vec![*c]);
-    for set in [Some(Vec::new()), heaviest].into_iter().flatten() {
+    let mut challengers = if best.family.is_some() || best.twice.is_some() {
+        vec![Some(Vec::new()), heaviest]
+    } else {
+        vec![heaviest]
+    };
+    if best.unnamed() {
+        // Beside an unnamed force another single effect may be right than without it.
+        let singles = search.ranked();
+        let singles = singles.iter().filter(|f| f.set.len() == 1);
+        challengers.extend(singles.take(SINGLES).map(|f| Some(f.set.clone())));
+    }
+    for set in challengers.into_iter().flatten() {
         if let Some(fit) = search.get(&set).cloned()
             && !tried.contains_key(&set)
         {
@@ -154,9 +256,14 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
                 .or_insert_with(|| look(search, &fit))
                 .clone();
             needed.push((candidate, best.log_evidence - other.log_evidence));
+            let sparing = if other.bent().is_some() && best.bent().is_none() && !best.unnamed() {
+                SPARING
+            } else {
+                0.0
+            };
             let bar = better
                 .as_ref()
-                .map_or(best.log_evidence, |b| b.log_evidence);
+                .map_or(best.log_evidence - sparing, |b| b.log_evidence);
             if other.log_evidence > bar {
                 better = Some(other);
             }

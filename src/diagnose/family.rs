@@ -6,14 +6,14 @@
 //! its first parameter depends on something it should not depend on.
 //! Reference: MacKay 1992, Bayesian interpolation.
 
-use hydroline_sim::Dual;
 use hydroline_sim::single::Instant;
+use hydroline_sim::{Dual, Real};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::bank::{View, outside};
 use super::fit::{Fit, Posed};
-use super::setting::{PASS, Setting};
+use super::setting::{PASS, Setting, Track};
 use super::weights::Weights;
 
 /// What a free function depends on.
@@ -21,6 +21,8 @@ use super::weights::Weights;
 pub enum Variable {
     /// Position along the line \[m, rad\].
     Place,
+    /// The same, of a force against the motion \[m, rad\].
+    PlaceAgainst,
     /// Rate over ground \[m/s\].
     Rate,
     /// Its size.
@@ -33,6 +35,8 @@ pub enum Variable {
     Time,
     /// Time since the last command edge \[s\].
     SinceEdge,
+    /// The same, of a force in proportion to what the edge changed \[s\].
+    AfterEdge,
     /// Time in one run only \[s\].
     TimeIn(usize),
 }
@@ -42,12 +46,16 @@ impl Variable {
     pub fn name(self) -> String {
         match self {
             Variable::Place => "position".to_owned(),
+            Variable::PlaceAgainst => "position, against the motion".to_owned(),
             Variable::Rate => "rate".to_owned(),
             Variable::Speed => "speed".to_owned(),
             Variable::Load => "command".to_owned(),
             Variable::LoadSize => "size of the command".to_owned(),
             Variable::Time => "time since the log's start".to_owned(),
             Variable::SinceEdge => "time since the last command edge".to_owned(),
+            Variable::AfterEdge => {
+                "time since the last command edge, in proportion to its change".to_owned()
+            }
             Variable::TimeIn(run) => format!("time in run {}", run + 1),
         }
     }
@@ -55,13 +63,24 @@ impl Variable {
     fn of<const N: usize>(self, here: &Instant<Dual<N>>) -> Dual<N> {
         let size = |v: Dual<N>| if v.value < 0.0 { -v } else { v };
         match self {
-            Variable::Place => here.position,
+            Variable::Place | Variable::PlaceAgainst => here.position,
             Variable::Rate => here.rate,
             Variable::Speed => size(here.rate),
             Variable::Load => Dual::constant(here.load),
             Variable::LoadSize => Dual::constant(here.load.abs()),
             Variable::Time | Variable::TimeIn(_) => Dual::constant(here.t_s.value),
-            Variable::SinceEdge => Dual::constant(here.t_s.value - here.edge_s),
+            Variable::SinceEdge | Variable::AfterEdge => {
+                Dual::constant(here.t_s.value - here.edge_s)
+            }
+        }
+    }
+
+    /// What the function is multiplied by at a rate.
+    fn factor<const N: usize>(self, here: &Instant<Dual<N>>, rate: Dual<N>) -> Dual<N> {
+        match self {
+            Variable::AfterEdge => Dual::constant(here.jump),
+            Variable::PlaceAgainst => -(rate * (1.0 / TURN_MPS)).tanh(),
+            _ => Dual::constant(1.0),
         }
     }
 }
@@ -71,7 +90,7 @@ impl Variable {
 pub enum Acts {
     /// A force \[N, N m\] of its own.
     Force,
-    /// A factor on the first parameter of this candidate.
+    /// The logarithm of a factor on the first parameter of this candidate.
     Bends(usize),
 }
 
@@ -84,6 +103,9 @@ pub struct Family {
     pub variable: Variable,
     /// Peaks of the hats, ascending.
     pub knots: Vec<f64>,
+    /// Place and rate are those that were measured, not those of the model: far from the noise
+    /// only so the motion is nearly linear in the function.
+    pub measured: bool,
 }
 
 /// A fitted free function beside a set.
@@ -104,6 +126,27 @@ pub struct FamilyFit {
 }
 
 impl Family {
+    /// What the function is asked about at an instant of a run.
+    fn value<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
+        match self.variable {
+            Variable::Place | Variable::PlaceAgainst if self.measured => {
+                Dual::constant(track.at(here.t_s.value))
+            }
+            Variable::Rate if self.measured => Dual::constant(track.rate_at(here.t_s.value)),
+            other => other.of(here),
+        }
+    }
+
+    /// What it is multiplied by.
+    fn factor<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
+        let rate = if self.measured && self.variable == Variable::PlaceAgainst {
+            Dual::constant(track.rate_at(here.t_s.value))
+        } else {
+            here.rate
+        };
+        self.variable.factor(here, rate)
+    }
+
     /// Weight of each hat at a value; constant beyond the ends.
     fn hats(&self, value: f64) -> Vec<f64> {
         let n = self.knots.len();
@@ -143,13 +186,14 @@ impl Family {
                 for first in (0..m).step_by(PASS) {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
-                        let value = self.variable.of(here).value;
+                        let value = self.value(&setting.tracks[run], here).value;
+                        let factor = self.factor(&setting.tracks[run], here).value;
                         for (slope, hat) in made
                             .slope
                             .iter_mut()
                             .zip(self.hats(value).iter().skip(first))
                         {
-                            *slope = *hat;
+                            *slope = factor * *hat;
                         }
                         made
                     };
@@ -263,11 +307,12 @@ impl Family {
     /// The function at an instant: value with its slope in the variable, and each hat as a derivative.
     fn profile<const N: usize>(
         &self,
+        track: &Track,
         here: &Instant<Dual<N>>,
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Dual<N> {
-        let v = self.variable.of(here);
+        let v = self.value(track, here);
         let hats = self.hats(v.value);
         let mut made = Dual::constant(hats.iter().zip(amplitudes).map(|(h, a)| h * a).sum());
         let after = self.knots.partition_point(|k| *k <= v.value);
@@ -283,7 +328,7 @@ impl Family {
                 *s += h;
             }
         }
-        made
+        made * self.factor(track, here)
     }
 
     /// Motion of a run under a set and this function.
@@ -298,11 +343,12 @@ impl Family {
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Vec<Dual<N>> {
+        let track = &setting.tracks[run];
         let acts_here = !matches!(self.variable, Variable::TimeIn(only) if only != run);
         match self.acts {
             Acts::Force => setting.simulate(run, set, globals, start, |h| {
                 if acts_here {
-                    self.profile(h, amplitudes, first)
+                    self.profile(track, h, amplitudes, first)
                 } else {
                     Dual::constant(0.0)
                 }
@@ -310,8 +356,9 @@ impl Family {
             Acts::Bends(candidate) => {
                 let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
                 let place = setting.places(set)[member];
+                // A factor e^f keeps the parameter's sign.
                 setting.simulate_bent(run, set, globals, start, place, |h| {
-                    self.profile(h, amplitudes, first) + Dual::constant(1.0)
+                    self.profile(track, h, amplitudes, first).exp()
                 })
             }
         }
@@ -319,6 +366,77 @@ impl Family {
 }
 
 impl FamilyFit {
+    /// As [`FamilyFit::refine`]; a function of what was measured becomes one of the model's motion.
+    pub fn close(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+    ) -> Option<(Fit, FamilyFit)> {
+        let (joint, mut found) = self.refine(setting, weights, fit)?;
+        if !found.family.measured {
+            return Some((joint, found));
+        }
+        found.family.measured = false;
+        let from = Fit {
+            at: joint.at,
+            ..fit.clone()
+        };
+        found.refine(setting, weights, &from)
+    }
+
+    /// A refined fit with more knots where the function bends most, as long as it is far from the
+    /// noise and more knots earn their keep: what begins and ends sharply (a snag) needs them.
+    pub fn sharpen(
+        setting: &Setting,
+        weights: &Weights,
+        base: &Fit,
+        mut found: (Fit, FamilyFit),
+    ) -> (Fit, FamilyFit) {
+        for _ in 0..SHARPENED {
+            if found.0.cost < FAR_FROM_NOISE * weights.samples() as f64 {
+                break;
+            }
+            let from = Fit {
+                at: found.0.at.clone(),
+                ..base.clone()
+            };
+            match found.1.split().refine(setting, weights, &from) {
+                Some(finer) if finer.0.log_evidence > found.0.log_evidence + WORTH_KNOTS => {
+                    found = finer;
+                }
+                _ => break,
+            }
+        }
+        found
+    }
+
+    /// The same function with the intervals around its sharpest bends halved.
+    fn split(&self) -> FamilyFit {
+        let (k, a) = (&self.family.knots, &self.amplitudes);
+        let slope = |i: usize| (a[i + 1] - a[i]) / (k[i + 1] - k[i]);
+        let mut bends: Vec<(f64, usize)> = (1..k.len().saturating_sub(1))
+            .map(|i| ((slope(i) - slope(i - 1)).abs(), i))
+            .collect();
+        bends.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let halved: std::collections::BTreeSet<usize> = bends
+            .iter()
+            .take(BENDS_SPLIT)
+            .flat_map(|(_, i)| [i - 1, *i])
+            .collect();
+        let mut finer = self.clone();
+        (finer.family.knots, finer.amplitudes) = (Vec::new(), Vec::new());
+        for i in 0..k.len() {
+            finer.family.knots.push(k[i]);
+            finer.amplitudes.push(a[i]);
+            if halved.contains(&i) {
+                finer.family.knots.push(0.5 * (k[i] + k[i + 1]));
+                finer.amplitudes.push(0.5 * (a[i] + a[i + 1]));
+            }
+        }
+        finer
+    }
+
     /// Fits set and function together, nonlinearly, from the linear fit; the set's evidence then
     /// includes the function's. `None` where the motion diverges.
     pub fn refine(
@@ -328,7 +446,6 @@ impl FamilyFit {
         fit: &Fit,
     ) -> Option<(Fit, FamilyFit)> {
         let posed = Posed::new(setting, weights, &fit.set);
-        let precisions = posed.precisions();
         let (g, n, m) = (
             fit.globals(setting).len(),
             fit.at.len(),
@@ -447,7 +564,7 @@ impl FamilyFit {
                     }
                 }
             }
-            for (i, (centre, k)) in precisions.iter().enumerate() {
+            for (i, (centre, k)) in posed.precisions(&at).into_iter().enumerate() {
                 gradient[i] += (at[i] - centre) * k;
                 hessian[(i, i)] += k;
             }
@@ -494,6 +611,7 @@ impl FamilyFit {
             cost,
             hessian: hessian.clone(),
             log_evidence: 0.0,
+            rough: false,
         };
         joint.log_evidence = posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
         let covariance = crate::identify::uncertainty::covariance(&hessian);
@@ -532,6 +650,17 @@ impl FamilyFit {
     }
 }
 
+/// Times that the knots of a function are made denser.
+const SHARPENED: usize = 4;
+/// Half chi-square per sample above which a function may need more knots; noise leaves 0.5.
+const FAR_FROM_NOISE: f64 = 0.6;
+/// Log evidence that they must gain.
+const WORTH_KNOTS: f64 = 5.0;
+/// Bends about which intervals are halved at once.
+const BENDS_SPLIT: usize = 6;
+/// Rate at which a force against the motion has three quarters of its size, as in
+/// `coulomb_friction` \[m/s, rad/s\].
+const TURN_MPS: f64 = 0.004;
 /// Log of the choice among a dozen functions.
 const PENALTY: f64 = 3.0;
 
@@ -579,7 +708,7 @@ fn family(
     count: usize,
 ) -> Option<Family> {
     let (low, high) = range(setting, fit, variable)?;
-    let knots = if variable == Variable::SinceEdge {
+    let knots = if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
         let first: f64 = 0.15;
         if high < 4.0 * first {
             return None;
@@ -597,6 +726,7 @@ fn family(
         acts,
         variable,
         knots,
+        measured: false,
     })
 }
 
@@ -604,6 +734,7 @@ fn family(
 pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
     let mut kinds = vec![
         (Variable::Place, 32),
+        (Variable::PlaceAgainst, 32),
         (Variable::Rate, 16),
         (Variable::Load, 12),
         (Variable::Time, 16),
@@ -614,6 +745,14 @@ pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
         .into_iter()
         .filter_map(|(v, n)| family(setting, fit, Acts::Force, v, n))
         .collect()
+}
+
+/// The same and, in proportion to each command edge, the time since it: where the mismatch acts. That
+/// one is what any lag of the thrust looks like, so it locates but is no explanation of its own.
+pub fn regimes(setting: &Setting, fit: &Fit) -> Vec<Family> {
+    let mut all = forces(setting, fit);
+    all.extend(family(setting, fit, Acts::Force, Variable::AfterEdge, 10));
+    all
 }
 
 /// Ways in which a member's law may be bent.

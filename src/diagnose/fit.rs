@@ -3,16 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::descent::{Effort, Linear, Linearised, descend};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
 use crate::identify::forward::ForwardError;
-use crate::identify::lm::{Squares, descend};
+use crate::identify::lm::Squares;
 use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
 
-/// A step that gains less than this (in units of half chi-square) ends a fit.
-const ENOUGH: f64 = 0.01;
 /// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
 const COEFFICIENT_PRIOR: f64 = 1.0;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
@@ -21,6 +20,9 @@ const LACKING: f64 = 1e-6;
 const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
 const OWN_SHARE: f64 = 1e-7;
+/// Beyond its plausible range a parameter's prior falls off as a normal one with this share of the
+/// range as sd: a range is no limit, but what the data do not know must not wander.
+const TAIL: f64 = 0.5;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -37,6 +39,8 @@ pub struct Fit {
     pub hessian: DMatrix<f64>,
     /// Laplace's log evidence with the prior of the set.
     pub log_evidence: f64,
+    /// Stopped before its minimum: far from the best, right to a percent of its cost.
+    pub rough: bool,
 }
 
 impl Fit {
@@ -113,8 +117,8 @@ pub struct Posed<'a> {
     weights: &'a Weights,
     set: &'a [usize],
     free: Vec<Free>,
-    /// Prior (centre, 1 / sd) per unknown; (_, 0) = none.
-    priors: Vec<(f64, f64)>,
+    /// Prior (from, to, 1 / sd) per unknown, flat in between; (_, _, 0) = none.
+    priors: Vec<(f64, f64, f64)>,
 }
 
 impl<'a> Posed<'a> {
@@ -124,26 +128,35 @@ impl<'a> Posed<'a> {
             .iter()
             .map(|c| free(*c, &setting.vehicle))
             .collect();
-        let mut priors: Vec<(f64, f64)> = frees
+        let mut priors: Vec<(f64, f64, f64)> = frees
             .iter()
-            .map(|f| (f.start, 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9)))
+            .map(|f| {
+                let k = 1.0 / (COEFFICIENT_PRIOR * f.start.abs()).max(1e-9);
+                (f.start, f.start, k)
+            })
             .collect();
         for (f, p) in frees.iter().zip(&mut priors) {
             if f.start == 0.0 {
                 // The rig's model lacks the term: it stays out, and is a candidate like any other.
-                *p = (0.0, 1.0 / (LACKING * f.high.max(1.0)));
+                *p = (0.0, 0.0, 1.0 / (LACKING * f.high.max(1.0)));
             }
         }
         for c in set {
             let candidate = &setting.vocabulary[*c];
-            for (p, (low, high)) in candidate.info.parameters.iter().zip(&candidate.bounds) {
+            for ((p, (low, high)), (from, to)) in candidate
+                .info
+                .parameters
+                .iter()
+                .zip(&candidate.bounds)
+                .zip(&candidate.flat)
+            {
                 frees.push(Free {
                     name: p.name.to_owned(),
                     start: p.typical,
                     low: *low,
                     high: *high,
                 });
-                priors.push((0.0, 0.0));
+                priors.push((*from, *to, 1.0 / (TAIL * (to - from)).max(1e-12)));
             }
         }
         for track in &setting.tracks {
@@ -162,14 +175,14 @@ impl<'a> Posed<'a> {
             };
             any(first, 2.0 * spread);
             any(0.0, 3.0 * spread);
-            priors.push((0.0, 0.0));
+            priors.push((0.0, 0.0, 0.0));
             // Without commands it is a decay: the start is what moves it; a run cut to a window moves at its start.
             let rest = if track.edges.is_empty() || track.start_s > 0.0 {
                 0.0
             } else {
                 DRIFT_S / setting.tolerance
             };
-            priors.push((0.0, rest));
+            priors.push((0.0, 0.0, rest));
         }
         Posed {
             setting,
@@ -238,33 +251,45 @@ impl<'a> Posed<'a> {
     fn prior_cost(&self, at: &[f64]) -> f64 {
         at.iter()
             .zip(&self.priors)
-            .map(|(v, (c, k))| 0.5 * ((v - c) * k).powi(2))
+            .map(|(v, (from, to, k))| 0.5 * ((v - v.clamp(*from, *to)) * k).powi(2))
             .sum()
     }
 
-    /// Fits from a point.
+    /// Fits from a point to the minimum.
     ///
     /// # Errors
     /// [`ForwardError`] when the motion diverges there.
     pub fn fit(&self, from: Vec<f64>) -> Result<Fit, ForwardError> {
-        let held = vec![false; from.len()];
-        let (found, normal) = descend(self, from, &held, ENOUGH)?;
+        self.fit_with(from, Effort::FULL)
+    }
+
+    /// Fits from a point as far as is worth it.
+    ///
+    /// # Errors
+    /// [`ForwardError`] when the motion diverges there.
+    pub fn fit_with(&self, from: Vec<f64>, effort: Effort) -> Result<Fit, ForwardError> {
+        let found = descend(self, from, effort)?;
         let mut fit = Fit {
             set: self.set.to_vec(),
-            at: found.parameters,
-            cost: found.objective,
-            hessian: normal.hessian,
+            at: found.at,
+            cost: found.cost,
+            hessian: found.hessian,
             log_evidence: 0.0,
+            rough: found.rough,
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)
     }
 
-    /// Prior precision of each unknown.
-    pub fn precisions(&self) -> Vec<(f64, f64)> {
-        self.priors
-            .iter()
-            .map(|(centre, k)| (*centre, k * k))
+    /// Prior (centre, precision) of each unknown as felt at a point.
+    pub fn precisions(&self, at: &[f64]) -> Vec<(f64, f64)> {
+        at.iter()
+            .zip(&self.priors)
+            .map(|(v, (from, to, k))| {
+                let centre = v.clamp(*from, *to);
+                let felt = from == to || centre != *v;
+                (centre, if felt { k * k } else { 0.0 })
+            })
             .collect()
     }
 
@@ -323,18 +348,49 @@ impl Squares for Posed<'_> {
     }
 
     fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
+        let made = self.linearise(at)?;
+        Ok(Normal {
+            cost: made.cost,
+            gradient: made.gradient,
+            hessian: made.hessian,
+        })
+    }
+}
+
+impl Linearised for Posed<'_> {
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        (self.free[i].low, self.free[i].high)
+    }
+
+    fn residuals(&self, at: &[f64]) -> (f64, Vec<Vec<f64>>) {
+        let all: Vec<Vec<f64>> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.whitened(run, at))
+            .collect();
+        let squares: f64 = all.iter().flatten().map(|v| 0.5 * v * v).sum();
+        let total = squares + self.prior_cost(at);
+        (
+            if total.is_finite() {
+                total
+            } else {
+                f64::INFINITY
+            },
+            all,
+        )
+    }
+
+    fn linearise(&self, at: &[f64]) -> Result<Linear, ForwardError> {
         let n = at.len();
         let g = self.globals();
         let (mut cost, mut gradient, mut hessian) =
             (self.prior_cost(at), DVector::zeros(n), DMatrix::zeros(n, n));
-        let blocks: Vec<(f64, DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
+        let blocks: Vec<(DVector<f64>, DMatrix<f64>)> = (0..self.setting.tracks.len())
             .into_par_iter()
-            .map(|run| {
-                let (r, j) = self.linearised(run, at);
-                (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j))
-            })
+            .map(|run| self.linearised(run, at))
             .collect();
-        for (run, (c, gr, h)) in blocks.iter().enumerate() {
+        let mut jacobians = Vec::with_capacity(blocks.len());
+        for (run, (r, j)) in blocks.into_iter().enumerate() {
+            let (c, gr, h) = (0.5 * r.norm_squared(), j.tr_mul(&r), j.tr_mul(&j));
             if !c.is_finite() || h.iter().any(|v| !v.is_finite()) {
                 return Err(ForwardError {
                     run,
@@ -352,15 +408,37 @@ impl Squares for Posed<'_> {
                     hessian[(column(i), column(j))] += h[(i, j)];
                 }
             }
+            jacobians.push(j);
         }
-        for (i, (centre, k)) in self.priors.iter().enumerate() {
-            gradient[i] += (at[i] - centre) * k * k;
-            hessian[(i, i)] += k * k;
+        for (i, (centre, k2)) in self.precisions(at).into_iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k2;
+            hessian[(i, i)] += k2;
         }
-        Ok(Normal {
+        Ok(Linear {
             cost,
             gradient,
             hessian,
+            jacobians,
         })
+    }
+
+    fn gradient(
+        &self,
+        at: &[f64],
+        residuals: &[Vec<f64>],
+        jacobians: &[DMatrix<f64>],
+    ) -> DVector<f64> {
+        let g = self.globals();
+        let mut gradient = DVector::zeros(at.len());
+        for (run, (r, j)) in residuals.iter().zip(jacobians).enumerate() {
+            for (i, column) in j.column_iter().enumerate() {
+                let k = if i < g { i } else { g + 2 * run + (i - g) };
+                gradient[k] += column.iter().zip(r).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+        for (i, (centre, k2)) in self.precisions(at).into_iter().enumerate() {
+            gradient[i] += (at[i] - centre) * k2;
+        }
+        gradient
     }
 }

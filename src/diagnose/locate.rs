@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::bank::View;
-use super::family::{Acts, FamilyFit, Variable, forces};
+use super::family::{Acts, FamilyFit, Variable, regimes};
 use super::fit::Fit;
 use super::search::Search;
 use super::verdict::Where;
@@ -60,7 +60,7 @@ pub fn windows(search: &Search<'_>, fit: &Fit) -> BTreeMap<String, Vec<[f64; 2]>
 /// Free forces beside a fit, each with what it gains.
 pub fn dependences(search: &Search<'_>, fit: &Fit) -> Vec<FamilyFit> {
     let view = View::new(search.setting, &search.weights, fit);
-    let mut all: Vec<FamilyFit> = forces(search.setting, fit)
+    let mut all: Vec<FamilyFit> = regimes(search.setting, fit)
         .iter()
         .filter_map(|f| f.fit(search.setting, &search.weights, fit, &view))
         .collect();
@@ -129,7 +129,7 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
                 )
             });
             let what = match f.family.variable {
-                Variable::SinceEdge => "after command edges",
+                Variable::SinceEdge | Variable::AfterEdge => "after command edges",
                 Variable::Load if from < 0.0 && to <= 0.0 => "under astern commands",
                 Variable::Rate if from < 0.0 && to <= 0.0 => "going astern",
                 _ => "as a function",

@@ -15,6 +15,9 @@ const FAR: f64 = 9.0;
 const MOST: usize = 60;
 /// Log evidence within which two explanations count as tied.
 pub const TIE: f64 = 4.0;
+/// Half chi-square within which two sets with as many parameters fit alike: a factor
+/// of 20 between their likelihoods. Which of them is likelier before any data splits nothing.
+const ALIKE: f64 = 3.0;
 /// Most sets reported.
 const REPORTED: usize = 6;
 
@@ -162,7 +165,10 @@ impl Posterior {
                 k.matters.iter().all(|c| g.fit.set.contains(c))
                     && g.matters.iter().all(|c| k.fit.set.contains(c))
             };
-            if g.probability > first.probability * (-TIE).exp() && !kept.iter().any(same) {
+            let likely = g.probability > first.probability * (-TIE).exp();
+            let alike = g.fit.hessian.nrows() == first.fit.hessian.nrows()
+                && g.fit.cost < first.fit.cost + ALIKE;
+            if (likely || alike) && !kept.iter().any(same) {
                 kept.push(g);
             }
         }

@@ -95,6 +95,8 @@ pub fn rescale(vocabulary: &mut [Candidate], load: f64, speed: f64) {
             );
             candidate.bounds[i] = bounds;
             candidate.widths[i] *= factor;
+            candidate.flat[i].0 *= factor;
+            candidate.flat[i].1 *= factor;
             for start in &mut candidate.starts {
                 start[i] = (start[i] * factor).clamp(bounds.0, bounds.1);
             }

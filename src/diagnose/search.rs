@@ -6,8 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::bank::{Promise, Response, View, joined, motion, pursue, responses, whitened, without};
+use super::descent::Effort;
 use super::explain::look;
-use super::family::forces;
+use super::family::regimes;
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::{Weights, noise_beyond};
@@ -24,8 +25,18 @@ const STARTS: usize = 2;
 const DEPTH: usize = 9;
 /// A set this far below the best one in log evidence is out of the race.
 const FAR: f64 = 12.0;
+/// A fit whose cost ends this far above the best one's is not followed to its minimum.
+const HOPELESSLY_FAR: f64 = 60.0;
+/// Rough fits at the front that are finished when a search ends.
+const FINISHED: usize = 12;
+/// Candidates tried in the place of a member.
+const REPLACED: usize = 3;
+/// Promised gain below the best one's at which a candidate is still tried there.
+const NEAR_TWIN: f64 = 12.0;
 /// Half chi-square per sample above which a fit is far from the noise.
 const HOPELESS: f64 = 1.0;
+/// Cost over that of pure noise below which a free force explains all there is.
+const ALL_BUT_NOISE: f64 = 3.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;
 /// Most columns taken out before the noise is estimated.
@@ -79,10 +90,24 @@ impl<'a> Search<'a> {
 
     /// Fits sets from given points; a better fit of the same set replaces the old one.
     pub fn fit(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
+        let effort = Effort {
+            floor: 0.5 * self.weights.samples() as f64,
+            limit: self
+                .best()
+                .map_or(f64::INFINITY, |b| b.cost + HOPELESSLY_FAR),
+        };
+        self.fit_with(jobs, effort);
+    }
+
+    fn fit_with(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>, effort: Effort) {
         self.looked += jobs.len();
         let made: Vec<Fit> = jobs
             .into_par_iter()
-            .filter_map(|(set, from)| Posed::new(self.setting, &self.weights, &set).fit(from).ok())
+            .filter_map(|(set, from)| {
+                Posed::new(self.setting, &self.weights, &set)
+                    .fit_with(from, effort)
+                    .ok()
+            })
             .filter(|f| f.log_evidence.is_finite())
             .collect();
         for fit in made {
@@ -97,11 +122,37 @@ impl<'a> Search<'a> {
             let keep = self
                 .fits
                 .get(&fit.set)
-                .is_none_or(|old| fit.cost < old.cost - 1e-3);
+                .is_none_or(|old| fit.cost < old.cost - 1e-3 || (old.rough && !fit.rough));
             if keep {
                 self.fits.insert(fit.set.clone(), fit);
             }
         }
+    }
+
+    /// Brings rough fits at the front to their minimum, until none is left there.
+    pub fn finish(&mut self) {
+        for _ in 0..4 {
+            let rough: Vec<(Vec<usize>, Vec<f64>)> = self
+                .ranked()
+                .iter()
+                .take(FINISHED)
+                .filter(|f| f.rough)
+                .map(|f| (f.set.clone(), f.at.clone()))
+                .collect();
+            if rough.is_empty() {
+                break;
+            }
+            self.fit_with(rough, Effort::FULL);
+        }
+    }
+
+    /// One set's fit, brought to its minimum.
+    pub fn finished(&mut self, set: &[usize]) -> Option<Fit> {
+        if let Some(fit) = self.get(set).filter(|f| f.rough) {
+            let job = (fit.set.clone(), fit.at.clone());
+            self.fit_with(vec![job], Effort::FULL);
+        }
+        self.get(set).cloned()
     }
 
     /// Fits the empty set from the rig's numbers.
@@ -146,7 +197,7 @@ impl<'a> Search<'a> {
             // Columns raw, to be whitened by whatever noise is tried.
             let mut raw: Vec<DVector<f64>> = self.bank.iter().map(|r| r.column.clone()).collect();
             let mut white = self.whitened.clone();
-            for family in forces(self.setting, &fit) {
+            for family in regimes(self.setting, &fit) {
                 for column in family.columns(self.setting, &fit).column_iter() {
                     let column = column.into_owned();
                     white.push(whitened(self.setting, &self.weights, &column));
@@ -346,13 +397,21 @@ impl<'a> Search<'a> {
             let set = self.glance(4);
             self.refresh(&set);
             self.reweigh(&set);
+            self.nothing();
             (self.progress)("noise");
+            if self.unnamed_is_better(true) {
+                self.hopeless = true;
+                break;
+            }
         }
-        self.nothing();
     }
 
     /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
     pub fn settle(&mut self) {
+        if self.hopeless {
+            self.finish();
+            return;
+        }
         let Some(best) = self.best().map(|f| f.set.clone()) else {
             return;
         };
@@ -370,9 +429,10 @@ impl<'a> Search<'a> {
         tracing::debug!("noise changed by {change:.3}");
         self.fit(front);
         self.nothing();
-        if change > 0.05 && !self.hopeless {
+        if change > 0.05 {
             self.exchange();
         }
+        self.finish();
     }
 
     /// The whole search under the present weights: singles, pairs, then the beam, then exchange.
@@ -384,6 +444,9 @@ impl<'a> Search<'a> {
         // All singles, fitted.
         self.extend(&[Vec::new()], usize::MAX, 0.0);
         (self.progress)("singles");
+        if self.hopeless {
+            return;
+        }
         // All pairs, linearised from every single; the promising ones fitted.
         let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
         let best_single = self
@@ -413,12 +476,11 @@ impl<'a> Search<'a> {
         pairs.truncate(4 * BEAM);
         self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
         (self.progress)("pairs");
-        self.hopeless = false;
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         for round in 0..2 * DEPTH {
-            if round == 2 && self.unnamed_is_better() {
+            if round == 2 && self.unnamed_is_better(false) {
                 self.hopeless = true;
                 return;
             }
@@ -460,11 +522,13 @@ impl<'a> Search<'a> {
 
     /// Whether a free force beside nothing, or beside the best single effect, beats every set so far
     /// while none of them comes near the noise: then more of the vocabulary only imitates it.
-    fn unnamed_is_better(&self) -> bool {
+    /// `alone` = only if that force leaves hardly more than noise.
+    fn unnamed_is_better(&self, alone: bool) -> bool {
         let Some(best) = self.best() else {
             return false;
         };
-        if best.cost < HOPELESS * self.weights.samples() as f64 {
+        let floor = 0.5 * self.weights.samples() as f64;
+        if best.cost < 2.0 * HOPELESS * floor {
             return false;
         }
         let single = self
@@ -475,7 +539,9 @@ impl<'a> Search<'a> {
         let nothing = self.get(&[]).cloned();
         [nothing, single].into_iter().flatten().any(|fit| {
             let seen = look(self, &fit);
-            seen.unnamed() && seen.log_evidence > best.log_evidence
+            seen.unnamed()
+                && seen.log_evidence > best.log_evidence
+                && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
         })
     }
 
@@ -492,12 +558,44 @@ impl<'a> Search<'a> {
                 .collect();
             self.extend(&smaller, 4, LEAST_GAIN);
             self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
+            self.replace(&best);
             self.rejoin(&best);
             (self.progress)("exchange");
             if self.best().is_some_and(|b| b.set == best.set) {
                 break;
             }
         }
+    }
+
+    /// What could stand in the place of each member, all else as it is: near twins are found so even
+    /// where the set without the member, fitted, has drifted away.
+    fn replace(&mut self, best: &Fit) {
+        let mut jobs = Vec::new();
+        for member in 0..best.set.len() {
+            let (set, at) = without(self.setting, best, member);
+            let gap = Fit {
+                set,
+                at,
+                ..best.clone()
+            };
+            let view = View::new(self.setting, &self.weights, &gap);
+            let found = view.promises(&self.bank, &self.whitened, &gap.set);
+            let own = best.set[member];
+            let top = found.first().map_or(0.0, |l| l[0].gain);
+            for list in found
+                .iter()
+                .filter(|l| l[0].candidate != own && !self.blind.contains(&l[0].candidate))
+                .take_while(|l| l[0].gain > top - NEAR_TWIN - 0.02 * top)
+                .take(REPLACED)
+            {
+                let point = self.begin(&gap, &list[0]);
+                let job = joined(self.setting, &gap, list[0].candidate, &point);
+                if !self.fits.contains_key(&job.0) {
+                    jobs.push(job);
+                }
+            }
+        }
+        self.fit(jobs);
     }
 
     /// A member with several parameters may have come to do the work of two: each is taken out, a

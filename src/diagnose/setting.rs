@@ -91,6 +91,24 @@ impl Track {
         })
     }
 
+    /// Measured position at a time, between stamps by a line \[m, rad\].
+    pub fn at(&self, t_s: f64) -> f64 {
+        let after = self.times_s.partition_point(|t| *t <= t_s);
+        match (after.checked_sub(1), self.times_s.get(after)) {
+            (Some(k), Some(next)) => {
+                let share = (t_s - self.times_s[k]) / (next - self.times_s[k]);
+                self.measured[k] + share * (self.measured[after] - self.measured[k])
+            }
+            (Some(k), None) => self.measured[k],
+            (None, _) => self.measured.first().copied().unwrap_or(0.0),
+        }
+    }
+
+    /// Measured rate at a time, over 0.4 s \[m/s, rad/s\].
+    pub fn rate_at(&self, t_s: f64) -> f64 {
+        (self.at(t_s + 0.2) - self.at(t_s - 0.2)) / 0.4
+    }
+
     /// Last stamp \[s\].
     pub fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)

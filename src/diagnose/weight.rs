@@ -8,21 +8,26 @@ use super::setting::{COEFFICIENTS, Setting};
 
 /// Span of the raw derivatives of the motion without effects to the DOF's own coefficients.
 fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
-    let globals = &fit.at[..COEFFICIENTS];
+    span(setting, fit, &[], &fit.at[..COEFFICIENTS])
+}
+
+/// Span of the raw derivatives of the motion under a set to its coefficients and parameters.
+fn span(setting: &Setting, fit: &Fit, set: &[usize], globals: &[f64]) -> DMatrix<f64> {
+    let columns = globals.len();
     let blocks: Vec<DMatrix<f64>> = (0..setting.tracks.len())
         .map(|run| {
             setting
-                .sensitivities(run, &[], globals, fit.start(setting, run))
+                .sensitivities(run, set, globals, fit.start(setting, run))
                 .1
-                .columns(0, COEFFICIENTS)
+                .columns(0, columns)
                 .into_owned()
         })
         .collect();
     let rows: usize = blocks.iter().map(DMatrix::nrows).sum();
-    let mut all = DMatrix::zeros(rows, COEFFICIENTS);
+    let mut all = DMatrix::zeros(rows, columns);
     let mut first = 0;
     for block in &blocks {
-        all.view_mut((first, 0), (block.nrows(), COEFFICIENTS))
+        all.view_mut((first, 0), (block.nrows(), columns))
             .copy_from(block);
         first += block.nrows();
     }
@@ -53,7 +58,9 @@ pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
         .collect()
 }
 
-/// The same of any additional motion (a free function's response).
-pub fn weight_of(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
-    rms(&outside(&own_span(setting, fit), response))
+/// What an additional motion (a free function's response) leaves that neither the coefficients nor
+/// the parameters of the named effects can take over: only that is unexplained.
+pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
+    let taken = span(setting, fit, &fit.set, fit.globals(setting));
+    rms(&outside(&taken, response))
 }

@@ -58,6 +58,10 @@ impl<T: Real> Law<T> for Memory<T> {
         1 // z
     }
 
+    fn fastest_s(&self) -> f64 {
+        self.tau_s.value()
+    }
+
     fn force(&self, _m: &Moment<'_, T>, own: &[T], force: &mut [T; 6]) {
         force[self.dof] = force[self.dof] + self.gain_nspm * own[0];
     }

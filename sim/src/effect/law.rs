@@ -44,6 +44,11 @@ pub trait Law<T: Real>: Send + Sync + std::fmt::Debug {
         0
     }
 
+    /// Time constant of its fastest own state \[s\]: what an explicit integrator must resolve.
+    fn fastest_s(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// Timing: a command stamped t acts at t + this \[s\].
     fn command_delay_s(&self) -> T {
         T::zero()

@@ -20,6 +20,8 @@ struct Member<T: Real> {
 #[derive(Debug)]
 pub struct EffectStack<T: Real = f64> {
     members: Vec<Member<T>>,
+    /// Whether a stage has members: thruster, hydrodynamics, measurement.
+    busy: [bool; 3],
     notes: Vec<String>,
 }
 
@@ -38,6 +40,7 @@ impl<T: Real> EffectStack<T> {
     pub fn empty() -> Self {
         EffectStack {
             members: Vec::new(),
+            busy: [false; 3],
             notes: Vec::new(),
         }
     }
@@ -93,7 +96,13 @@ impl<T: Real> EffectStack<T> {
             .iter()
             .flat_map(|e| e.notes.iter().cloned())
             .collect();
-        Ok(EffectStack { members, notes })
+        let busy = [Stage::Thruster, Stage::Hydrodynamics, Stage::Measurement]
+            .map(|stage| members.iter().any(|m| m.info.stage == stage));
+        Ok(EffectStack {
+            members,
+            busy,
+            notes,
+        })
     }
 
     /// What is unusual about the parameters, one line each.
@@ -109,6 +118,29 @@ impl<T: Real> EffectStack<T> {
     /// Own states of all effects together.
     pub(crate) fn states(&self) -> usize {
         self.members.last().map_or(0, |m| m.last)
+    }
+
+    /// Whether anything acts in the thruster stage.
+    pub(crate) fn thrusts(&self) -> bool {
+        self.busy[0]
+    }
+
+    /// Whether anything acts in the water.
+    pub(crate) fn waters(&self) -> bool {
+        self.busy[1]
+    }
+
+    /// Whether anything acts in the measurement.
+    pub(crate) fn measures(&self) -> bool {
+        self.busy[2]
+    }
+
+    /// Time constant of the fastest own state \[s\]; infinite without any.
+    pub(crate) fn fastest_s(&self) -> f64 {
+        self.members
+            .iter()
+            .map(|m| m.law.fastest_s())
+            .fold(f64::INFINITY, f64::min)
     }
 
     fn stage(&self, stage: Stage) -> impl Iterator<Item = &Member<T>> {

@@ -42,6 +42,10 @@ impl<T: Real> Law<T> for Lag<T> {
         1 // the lagged load itself
     }
 
+    fn fastest_s(&self) -> f64 {
+        self.lag_s.value()
+    }
+
     fn thrust(&self, _m: &Moment<'_, T>, wrench: &mut [T; 6], own: &[T], rate: &mut [T]) {
         rate[0] = (wrench[self.dof] - own[0]) / self.lag_s;
         wrench[self.dof] = own[0];

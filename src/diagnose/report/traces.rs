@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::diagnose::bank::View;
-use crate::diagnose::family::{Acts, FamilyFit, Variable, forces};
+use crate::diagnose::family::{Acts, FamilyFit, Variable, regimes};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::locate::stands_out;
 use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
@@ -174,7 +174,7 @@ impl Explained {
     /// Where the mismatch acts: the best free force beside the model without effects.
     pub fn regime(&self) -> Option<Regime> {
         let view = View::new(&self.setting, &self.weights, &self.plain);
-        let found = forces(&self.setting, &self.plain)
+        let found = regimes(&self.setting, &self.plain)
             .iter()
             .filter(|f| f.acts == Acts::Force)
             .filter_map(|f| f.fit(&self.setting, &self.weights, &self.plain, &view))
@@ -195,7 +195,7 @@ impl Regime {
         };
         let value = |k: usize| -> f64 {
             match self.found.family.variable {
-                Variable::Place => trace.before[k],
+                Variable::Place | Variable::PlaceAgainst => trace.before[k],
                 Variable::Rate | Variable::Speed => {
                     let (a, b) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
                     let rate = (trace.before[b] - trace.before[a]) / (t[b] - t[a]).max(1e-9);
@@ -210,7 +210,9 @@ impl Regime {
                 Variable::Time => t[k],
                 Variable::TimeIn(only) if only == run => t[k],
                 Variable::TimeIn(_) => f64::NAN,
-                Variable::SinceEdge => load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0),
+                Variable::SinceEdge | Variable::AfterEdge => {
+                    load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0)
+                }
             }
         };
         let mut windows: Vec<[f64; 2]> = Vec::new();
