@@ -1,0 +1,1 @@
+//! Haze beside the stripe (filled in below).

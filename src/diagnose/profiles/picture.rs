@@ -1,0 +1,1 @@
+//! Residuals over the image.

@@ -1,0 +1,195 @@
+//! Nothing, each, pairs and more: which explanation the profiles are evidence for.
+
+use super::candidate::Candidate;
+use super::fit::{Fitted, Free, Problem, State};
+use super::model::Kind;
+use super::start;
+use hydroline_sim::effect::CheckedEffect;
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+/// log prior odds of each effect more: one in twenty.
+pub const LOG_ODDS: f64 = -3.0;
+/// Log posterior by which an explanation must beat nothing.
+pub const ESTABLISHED: f64 = 6.0;
+/// Log posterior within which two explanations are tied: one in a hundred.
+pub const TIED: f64 = 4.6;
+/// Rows left by more than this, and starting points other than the rig's own are tried \[px\].
+const ASTRAY_PX: f64 = 0.15;
+/// Explanations that are built upon.
+const BEAM: usize = 3;
+/// Effects in one explanation at most.
+const DEEPEST: usize = 3;
+
+/// What the search found.
+pub struct Searched {
+    /// Without effects.
+    pub nothing: Fitted,
+    /// All explanations tried, most probable first; `nothing` is among them.
+    pub all: Vec<Fitted>,
+}
+
+impl Searched {
+    /// log posterior up to a constant.
+    pub fn score(fit: &Fitted) -> f64 {
+        fit.log_evidence + LOG_ODDS * fit.effects.len() as f64
+    }
+
+    /// The most probable explanation; nothing, unless it is beaten clearly.
+    pub fn best(&self) -> &Fitted {
+        match self.all.first() {
+            Some(best) if Self::score(best) > Self::score(&self.nothing) + ESTABLISHED => best,
+            _ => &self.nothing,
+        }
+    }
+
+    /// Explanations tied with the best, itself first, none containing another.
+    pub fn tied(&self) -> Vec<&Fitted> {
+        let best = self.best();
+        let mut out: Vec<&Fitted> = vec![best];
+        if best.effects.is_empty() {
+            return out;
+        }
+        let limit = Self::score(best) - TIED;
+        for fit in self.all.iter().filter(|f| Self::score(f) > limit && !f.effects.is_empty()) {
+            let contains = |o: &&Fitted| {
+                o.effects.iter().all(|e| fit.effects.contains(e))
+                    || fit.effects.iter().all(|e| o.effects.contains(e))
+            };
+            if !out.iter().any(|o| contains(o)) {
+                out.push(fit);
+            }
+        }
+        out
+    }
+
+    /// Probability that an effect is part of the explanation, over all tried.
+    pub fn probability(&self, effect: usize) -> f64 {
+        let top = self.all.iter().map(Self::score).fold(f64::NEG_INFINITY, f64::max);
+        let (with, all) = self.all.iter().fold((0.0, 0.0), |(w, a), f| {
+            let p = (Self::score(f) - top).exp();
+            (if f.effects.contains(&effect) { w + p } else { w }, a + p)
+        });
+        if all > 0.0 { with / all } else { 0.0 }
+    }
+}
+
+/// Searches; `None` where no hypothesis gives the frames a pose.
+pub fn search(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    progress: &(dyn Fn(&str) + Sync),
+) -> Option<Searched> {
+    progress("image level: nothing left out");
+    let poses = |effects: &[&Candidate], numbers: &[Vec<f64>]| {
+        let g = problem.geometry(effects, numbers)?;
+        start::poses(problem.rig, &g, problem.runs, &problem.motions)
+    };
+    let own = poses(&[], &[]).map(|p| problem.first(p));
+    let nothing = own.and_then(|s| problem.fit(candidates, &[], s, Free::All));
+    // Where the rig's own camera hardly explains a frame, the poses it gives are no place to
+    // start from: those under each effect at its typical size are.
+    let astray = nothing.as_ref().is_none_or(|f| f.rms_px(Kind::Row) > ASTRAY_PX);
+    let mut others: Vec<(usize, Fitted)> = Vec::new();
+    if astray {
+        for (k, c) in candidates.iter().enumerate() {
+            progress(c.info.id);
+            let numbers = vec![CheckedEffect::typical(c.info).numbers];
+            let begin = poses(&[c], &numbers).map(|p| State {
+                numbers,
+                ..problem.first(p)
+            });
+            if let Some(f) = begin.and_then(|s| problem.fit(candidates, &[k], s, Free::All)) {
+                others.push((k, f));
+            }
+        }
+    }
+    let nothing = match nothing {
+        Some(nothing) => nothing,
+        None => {
+            let best = others
+                .iter()
+                .max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))?;
+            let begin = State { numbers: Vec::new(), ..best.1.state.clone() };
+            problem.fit(candidates, &[], begin, Free::All)?
+        }
+    };
+    let mut all = vec![nothing.clone()];
+    all.extend(others.into_iter().map(|o| o.1));
+    let singles: Vec<usize> = (0..candidates.len()).collect();
+    extend(problem, candidates, &[nothing.clone()], &singles, &mut all, progress);
+    for size in 1..DEEPEST {
+        sort(&mut all);
+        let beam: Vec<Fitted> = all.iter().filter(|f| f.effects.len() == size).take(BEAM).cloned().collect();
+        let top = all.first().map(Searched::score);
+        // Deeper only from what beats nothing, and while the last level was worth it.
+        let worth = all
+            .iter()
+            .filter(|f| f.effects.len() == size)
+            .any(|f| Searched::score(f) > Searched::score(&nothing) + 1.0 && Some(Searched::score(f)) == top);
+        if !worth {
+            break;
+        }
+        extend(problem, candidates, &beam, &singles, &mut all, progress);
+    }
+    sort(&mut all);
+    Some(Searched { nothing, all })
+}
+
+fn sort(all: &mut [Fitted]) {
+    all.sort_by(|a, b| Searched::score(b).total_cmp(&Searched::score(a)));
+}
+
+/// Fits every explanation of `from` with one candidate more; the better of two fits of a set stays.
+fn extend(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    from: &[Fitted],
+    with: &[usize],
+    all: &mut Vec<Fitted>,
+    progress: &(dyn Fn(&str) + Sync),
+) {
+    let tries: Vec<(&Fitted, usize)> = from
+        .iter()
+        .flat_map(|f| with.iter().map(move |k| (f, *k)))
+        .filter(|(f, k)| !f.effects.contains(k))
+        .collect();
+    let found: Vec<Fitted> = tries
+        .into_par_iter()
+        .filter_map(|(f, k)| {
+            let mut effects = f.effects.clone();
+            effects.push(k);
+            let names: Vec<&str> = effects.iter().map(|e| candidates[*e].info.id).collect();
+            progress(&names.join(" + "));
+            let mut begin = f.state.clone();
+            begin.numbers.push(candidates[k].neutral.clone());
+            problem.fit(candidates, &effects, begin, Free::All)
+        })
+        .collect();
+    for fit in found {
+        let same = |o: &Fitted| {
+            o.effects.len() == fit.effects.len() && o.effects.iter().all(|e| fit.effects.contains(e))
+        };
+        match all.iter_mut().find(|o| same(o)) {
+            Some(old) if old.log_evidence >= fit.log_evidence => {}
+            Some(old) => *old = fit,
+            None => all.push(fit),
+        }
+    }
+}
+
+/// Log Bayes factor that these frames would give a candidate of typical size: what is left of it
+/// once poses and shared numbers have taken what they can (masked sensitivities).
+pub fn visibility(candidate: &Candidate, fit: &Fitted) -> f64 {
+    let typical = CheckedEffect::typical(candidate.info).numbers;
+    let n = candidate.neutral.len();
+    if fit.masked.nrows() != n {
+        return f64::NAN;
+    }
+    let size = DVector::from_iterator(
+        n,
+        (0..n).map(|k| (typical[k] - candidate.neutral[k]) / candidate.prior_sd[k]),
+    );
+    // The posterior's precision holds the prior's, which is one.
+    0.5 * (size.dot(&(&fit.masked * &size)) - size.norm_squared()).max(0.0)
+}
