@@ -13,15 +13,17 @@ use super::prior::{FIRST, Motion, Wobbles};
 use hydroline_calib::Pose;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectInfo;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Poses are fitted in mm and mrad.
 const UNIT: f64 = 1e-3;
-const ITERATIONS: usize = 14;
+const ITERATIONS: usize = 20;
 /// Change of the log posterior below which a fit has settled.
 const SETTLED: f64 = 0.02;
 /// Wobbles move by this factor at a time, within these bounds.
 const FACTOR: f64 = 3.0;
+/// Moves at most of one number in one step of the fit.
+const MOVES: usize = 3;
 const SD: [f64; 2] = [3e-6, 0.3];
 const TAU_S: [f64; 2] = [0.2, 10.0];
 const DRIVE: [f64; 2] = [1e-12, 1e-2];
@@ -179,9 +181,8 @@ impl<'a> Problem<'a> {
             let mut moved = None;
             let start = work.state.clone();
             for _ in 0..6 {
-                let x = &best.x + (target - &best.x) * share;
                 work.state = start.clone();
-                work.put(&x);
+                work.step(&((target - &best.x) * share));
                 if let Some(next) = work.linear_about(&best.belongs) {
                     let after = work.posterior(&next, &next.x)?;
                     if after > before - 1e-9 {
@@ -196,12 +197,12 @@ impl<'a> Problem<'a> {
                 break;
             };
             best = next;
-            work.spread(&best);
+            let change = work.spread(&best);
             // What belongs to what may have changed with the poses, and the floors have.
             let again = work.linear()?;
             let same = again.belongs == best.belongs;
             best = again;
-            if after - before < SETTLED && share == 1.0 && same && iteration > 2 {
+            if after - before < SETTLED && share == 1.0 && same && change < 0.02 && iteration > 2 {
                 solved = work.choose(&best);
                 break;
             }
@@ -267,23 +268,22 @@ impl Work<'_, '_> {
         DVector::from_vec(x)
     }
 
-    fn put(&mut self, x: &DVector<f64>) {
-        let mut values = x.iter();
-        for (poses, motion) in self.state.poses.iter_mut().zip(&self.problem.motions) {
-            for (pose, mean) in poses.iter_mut().zip(&motion.mean) {
-                for d in 0..6 {
-                    pose[d] = mean[d] + UNIT * values.next().copied().unwrap_or(0.0);
-                }
-            }
+    /// Moves the state, poses along the valley of a frame.
+    fn step(&mut self, by: &DVector<f64>) {
+        let mut values = by.iter().copied();
+        let lever_m = self.problem.rig.mounts.l_laser_m;
+        for pose in self.state.poses.iter_mut().flatten() {
+            let own: [f64; 6] = std::array::from_fn(|_| UNIT * values.next().unwrap_or(0.0));
+            *pose = along_the_valley(pose, &own, lever_m);
         }
         if self.free == Free::All {
             for s in &mut self.state.shared {
-                *s = values.next().copied().unwrap_or(0.0);
+                *s += values.next().unwrap_or(0.0);
             }
             for (c, numbers) in self.chosen.iter().zip(&mut self.state.numbers) {
                 for (k, number) in numbers.iter_mut().enumerate() {
                     let limits = c.info.parameters[k].limits;
-                    let v = c.neutral[k] + c.prior_sd[k] * values.next().copied().unwrap_or(0.0);
+                    let v = *number + c.prior_sd[k] * values.next().unwrap_or(0.0);
                     *number = v.clamp(limits.0, limits.1);
                 }
             }
@@ -466,19 +466,26 @@ impl Work<'_, '_> {
             let driven = self.problem.motions.iter().any(|m| m.driven[d]);
             for part in 0..if driven { 3 } else { 2 } {
                 for factor in [FACTOR, 1.0 / FACTOR] {
-                    let mut tried = wobbles;
-                    let w = &mut tried[d];
-                    let (value, [low, high]) = match part {
-                        0 => (&mut w.sd, SD),
-                        1 => (&mut w.tau_s, TAU_S),
-                        _ => (&mut w.drive, DRIVE),
-                    };
-                    *value = (*value * factor).clamp(low, high);
-                    if tried == wobbles {
-                        continue;
+                    let mut moves = 0;
+                    while moves < MOVES {
+                        let mut tried = wobbles;
+                        let w = &mut tried[d];
+                        let (value, [low, high]) = match part {
+                            0 => (&mut w.sd, SD),
+                            1 => (&mut w.tau_s, TAU_S),
+                            _ => (&mut w.drive, DRIVE),
+                        };
+                        *value = (*value * factor).clamp(low, high);
+                        if tried == wobbles {
+                            break;
+                        }
+                        match solve(&tried).filter(|s| s.1 > best.1 + 0.01) {
+                            Some(solved) => (wobbles, best) = (tried, solved),
+                            None => break,
+                        }
+                        moves += 1;
                     }
-                    if let Some(solved) = solve(&tried).filter(|s| s.1 > best.1 + 0.01) {
-                        (wobbles, best) = (tried, solved);
+                    if moves > 0 {
                         break;
                     }
                 }
@@ -488,15 +495,15 @@ impl Work<'_, '_> {
         Some(best)
     }
 
-    /// Floors: what the residuals scatter beyond the measurements' own sds, the poses' own
-    /// uncertainty counted.
-    fn spread(&mut self, linear: &Linear) {
-        let Some((p, half)) = self.prior(&self.state.wobbles) else { return };
-        let Some((_, _, l)) = linear.quadratic.solved(&p, half) else { return };
+    /// Floors: what the residuals scatter beyond the measurements' own sds, by as many of them as
+    /// the fit has not used up (MacKay 1992). Returns the largest change, as a share.
+    fn spread(&mut self, linear: &Linear) -> f64 {
+        let Some((p, half)) = self.prior(&self.state.wobbles) else { return 0.0 };
+        let Some((_, _, l)) = linear.quadratic.solved(&p, half) else { return 0.0 };
         let covariance = l.inverse();
         let n = covariance.nrows();
         let tail = 6 * self.frames();
-        let mut sums = [(0.0, 0.0); 3];
+        let mut sums = [[0.0; 4]; 3];
         let mut index = 0;
         let mut last = (usize::MAX, usize::MAX);
         let mut frame = 0;
@@ -514,20 +521,28 @@ impl Work<'_, '_> {
             }
             if left.off_px.is_finite() && *w > 1e-6 {
                 let unsure = row.dot(&(&block * row));
-                let own2 = left.sd_px.powi(2) - self.state.floors[left.kind as usize].powi(2);
+                let sd2 = left.sd_px.powi(2);
                 let sum = &mut sums[left.kind as usize];
-                sum.0 += w * (left.off_px.powi(2) + unsure - own2);
-                sum.1 += w;
+                sum[0] += w * left.off_px.powi(2);
+                sum[1] += w * (1.0 - w * unsure / sd2);
+                sum[2] += w * (sd2 - self.state.floors[left.kind as usize].powi(2));
+                sum[3] += w;
             }
             index += 1;
         }
         debug_assert_eq!(index, linear.left.len());
-        for (kind, (square, weight)) in Kind::ALL.into_iter().zip(sums) {
+        let mut change = 0.0f64;
+        for (kind, [square, free, own2, weight]) in Kind::ALL.into_iter().zip(sums) {
             if weight > 3.0 {
-                self.state.floors[kind as usize] =
-                    (square / weight).max(0.0).sqrt().max(kind.floors().0);
+                let found = square / free.max(0.02 * weight) - own2 / weight;
+                let floor = &mut self.state.floors[kind as usize];
+                let next = found.max(0.0).sqrt().clamp(0.2 * *floor, 5.0 * *floor);
+                let next = next.max(kind.floors().0);
+                change = change.max((next / *floor - 1.0).abs());
+                *floor = next;
             }
         }
+        change
     }
 
     fn finish(
@@ -568,6 +583,36 @@ impl Work<'_, '_> {
 
 /// √2π.
 const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
+
+/// A pose moved by a step that is linear in where the sheet's middle meets the floor (X, Y), its
+/// range there, and the angles. Turning θ alone leaves the line in the image; in x, z and θ it
+/// follows a curve, which a straight step leaves by H δθ²/2: many row sds after a tenth of a degree.
+fn along_the_valley(pose: &[f64; 6], by: &[f64; 6], lever_m: f64) -> [f64; 6] {
+    let seen = |p: &[f64; 6]| {
+        let pose = Pose::from_array(*p);
+        let r = pose.body_to_tank_rotation();
+        // Height 0: z + r31 l + r33 ρ = 0.
+        let range_m = -(pose.z_m + r[(2, 0)] * lever_m) / r[(2, 2)];
+        let foot = pose.position_m() + r * Vector3::new(lever_m, 0.0, range_m);
+        [foot.x, foot.y, range_m]
+    };
+    let here = seen(pose);
+    let h = 1e-3;
+    let (mut ahead, mut behind) = (*pose, *pose);
+    for d in 0..6 {
+        ahead[d] += h * by[d];
+        behind[d] -= h * by[d];
+    }
+    let (a, b) = (seen(&ahead), seen(&behind));
+    let there: [f64; 3] = std::array::from_fn(|i| here[i] + (a[i] - b[i]) / (2.0 * h));
+    let mut next = *pose;
+    for d in 3..6 {
+        next[d] += by[d];
+    }
+    let arm = Pose::from_array(next).body_to_tank_rotation() * Vector3::new(lever_m, 0.0, there[2]);
+    [next[0], next[1], next[2]] = [there[0] - arm.x, there[1] - arm.y, -arm.z];
+    next
+}
 
 impl Fitted {
     /// rms of what is left of one kind, strays aside \[px\].

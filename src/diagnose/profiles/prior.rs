@@ -42,8 +42,9 @@ pub type Wobbles = [Wobble; 6];
 
 /// Where a search for them starts.
 pub const FIRST: Wobbles = {
-    let position = Wobble { sd: 1e-3, tau_s: 2.0, drive: 1e-7 };
-    let angle = Wobble { sd: 2e-3, tau_s: 2.0, drive: 1e-7 };
+    // Wide, so that a first guess far off is let go.
+    let position = Wobble { sd: 0.03, tau_s: 2.0, drive: 1e-7 };
+    let angle = Wobble { sd: 0.1, tau_s: 2.0, drive: 1e-7 };
     [position, position, position, angle, angle, angle]
 };
 

@@ -116,8 +116,21 @@ pub fn search(
     };
     let mut all = vec![nothing.clone()];
     all.extend(others.into_iter().map(|o| o.1));
+    let mut nothing = nothing;
     let singles: Vec<usize> = (0..candidates.len()).collect();
     extend(problem, candidates, &[nothing.clone()], &singles, &mut all, progress);
+    // Where an effect's fit found better poses, nothing is owed the same start.
+    sort(&mut all);
+    if let Some(best) = all.first().filter(|b| !b.effects.is_empty()) {
+        let begin = State { numbers: Vec::new(), ..best.state.clone() };
+        if let Some(again) = problem.fit(candidates, &[], begin, Free::All)
+            && again.log_evidence > nothing.log_evidence
+        {
+            nothing = again;
+            all.retain(|f| !f.effects.is_empty());
+            all.push(nothing.clone());
+        }
+    }
     for size in 1..DEEPEST {
         sort(&mut all);
         let beam: Vec<Fitted> = all.iter().filter(|f| f.effects.len() == size).take(BEAM).cloned().collect();

@@ -1,11 +1,12 @@
 //! Poses to begin with: the joint pose fit under the map that a hypothesis makes.
 
 use super::geometry::Geometry;
-use super::observe::ImageRun;
+use super::observe::{ImageRun, Seen};
 use super::prior::Motion;
+use crate::pose::initial::{self, Guess};
 use crate::pose::joint::{Hint, PoseFitter};
 use hydroline_calib::plane::{Fan, ImageSize, PlaneMap, PlanePoint};
-use hydroline_calib::{Calibration, IdealMap};
+use hydroline_calib::{Calibration, IdealMap, Pose};
 use hydroline_rigs::Rig;
 use nalgebra::Matrix2;
 use std::sync::Arc;
@@ -113,12 +114,16 @@ pub fn poses(
                 x_m: Some(mean[0] + last[0]),
                 ..Hint::default()
             };
-            let fit = fitter.fit(&seen.image, &seen.profile, &hint).ok();
-            off.push(fit.map(|fit| {
+            let fit = match fitter.fit(&seen.image, &seen.profile, &hint) {
+                Ok(fit) => Some((fit.pose, fit.measured)),
+                // The grey levels do not fit, but steps and lines may still say about where it is.
+                Err(_) => rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6])),
+            };
+            off.push(fit.map(|(pose, measured)| {
                 found += 1;
-                let pose = fit.pose.to_array();
+                let pose = pose.to_array();
                 last = std::array::from_fn(|d| {
-                    if fit.measured[d] { pose[d] - mean[d] } else { last[d] }
+                    if measured[d] { pose[d] - mean[d] } else { last[d] }
                 });
                 last
             }));
@@ -126,6 +131,17 @@ pub fn poses(
         out.push(filled(&off, &motion.mean));
     }
     (found as f64 >= LEAST_SHARE * all as f64 && found > 0).then_some(out)
+}
+
+/// A place where the steps lie on the target, θ = 0: the nearest to `x_m`.
+fn rough(fitter: &PoseFitter, seen: &Seen, x_m: f64) -> Option<Pose> {
+    let levels = fitter.levels(&seen.image, &seen.profile).ok()?;
+    if levels.steps.is_empty() {
+        return Some(initial::level_pose(&levels, fitter.mounts(), 0.0)).map(|p| Pose { x_m, ..p });
+    }
+    let all = initial::guesses(&levels, fitter.surfaces(), fitter.mounts());
+    let away = |g: &Guess| (g.pose.x_m - x_m).abs() + g.rms_m * 10.0;
+    all.iter().min_by(|a, b| away(a).total_cmp(&away(b))).map(|g| g.pose)
 }
 
 fn filled(off: &[Option<[f64; 6]>], mean: &[[f64; 6]]) -> Vec<[f64; 6]> {
