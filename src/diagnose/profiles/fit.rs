@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Poses are fitted in mm and mrad.
 const UNIT: f64 = 1e-3;
-const ITERATIONS: usize = 20;
+const ITERATIONS: usize = 40;
 /// Change of the log posterior below which a fit has settled.
 const SETTLED: f64 = 0.02;
 /// Wobbles move by this factor at a time, within these bounds.
@@ -191,6 +191,9 @@ impl<'a> Problem<'a> {
                     }
                 }
                 share *= 0.3;
+            }
+            if std::env::var("FIT").is_ok() {
+                eprintln!("{effects:?} it {iteration} before {before:.2} after {:?} share {share:.3} floors {:.4?} w {:.1e}", moved.as_ref().map(|m| m.1 - before), work.state.floors, (target - &best.x).amax());
             }
             let Some((next, after)) = moved else {
                 work.state = start;
@@ -536,7 +539,8 @@ impl Work<'_, '_> {
             if weight > 3.0 {
                 let found = square / free.max(0.02 * weight) - own2 / weight;
                 let floor = &mut self.state.floors[kind as usize];
-                let next = found.max(0.0).sqrt().clamp(0.2 * *floor, 5.0 * *floor);
+                // Slowly down: a fit that still moves looks better in one kind than it is.
+                let next = found.max(0.0).sqrt().clamp(0.6 * *floor, 3.0 * *floor);
                 let next = next.max(kind.floors().0);
                 change = change.max((next / *floor - 1.0).abs());
                 *floor = next;

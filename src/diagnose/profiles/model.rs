@@ -12,7 +12,7 @@ use crate::pose::outline::Edge as Side;
 pub enum Shared {
     /// ln of the sheet's thickness over the rig's.
     Thickness,
-    /// Variance of the point spread beyond the rig's \[px²\].
+    /// ln of the point spread's variance over the rig's.
     Spread,
     /// Rows of one height \[px\].
     Rows(usize),
@@ -35,7 +35,7 @@ impl Shared {
     pub fn prior_sd(self) -> f64 {
         match self {
             Shared::Thickness => 0.1,
-            Shared::Spread => 0.3,
+            Shared::Spread => 0.4,
             Shared::Rows(_) => 0.01,
             Shared::Ends(..) => 0.05,
         }
@@ -114,9 +114,9 @@ pub struct Belongs {
 }
 
 /// Lengths along a side within which a corner bends what is seen of it \[m\].
-const CORNER_M: f64 = 0.008;
-/// Doubt of an edge at a corner \[px\].
-const CORNER_PX: f64 = 0.5;
+const CORNER_M: f64 = 0.012;
+/// Doubt of an edge at a corner \[px\]: there the light's fading is no longer symmetric.
+const CORNER_PX: f64 = 3.0;
 /// Farthest that an edge may be from its side \[px\].
 const FAR_PX: f64 = 40.0;
 
@@ -183,14 +183,14 @@ pub fn belongs(g: &Geometry, p: &Placed, rays: &Rays, seen: &Seen) -> Belongs {
                     let cross = [at[0] - off * per[0], at[1] - off * per[1]];
                     let along = side.along_m(cross);
                     let inside = along.min(side.length_m - along);
-                    let near = off.abs() < FAR_PX && inside > -CORNER_M;
+                    let near = off.abs() < FAR_PX && inside > -0.008;
                     near.then_some((k, s, off.abs() + 1e3 * (-inside).max(0.0), inside))
                 })
                 .min_by(|a, b| a.2.total_cmp(&b.2))
         });
         out.edges.push(side.map(|(k, s, ..)| (level, k, s)));
         out.doubt_px.push(side.map_or(0.0, |(.., inside)| {
-            CORNER_PX * (1.0 - inside / CORNER_M).clamp(0.0, 1.0)
+            CORNER_PX * (1.0 - inside / CORNER_M).clamp(0.0, 1.0).powi(2)
         }));
     }
     out
@@ -236,7 +236,7 @@ pub fn residuals(
         place.and_then(|i| shared.1.get(i)).copied().unwrap_or(0.0)
     };
     let sheet_m = widths.sheet_m * value(Shared::Thickness).exp();
-    let spread_px2 = (widths.spread_px2 + value(Shared::Spread)).max(0.0);
+    let spread_px2 = widths.spread_px2 * value(Shared::Spread).exp();
     let biases: Vec<f64> = (0..g.heights_m.len()).map(|h| value(Shared::Rows(h))).collect();
     let mut broad = Vec::with_capacity(seen.bins.len());
     for ((bin, r), level) in seen.bins.iter().zip(&rays.bins).zip(&to.bins) {

@@ -145,8 +145,40 @@ pub fn search(
         }
         extend(problem, candidates, &beam, &singles, &mut all, progress);
     }
+    prune(problem, candidates, &mut all);
     sort(&mut all);
+    if let Some(again) = all.iter().find(|f| f.effects.is_empty()) {
+        nothing = again.clone();
+    }
     Some(Searched { nothing, all })
+}
+
+/// Takes effects out again one by one, starting where the larger set ended: a set found late may
+/// hold what it no longer needs, and a small set may have been left in a worse place.
+fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) {
+    for _ in 0..DEEPEST {
+        sort(all);
+        let top = all.first().map_or(0.0, Searched::score);
+        let tries: Vec<(Fitted, usize)> = all
+            .iter()
+            .filter(|f| Searched::score(f) > top - 2.0 * TIED)
+            .take(BEAM)
+            .flat_map(|f| (0..f.effects.len()).map(move |k| (f.clone(), k)))
+            .collect();
+        let found: Vec<Fitted> = tries
+            .into_par_iter()
+            .filter_map(|(f, k)| {
+                let mut begin = f.state.clone();
+                begin.numbers.remove(k);
+                let mut effects = f.effects.clone();
+                effects.remove(k);
+                problem.fit(candidates, &effects, begin, Free::All)
+            })
+            .collect();
+        if !keep_better(found, all) {
+            break;
+        }
+    }
 }
 
 fn sort(all: &mut [Fitted]) {
@@ -179,16 +211,29 @@ fn extend(
             problem.fit(candidates, &effects, begin, Free::All)
         })
         .collect();
+    keep_better(found, all);
+}
+
+/// The better of two fits of a set stays; whether anything became better by what counts.
+fn keep_better(found: Vec<Fitted>, all: &mut Vec<Fitted>) -> bool {
+    let mut better = false;
     for fit in found {
         let same = |o: &Fitted| {
             o.effects.len() == fit.effects.len() && o.effects.iter().all(|e| fit.effects.contains(e))
         };
         match all.iter_mut().find(|o| same(o)) {
             Some(old) if old.log_evidence >= fit.log_evidence => {}
-            Some(old) => *old = fit,
-            None => all.push(fit),
+            Some(old) => {
+                better |= fit.log_evidence > old.log_evidence + 0.5;
+                *old = fit;
+            }
+            None => {
+                better = true;
+                all.push(fit);
+            }
         }
     }
+    better
 }
 
 /// Log Bayes factor that these frames would give a candidate of typical size: what is left of it
