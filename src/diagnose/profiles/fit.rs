@@ -84,6 +84,8 @@ pub struct Fitted {
     pub state: State,
     /// log evidence.
     pub log_evidence: f64,
+    /// What the evidence gains where an effect may do without some of its numbers.
+    pub simpler: f64,
     /// Standard deviations of the numbers.
     pub sds: Vec<Vec<f64>>,
     /// Posterior precision of the numbers in units of their priors, poses and shared ones eliminated.
@@ -549,6 +551,44 @@ impl Work<'_, '_> {
         change
     }
 
+    /// An effect whose numbers may be left out of a rig file is each subset of them with the same
+    /// prior probability. A subset's evidence is that of all, times the posterior's density over
+    /// the prior's where the others do nothing (Savage and Dickey; Verdinelli and Wasserman 1995).
+    fn simpler(&self, covariance: &DMatrix<f64>) -> f64 {
+        let x = self.x();
+        let from = x.len() - covariance.nrows();
+        let mut place = 0;
+        let mut sum = 0.0;
+        for c in &self.chosen {
+            let first = place;
+            place += c.neutral.len();
+            let open: Vec<usize> = (0..c.neutral.len())
+                .filter(|k| c.info.parameters[*k].absent == Some(c.neutral[*k]))
+                .map(|k| first + k)
+                .collect();
+            let mut logs = Vec::with_capacity(1 << open.len());
+            for mask in 0..1usize << open.len() {
+                let out: Vec<usize> = (0..open.len()).filter(|k| mask >> k & 1 == 1).map(|k| open[k]).collect();
+                // All of them left out is no effect.
+                if out.len() == c.neutral.len() {
+                    continue;
+                }
+                let v = DMatrix::from_fn(out.len(), out.len(), |i, j| covariance[(out[i], out[j])]);
+                let m = DVector::from_iterator(out.len(), out.iter().map(|k| x[from + k]));
+                // Both densities at the neutral point; the prior's is (2π)^(-n/2).
+                if let Some(l) = nalgebra::Cholesky::new(v) {
+                    logs.push(-0.5 * m.dot(&l.solve(&m)) - super::evidence::half_log_det(&l));
+                }
+            }
+            let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if top.is_finite() {
+                let all = logs.iter().map(|v| (v - top).exp()).sum::<f64>() / logs.len() as f64;
+                sum += top + all.ln();
+            }
+        }
+        sum
+    }
+
     fn finish(
         self,
         linear: Linear,
@@ -574,10 +614,12 @@ impl Work<'_, '_> {
                 own
             })
             .collect();
+        let simpler = if n > 0 { self.simpler(&block) } else { 0.0 };
         Some(Fitted {
             effects: effects.to_vec(),
             state: self.state,
             log_evidence,
+            simpler,
             sds,
             masked: block.try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n)),
             left: linear.left,

@@ -32,7 +32,7 @@ pub struct Searched {
 impl Searched {
     /// log posterior up to a constant.
     pub fn score(fit: &Fitted) -> f64 {
-        fit.log_evidence + LOG_ODDS * fit.effects.len() as f64
+        fit.log_evidence + fit.simpler + LOG_ODDS * fit.effects.len() as f64
     }
 
     /// The most probable explanation; nothing, unless it is beaten clearly.
