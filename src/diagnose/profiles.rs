@@ -20,3 +20,5 @@ pub mod picture;
 pub mod prior;
 pub mod search;
 mod start;
+
+pub use findings::{Findings, ImageError, level};

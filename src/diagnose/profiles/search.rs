@@ -15,7 +15,7 @@ pub const ESTABLISHED: f64 = 6.0;
 /// Log posterior within which two explanations are tied: one in a hundred.
 pub const TIED: f64 = 4.6;
 /// Rows left by more than this, and starting points other than the rig's own are tried \[px\].
-const ASTRAY_PX: f64 = 0.15;
+pub(super) const ASTRAY_PX: f64 = 0.15;
 /// Explanations that are built upon.
 const BEAM: usize = 3;
 /// Effects in one explanation at most.
