@@ -13,6 +13,7 @@ pub use make::{EFFECTS, ImageCase, NONE, make};
 pub use size::{Moved, moved};
 
 use super::error::ProveError;
+use super::score::Rate;
 use crate::diagnose::profiles::findings::{Findings, ImageError, explain};
 use crate::diagnose::verdict::Word;
 use crate::stripe::Profile;
@@ -123,31 +124,20 @@ fn errors(case: &ImageCase, found: &Findings) -> Vec<(String, f64)> {
         .collect()
 }
 
-/// Wilson's 95 % interval of a share.
-fn wilson(passed: usize, all: usize) -> (f64, f64) {
-    let (n, z) = (all.max(1) as f64, 1.959_963_984_540_054);
-    let p = passed as f64 / n;
-    let middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
-    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
-    ((middle - half).max(0.0), (middle + half).min(1.0))
-}
-
 /// The table in words.
 pub fn words(all: &[ImageJudged]) -> String {
     let mut text = String::from("image level: cases, named right [95 % Wilson], right or in a tied set\n");
     let mut line = |name: &str, some: &[&ImageJudged]| {
-        let (right, tied) = (
-            some.iter().filter(|j| j.right).count(),
-            some.iter().filter(|j| j.right_or_tied).count(),
-        );
-        let (low, high) = wilson(right, some.len());
+        let right = Rate::of(some.iter().map(|j| j.right));
+        let tied = some.iter().filter(|j| j.right_or_tied).count();
         let _ = writeln!(
             text,
-            "  {name:<34} {:>4}  {right:>4} = {:5.1} % [{:.1}, {:.1}]  {tied:>4}",
-            some.len(),
-            100.0 * right as f64 / some.len().max(1) as f64,
-            100.0 * low,
-            100.0 * high
+            "  {name:<34} {:>4}  {:>4} = {:5.1} % [{:.1}, {:.1}]  {tied:>4}",
+            right.count,
+            right.hits,
+            100.0 * right.share,
+            100.0 * right.low,
+            100.0 * right.high
         );
     };
     let mut by: BTreeMap<&str, Vec<&ImageJudged>> = BTreeMap::new();
@@ -168,20 +158,16 @@ pub fn words(all: &[ImageJudged]) -> String {
     line("  position moved by under 3 sd", &between(0.0, 3.0));
     line("  by 3 to 10 sd", &between(3.0, 10.0));
     line("  by 10 sd and more", &between(10.0, f64::INFINITY));
-    let errors: Vec<f64> = all
-        .iter()
-        .filter(|j| j.right)
-        .flat_map(|j| j.errors_sds.iter().map(|e| e.1))
-        .collect();
-    let covered = errors.iter().filter(|e| e.abs() < 1.96).count();
-    let (low, high) = wilson(covered, errors.len());
+    let errors = all.iter().filter(|j| j.right).flat_map(|j| &j.errors_sds);
+    let covered = Rate::of(errors.map(|e| e.1.abs() < 1.96));
     let _ = writeln!(
         text,
-        "  95 % intervals of the parameters hold the truth in {covered} of {} = {:.1} % [{:.1}, {:.1}]",
-        errors.len(),
-        100.0 * covered as f64 / errors.len().max(1) as f64,
-        100.0 * low,
-        100.0 * high
+        "  95 % intervals of the parameters hold the truth in {} of {} = {:.1} % [{:.1}, {:.1}]",
+        covered.hits,
+        covered.count,
+        100.0 * covered.share,
+        100.0 * covered.low,
+        100.0 * covered.high
     );
     text
 }

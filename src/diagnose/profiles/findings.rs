@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Frames looked at in all.
-pub const FRAMES: usize = 36;
+pub const FRAMES: usize = 26;
 /// Fewest frames that say anything.
 const LEAST_FRAMES: usize = 5;
 /// Channels of a pose.

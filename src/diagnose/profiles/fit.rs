@@ -18,12 +18,18 @@ use nalgebra::{DMatrix, DVector, Vector3};
 /// Poses are fitted in mm and mrad.
 const UNIT: f64 = 1e-3;
 const ITERATIONS: usize = 40;
+/// Times that the wobbles are chosen at most.
+const CHOICES: usize = 14;
+/// First steps, at which they are chosen each time.
+const EARLY: usize = 3;
+/// Rounds through all of them in one choice.
+const ROUNDS: usize = 3;
 /// Change of the log posterior below which a fit has settled.
 const SETTLED: f64 = 0.02;
 /// Wobbles move by this factor at a time, within these bounds.
 const FACTOR: f64 = 3.0;
 /// Moves at most of one number in one step of the fit.
-const MOVES: usize = 3;
+const MOVES: usize = 6;
 const SD: [f64; 2] = [3e-6, 0.3];
 const TAU_S: [f64; 2] = [0.2, 10.0];
 const DRIVE: [f64; 2] = [1e-12, 1e-2];
@@ -174,10 +180,11 @@ impl<'a> Problem<'a> {
             state: from,
         };
         let mut best = work.linear()?;
-        let mut solved = None;
+        // Choosing the wobbles takes most of the time: at the start, and where all else has settled.
+        let mut solved = work.choose(&best);
+        let mut chosen = 1;
         for iteration in 0..ITERATIONS {
-            solved = work.choose(&best);
-            let (target, ..) = solved.as_ref()?;
+            let (target, _, l) = solved.as_ref()?;
             let before = work.posterior(&best, &best.x)?;
             let mut share = 1.0;
             let mut moved = None;
@@ -194,26 +201,44 @@ impl<'a> Problem<'a> {
                 }
                 share *= 0.3;
             }
-            if std::env::var("FIT").is_ok() {
-                eprintln!("{effects:?} it {iteration} before {before:.2} after {:?} share {share:.3} floors {:.4?} w {:.1e}", moved.as_ref().map(|m| m.1 - before), work.state.floors, (target - &best.x).amax());
-            }
             let Some((next, after)) = moved else {
                 work.state = start;
                 break;
             };
-            best = next;
-            let change = work.spread(&best);
+            let change = work.spread(&next, l);
             // What belongs to what may have changed with the poses, and the floors have.
             let again = work.linear()?;
             let same = again.belongs == best.belongs;
             best = again;
-            if after - before < SETTLED && share == 1.0 && same && change < 0.02 && iteration > 2 {
-                solved = work.choose(&best);
+            let settled = after - before < SETTLED && share == 1.0 && same && change < 0.03;
+            if !settled && iteration >= EARLY {
+                solved = work.solve(&best, &work.state.wobbles);
+                continue;
+            }
+            let wobbles = work.state.wobbles;
+            solved = work.choose(&best);
+            chosen += 1;
+            if settled && (work.state.wobbles == wobbles || chosen > CHOICES) {
                 break;
             }
         }
         let (_, log_evidence, l) = solved?;
         work.finish(best, log_evidence, &l, effects)
+    }
+}
+
+impl Problem<'_> {
+    /// The same without a step: what the fit would find were all linear.
+    pub fn glance(&self, candidates: &[Candidate], effects: &[usize], at: State) -> Option<Fitted> {
+        let work = Work {
+            problem: self,
+            chosen: effects.iter().map(|k| &candidates[*k]).collect(),
+            free: Free::All,
+            state: at,
+        };
+        let linear = work.linear()?;
+        let (_, log_evidence, l) = work.solve(&linear, &work.state.wobbles)?;
+        work.finish(linear, log_evidence, &l, effects)
     }
 }
 
@@ -459,15 +484,25 @@ impl Work<'_, '_> {
         Some(likelihood - 0.5 * x.dot(&(p * x)) - half)
     }
 
+    fn solve(&self, linear: &Linear, wobbles: &Wobbles) -> Option<Solved> {
+        let (p, half) = self.prior(wobbles)?;
+        linear.quadratic.solved(&p, half)
+    }
+
     /// The wobbles by evidence, one move each; the solution with them.
     fn choose(&mut self, linear: &Linear) -> Option<Solved> {
-        let solve = |wobbles: &Wobbles| {
-            let (p, half) = self.prior(wobbles)?;
-            linear.quadratic.solved(&p, half)
-        };
+        let solve = |wobbles: &Wobbles| self.solve(linear, wobbles);
         let mut wobbles = self.state.wobbles;
+        let mut rounds_start = wobbles;
         let mut best = solve(&wobbles)?;
-        for d in 0..6 {
+        for round in 0..6 * ROUNDS {
+            let d = round % 6;
+            if d == 0 {
+                if round > 0 && wobbles == rounds_start {
+                    break;
+                }
+                rounds_start = wobbles;
+            }
             let driven = self.problem.motions.iter().any(|m| m.driven[d]);
             for part in 0..if driven { 3 } else { 2 } {
                 for factor in [FACTOR, 1.0 / FACTOR] {
@@ -502,9 +537,11 @@ impl Work<'_, '_> {
 
     /// Floors: what the residuals scatter beyond the measurements' own sds, by as many of them as
     /// the fit has not used up (MacKay 1992). Returns the largest change, as a share.
-    fn spread(&mut self, linear: &Linear) -> f64 {
-        let Some((p, half)) = self.prior(&self.state.wobbles) else { return 0.0 };
-        let Some((_, _, l)) = linear.quadratic.solved(&p, half) else { return 0.0 };
+    fn spread(
+        &mut self,
+        linear: &Linear,
+        l: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
+    ) -> f64 {
         let covariance = l.inverse();
         let n = covariance.nrows();
         let tail = 6 * self.frames();

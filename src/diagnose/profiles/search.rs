@@ -16,6 +16,10 @@ pub const ESTABLISHED: f64 = 6.0;
 pub const TIED: f64 = 4.6;
 /// Rows left by more than this, and starting points other than the rig's own are tried \[px\].
 pub(super) const ASTRAY_PX: f64 = 0.15;
+/// Log posterior within which explanations are compared from equal starts.
+const CLOSE: f64 = 15.0;
+/// log evidence that an effect more must promise.
+const PROMISING: f64 = 0.5;
 /// Explanations that are built upon.
 const BEAM: usize = 3;
 /// Effects in one explanation at most.
@@ -81,11 +85,11 @@ pub fn search(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Option<Searched> {
     progress("image level: nothing left out");
-    let poses = |effects: &[&Candidate], numbers: &[Vec<f64>]| {
+    let poses = |effects: &[&Candidate], numbers: &[Vec<f64>], rough: bool| {
         let g = problem.geometry(effects, numbers)?;
-        start::poses(problem.rig, &g, problem.runs, &problem.motions)
+        start::poses(problem.rig, &g, problem.runs, &problem.motions, rough)
     };
-    let own = poses(&[], &[]).map(|p| problem.first(p));
+    let own = poses(&[], &[], false).map(|p| problem.first(p));
     let nothing = own.and_then(|s| problem.fit(candidates, &[], s, Free::All));
     // Where the rig's own camera hardly explains a frame, the poses it gives are no place to
     // start from: those under each effect at its typical size are.
@@ -95,7 +99,7 @@ pub fn search(
         for (k, c) in candidates.iter().enumerate() {
             progress(c.info.id);
             let numbers = vec![CheckedEffect::typical(c.info).numbers];
-            let begin = poses(&[c], &numbers).map(|p| State {
+            let begin = poses(&[c], &numbers, true).map(|p| State {
                 numbers,
                 ..problem.first(p)
             });
@@ -145,7 +149,13 @@ pub fn search(
         }
         extend(problem, candidates, &beam, &singles, &mut all, progress);
     }
-    prune(problem, candidates, &mut all);
+    for _ in 0..2 {
+        prune(problem, candidates, &mut all);
+        sort(&mut all);
+        if !even(problem, candidates, &mut all) {
+            break;
+        }
+    }
     sort(&mut all);
     if let Some(again) = all.iter().find(|f| f.effects.is_empty()) {
         nothing = again.clone();
@@ -181,6 +191,35 @@ fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>)
     }
 }
 
+/// Gives explanations that are close the wobbles of each other to start from: which of several local
+/// optima a fit ends in must not decide between them. Whether any became better.
+fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) -> bool {
+    let top = all.first().map_or(0.0, Searched::score);
+    let close: Vec<Fitted> = all
+        .iter()
+        .filter(|f| Searched::score(f) > top - CLOSE)
+        .take(2 * BEAM)
+        .cloned()
+        .collect();
+    let mut tries: Vec<(Fitted, State)> = Vec::new();
+    for to in &close {
+        for from in close.iter().take(BEAM) {
+            if from.state.wobbles != to.state.wobbles {
+                let state = State {
+                    wobbles: from.state.wobbles,
+                    ..to.state.clone()
+                };
+                tries.push((to.clone(), state));
+            }
+        }
+    }
+    let found: Vec<Fitted> = tries
+        .into_par_iter()
+        .filter_map(|(f, state)| problem.fit(candidates, &f.effects, state, Free::All))
+        .collect();
+    keep_better(found, all)
+}
+
 fn sort(all: &mut [Fitted]) {
     all.sort_by(|a, b| Searched::score(b).total_cmp(&Searched::score(a)));
 }
@@ -208,6 +247,13 @@ fn extend(
             progress(&names.join(" + "));
             let mut begin = f.state.clone();
             begin.numbers.push(candidates[k].neutral.clone());
+            // Onto what explains the frames already, only what promises something is worth a fit.
+            if !f.effects.is_empty() {
+                let seen = problem.glance(candidates, &effects, begin.clone())?;
+                if seen.log_evidence < f.log_evidence + PROMISING {
+                    return None;
+                }
+            }
             problem.fit(candidates, &effects, begin, Free::All)
         })
         .collect();

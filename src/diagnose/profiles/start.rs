@@ -85,12 +85,14 @@ impl SheetMap {
 
 /// Poses of all frames of all runs under a geometry; `None` where too few frames give one.
 ///
-/// Frames without get what their neighbours are off the rig's motion.
+/// `roughly` = from the steps alone, level: a hypothesis among many is not worth the grey levels'
+/// fit. Frames without get what their neighbours are off the rig's motion.
 pub fn poses(
     rig: &Rig,
     geometry: &Geometry,
     runs: &[ImageRun],
     motions: &[Motion],
+    roughly: bool,
 ) -> Option<Vec<Vec<[f64; 6]>>> {
     let map = SheetMap {
         geometry: geometry.clone(),
@@ -114,10 +116,11 @@ pub fn poses(
                 x_m: Some(mean[0] + last[0]),
                 ..Hint::default()
             };
-            let fit = match fitter.fit(&seen.image, &seen.profile, &hint) {
-                Ok(fit) => Some((fit.pose, fit.measured)),
-                // The grey levels do not fit, but steps and lines may still say about where it is.
-                Err(_) => rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6])),
+            let grey = || fitter.fit(&seen.image, &seen.profile, &hint).ok();
+            let fit = match if roughly { None } else { grey() } {
+                Some(fit) => Some((fit.pose, fit.measured)),
+                // Where the grey levels do not fit, steps and lines may still say about where it is.
+                None => rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6])),
             };
             off.push(fit.map(|(pose, measured)| {
                 found += 1;
