@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
-use crate::diagnose::verdict::{Verdict, Word};
 use crate::diagnose::profiles::{Findings, level};
+use crate::diagnose::verdict::{Verdict, Word};
 use crate::diagnose::{Diagnosis, Source, diagnose, read, report};
 use crate::identify::data::LoadError;
 use crate::identify::report::significant;
@@ -112,7 +112,9 @@ pub(super) fn write_report(
     let mut pages = report::pages(found, command);
     if let Some(images) = images {
         // Before the end of the page.
-        pages.html = pages.html.replacen("</body>", &format!("{}</body>", images.html), 1);
+        pages.html = pages
+            .html
+            .replacen("</body>", &format!("{}</body>", images.html), 1);
     }
     let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
     let mut files = vec![("diagnose.html", pages.html), ("diagnose.json", json)];

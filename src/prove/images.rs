@@ -86,17 +86,32 @@ fn judge(case: &ImageCase) -> Result<ImageJudged, ProveError> {
         }
     };
     let seconds = started.elapsed().as_secs_f64();
-    let names = |f: &Findings| f.effects.iter().map(|e| e.effect.clone()).collect::<Vec<_>>();
+    let names = |f: &Findings| {
+        f.effects
+            .iter()
+            .map(|e| e.effect.clone())
+            .collect::<Vec<_>>()
+    };
     let named = found.as_ref().map(names).unwrap_or_default();
-    let sets = found.as_ref().map(|f| f.equivalent.clone()).unwrap_or_default();
+    let sets = found
+        .as_ref()
+        .map(|f| f.equivalent.clone())
+        .unwrap_or_default();
     let word = found.as_ref().map_or(Word::Unknown, |f| f.word);
     let wanted: Vec<String> = case.truth.iter().map(|e| e.effect.clone()).collect();
     let right = found.is_some() && named == wanted && word != Word::Unknown && sets.len() < 2;
     let errors_sds = found.as_ref().map(|f| errors(case, f)).unwrap_or_default();
     Ok(ImageJudged {
         index: case.index,
-        truth: case.truth.as_ref().map_or_else(|| NONE.to_owned(), |e| e.effect.clone()),
-        numbers: case.truth.as_ref().map(super::sizes::numbers).unwrap_or_default(),
+        truth: case
+            .truth
+            .as_ref()
+            .map_or_else(|| NONE.to_owned(), |e| e.effect.clone()),
+        numbers: case
+            .truth
+            .as_ref()
+            .map(super::sizes::numbers)
+            .unwrap_or_default(),
         moves_sds: case.moved.any_sds,
         moves_position_sds: case.moved.position_sds,
         right_or_tied: right || sets.contains(&wanted),
@@ -111,7 +126,9 @@ fn judge(case: &ImageCase) -> Result<ImageJudged, ProveError> {
 }
 
 fn errors(case: &ImageCase, found: &Findings) -> Vec<(String, f64)> {
-    let Some(truth) = &case.truth else { return Vec::new() };
+    let Some(truth) = &case.truth else {
+        return Vec::new();
+    };
     let Some(effect) = found.effects.iter().find(|e| e.effect == truth.effect) else {
         return Vec::new();
     };
@@ -126,7 +143,8 @@ fn errors(case: &ImageCase, found: &Findings) -> Vec<(String, f64)> {
 
 /// The table in words.
 pub fn words(all: &[ImageJudged]) -> String {
-    let mut text = String::from("image level: cases, named right [95 % Wilson], right or in a tied set\n");
+    let mut text =
+        String::from("image level: cases, named right [95 % Wilson], right or in a tied set\n");
     let mut line = |name: &str, some: &[&ImageJudged]| {
         let right = Rate::of(some.iter().map(|j| j.right));
         let tied = some.iter().filter(|j| j.right_or_tied).count();

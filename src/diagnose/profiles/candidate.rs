@@ -66,8 +66,16 @@ fn shape(optics: &Optics, plain: &Optics) -> Optics {
         speckle_grain_px: plain.speckle_grain_px,
         attenuation_pm: plain.attenuation_pm,
         // Counts only where there is a port or a curved sheet.
-        port_m: if optics.n_water == 1.0 { plain.port_m } else { optics.port_m },
-        cone_n_water: if optics.cone_sin == 0.0 { plain.cone_n_water } else { optics.cone_n_water },
+        port_m: if optics.n_water == 1.0 {
+            plain.port_m
+        } else {
+            optics.port_m
+        },
+        cone_n_water: if optics.cone_sin == 0.0 {
+            plain.cone_n_water
+        } else {
+            optics.cone_n_water
+        },
         ..*optics
     }
 }
@@ -111,11 +119,7 @@ impl Candidate {
 }
 
 /// Values at which the effect does nothing: each parameter absent, 0, 1 or typical.
-fn neutral(
-    info: &EffectInfo,
-    typical: &[f64],
-    idle: &dyn Fn(&[f64]) -> bool,
-) -> Option<Vec<f64>> {
+fn neutral(info: &EffectInfo, typical: &[f64], idle: &dyn Fn(&[f64]) -> bool) -> Option<Vec<f64>> {
     let choices: Vec<Vec<f64>> = info
         .parameters
         .iter()

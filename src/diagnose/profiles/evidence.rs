@@ -22,7 +22,9 @@ pub fn precision(k: DMatrix<f64>) -> Option<(DMatrix<f64>, f64)> {
 
 /// log √|A|.
 pub fn half_log_det(l: &Cholesky<f64, Dyn>) -> f64 {
-    (0..l.l_dirty().nrows()).map(|i| l.l_dirty()[(i, i)].ln()).sum()
+    (0..l.l_dirty().nrows())
+        .map(|i| l.l_dirty()[(i, i)].ln())
+        .sum()
 }
 
 impl Quadratic {

@@ -131,20 +131,36 @@ pub fn explain(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Findings, ImageError> {
-    let runs: Vec<ImageRun> = runs.iter().filter(|r| r.frames.len() > 1).cloned().collect();
+    let runs: Vec<ImageRun> = runs
+        .iter()
+        .filter(|r| r.frames.len() > 1)
+        .cloned()
+        .collect();
     let frames: usize = runs.iter().map(|r| r.frames.len()).sum();
     if frames < LEAST_FRAMES {
         let all = runs.iter().map(|r| r.in_log).sum();
-        return Err(ImageError::Few { found: frames, frames: all });
+        return Err(ImageError::Few {
+            found: frames,
+            frames: all,
+        });
     }
     let base = Base::new(rig)?;
     let candidates = vocabulary(&base);
-    let problem = problem(&runs, rig, base)?;
-    let found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+    let mut problem = problem(&runs, rig, base)?;
+    let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+    progress("light beside the stripe");
+    let beside = |problem: &Problem<'_>, found: &Searched| {
+        skirt(problem, &candidates, found.best()).and_then(|s| s.haze(rig.laser.sigma_m))
+    };
+    let mut haze = beside(&problem, &found);
+    // Haze pulls rows and broadens the line: with that allowed for, is the geometry still off?
+    if let Some(h) = haze.filter(|h| h.found && !found.best().effects.is_empty()) {
+        problem.pull_px = h.pull_px.abs();
+        found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+        haze = beside(&problem, &found);
+    }
     let best = found.best();
     let tied = found.tied();
-    progress("light beside the stripe");
-    let haze = skirt(&problem, &candidates, best).and_then(|s| s.haze(rig.laser.sigma_m));
     let mut effects: Vec<Effect> = best
         .effects
         .iter()
@@ -165,12 +181,21 @@ pub fn explain(
     }
     effects.sort_by(|a, b| heaviness(b, rig).total_cmp(&heaviness(a, rig)));
     let matters = |f: &Fitted| -> Vec<String> {
-        f.effects.iter().map(|e| candidates[*e].info.id.to_owned()).collect()
+        f.effects
+            .iter()
+            .map(|e| candidates[*e].info.id.to_owned())
+            .collect()
     };
     let important = effects.iter().any(|e| e.matters);
     let haze_ids: Vec<String> = effects
         .iter()
-        .filter(|e| e.matters && !best.effects.iter().any(|k| candidates[*k].info.id == e.effect))
+        .filter(|e| {
+            e.matters
+                && !best
+                    .effects
+                    .iter()
+                    .any(|k| candidates[*k].info.id == e.effect)
+        })
         .map(|e| e.effect.clone())
         .collect();
     let equivalent = if tied.len() > 1 && important {
@@ -192,7 +217,10 @@ pub fn explain(
     } else {
         Word::Ambiguous
     };
-    let mut notes = vec![format!("image level: {frames} frames of {} run(s)", runs.len())];
+    let mut notes = vec![format!(
+        "image level: {frames} frames of {} run(s)",
+        runs.len()
+    )];
     if unexplained {
         notes.push(format!(
             "no effect of the vocabulary takes away {:.2} px about {part}",
@@ -232,7 +260,12 @@ pub fn explain(
             .map(|f| Alternative {
                 effects: matters(f),
                 log_evidence: Searched::score(f) - top,
-                probability: found.all.iter().map(|o| (Searched::score(o) - Searched::score(f)).exp()).sum::<f64>().recip(),
+                probability: found
+                    .all
+                    .iter()
+                    .map(|o| (Searched::score(o) - Searched::score(f)).exp())
+                    .sum::<f64>()
+                    .recip(),
                 held_out: BTreeMap::new(),
             })
             .collect(),
@@ -266,12 +299,21 @@ fn heaviness(e: &Effect, rig: &Rig) -> f64 {
 }
 
 fn tolerance(channel: &str, rig: &Rig) -> f64 {
-    if channel.ends_with("_rad") { rig.tolerance.attitude_rad } else { rig.tolerance.position_m }
+    if channel.ends_with("_rad") {
+        rig.tolerance.attitude_rad
+    } else {
+        rig.tolerance.position_m
+    }
 }
 
 /// rms by which poses differ, per channel.
 fn shift(with: &State, without: &State) -> [f64; 6] {
-    let pairs = || with.poses.iter().flatten().zip(without.poses.iter().flatten());
+    let pairs = || {
+        with.poses
+            .iter()
+            .flatten()
+            .zip(without.poses.iter().flatten())
+    };
     let n = pairs().count().max(1) as f64;
     std::array::from_fn(|d| (pairs().map(|(a, b)| (a[d] - b[d]).powi(2)).sum::<f64>() / n).sqrt())
 }
@@ -328,7 +370,10 @@ fn described(
         .zip(numbers)
         .filter(|(p, v)| **v < p.plausible.0 || **v > p.plausible.1)
         .map(|(p, v)| {
-            format!("{} = {v:.5} lies outside of {} .. {}", p.name, p.plausible.0, p.plausible.1)
+            format!(
+                "{} = {v:.5} lies outside of {} .. {}",
+                p.name, p.plausible.0, p.plausible.1
+            )
         })
         .collect();
     Effect {
@@ -344,7 +389,13 @@ fn described(
             .iter()
             .zip(numbers.iter().zip(sds))
             .map(|(p, (v, s))| {
-                (p.name.to_owned(), Value { value: *v, sd: Some(*s).filter(|s| s.is_finite()) })
+                (
+                    p.name.to_owned(),
+                    Value {
+                        value: *v,
+                        sd: Some(*s).filter(|s| s.is_finite()),
+                    },
+                )
             })
             .collect(),
         notes,
@@ -367,7 +418,11 @@ fn entry(info: &EffectInfo, numbers: &[f64]) -> PhysicsEntry {
 const HAZE: &str = "backscatter_haze";
 
 /// Haze as an effect: its weight is what a stripe finder that knows nothing of it makes of z.
-fn hazy(problem: &Problem<'_>, best: &Fitted, haze: &Haze) -> Option<(&'static EffectInfo, Effect)> {
+fn hazy(
+    problem: &Problem<'_>,
+    best: &Fitted,
+    haze: &Haze,
+) -> Option<(&'static EffectInfo, Effect)> {
     let info = find(HAZE).filter(|_| haze.found)?;
     if problem.rig.physics.iter().any(|e| e.effect == HAZE) {
         return None;
@@ -376,7 +431,10 @@ fn hazy(problem: &Problem<'_>, best: &Fitted, haze: &Haze) -> Option<(&'static E
     moved[2] = haze.pull_px.abs() * per_row(problem, best);
     let sds = [haze.fraction_sd, haze.length_sd_m];
     let numbers = [haze.fraction, haze.length_m];
-    Some((info, described(problem.rig, info, &numbers, &sds, moved, 1.0)))
+    Some((
+        info,
+        described(problem.rig, info, &numbers, &sds, moved, 1.0),
+    ))
 }
 
 /// Metres of z per row of the stripe, in the middle of the first frame.
@@ -390,31 +448,43 @@ fn per_row(problem: &Problem<'_>, best: &Fitted) -> f64 {
             let mut p = pose;
             p[2] += z;
             let placed = super::geometry::Placed::from(&hydroline_calib::Pose::from_array(p));
-            g.meet(&placed, &g.ray(bin.column_px, row), 0.0).map(|m| m.off_m)
+            g.meet(&placed, &g.ray(bin.column_px, row), 0.0)
+                .map(|m| m.off_m)
         };
         let here = off(0.0, bin.row_px)?;
-        let (by_row, by_z) = (off(0.0, bin.row_px + 0.5)? - here, (off(1e-4, bin.row_px)? - here) / 1e-4);
+        let (by_row, by_z) = (
+            off(0.0, bin.row_px + 0.5)? - here,
+            (off(1e-4, bin.row_px)? - here) / 1e-4,
+        );
         Some((2.0 * by_row / by_z).abs())
     };
     per().unwrap_or(0.001)
 }
 
 fn rms(fit: &Fitted) -> BTreeMap<String, f64> {
-    [("row_px", Kind::Row), ("width_px", Kind::Width), ("edge_column_px", Kind::End)]
-        .into_iter()
-        .map(|(name, kind)| (name.to_owned(), fit.rms_px(kind)))
-        .collect()
+    [
+        ("row_px", Kind::Row),
+        ("width_px", Kind::Width),
+        ("edge_column_px", Kind::End),
+    ]
+    .into_iter()
+    .map(|(name, kind)| (name.to_owned(), fit.rms_px(kind)))
+    .collect()
 }
 
 fn noise(fit: &Fitted) -> BTreeMap<String, f64> {
-    [("row_px", Kind::Row), ("width_px", Kind::Width), ("edge_column_px", Kind::End)]
-        .into_iter()
-        .map(|(name, kind)| {
-            let own = fit.left.iter().filter(|l| l.kind == kind);
-            let (sum, n) = own.fold((0.0, 0usize), |(s, n), l| (s + l.sd_px.powi(2), n + 1));
-            (name.to_owned(), (sum / n.max(1) as f64).sqrt())
-        })
-        .collect()
+    [
+        ("row_px", Kind::Row),
+        ("width_px", Kind::Width),
+        ("edge_column_px", Kind::End),
+    ]
+    .into_iter()
+    .map(|(name, kind)| {
+        let own = fit.left.iter().filter(|l| l.kind == kind);
+        let (sum, n) = own.fold((0.0, 0usize), |(s, n), l| (s + l.sd_px.powi(2), n + 1));
+        (name.to_owned(), (sum / n.max(1) as f64).sqrt())
+    })
+    .collect()
 }
 
 /// Every other frame predicted by what the rest gives: shared numbers and effects are held, only
@@ -439,7 +509,11 @@ fn held_out(
         problem(&odd, rig, Base::new(rig)?)?,
     );
     let half = |state: &State, from: usize| State {
-        poses: state.poses.iter().map(|p| p.iter().skip(from).step_by(2).copied().collect()).collect(),
+        poses: state
+            .poses
+            .iter()
+            .map(|p| p.iter().skip(from).step_by(2).copied().collect())
+            .collect(),
         ..state.clone()
     };
     let predicted = |fit: &Fitted| {
@@ -453,8 +527,12 @@ fn held_out(
     let best = found.best();
     let after = predicted(best);
     Ok(BeforeAfter {
-        before: if best.effects.is_empty() { after.as_ref().map(rms) } else { predicted(&found.nothing).as_ref().map(rms) }
-            .unwrap_or_default(),
+        before: if best.effects.is_empty() {
+            after.as_ref().map(rms)
+        } else {
+            predicted(&found.nothing).as_ref().map(rms)
+        }
+        .unwrap_or_default(),
         noise: after.as_ref().map(noise).unwrap_or_default(),
         after: after.as_ref().map(rms).unwrap_or_default(),
     })
@@ -487,7 +565,9 @@ impl Findings {
         let list = || {
             let of = |e: &Effect| {
                 let heavy = e.weight.iter().max_by(|a, b| {
-                    let size = |(c, w): &(&String, &f64)| if c.ends_with("_rad") { **w * 1.15 } else { **w };
+                    let size = |(c, w): &(&String, &f64)| {
+                        if c.ends_with("_rad") { **w * 1.15 } else { **w }
+                    };
                     size(a).total_cmp(&size(b))
                 });
                 let moved = heavy.map_or_else(String::new, |(c, w)| {
@@ -497,8 +577,11 @@ impl Findings {
                         format!(", {} {:.2} mm", c.trim_end_matches("_m"), w * 1e3)
                     }
                 });
-                let numbers: Vec<String> =
-                    e.parameters.iter().map(|(n, p)| format!("{n} = {:.5}", p.value)).collect();
+                let numbers: Vec<String> = e
+                    .parameters
+                    .iter()
+                    .map(|(n, p)| format!("{n} = {:.5}", p.value))
+                    .collect();
                 format!("{} ({}{moved})", e.effect, numbers.join(", "))
             };
             self.effects.iter().map(of).collect::<Vec<_>>().join("; ")
@@ -510,13 +593,21 @@ impl Findings {
             Word::None => format!("Left out of the image, too small to matter: {}.", list()),
             Word::Ambiguous => format!(
                 "Left out of the image: one of {}.",
-                self.equivalent.iter().map(|s| s.join(" + ")).collect::<Vec<_>>().join(" | ")
+                self.equivalent
+                    .iter()
+                    .map(|s| s.join(" + "))
+                    .collect::<Vec<_>>()
+                    .join(" | ")
             ),
             Word::Unknown => format!(
                 "The stripe is {:.2} px off about {} and no effect explains it{}.",
                 self.worst_px[1],
                 self.part,
-                if self.effects.is_empty() { String::new() } else { format!("; besides {}", list()) }
+                if self.effects.is_empty() {
+                    String::new()
+                } else {
+                    format!("; besides {}", list())
+                }
             ),
             _ => format!("Left out of the image: {}.", list()),
         }
@@ -527,7 +618,11 @@ impl Findings {
         let dof = Dof::ALL
             .iter()
             .zip(CHANNELS)
-            .filter(|(_, c)| self.effects.iter().any(|e| e.matters && e.weight.get(*c).is_some_and(|w| *w > 5e-4)))
+            .filter(|(_, c)| {
+                self.effects
+                    .iter()
+                    .any(|e| e.matters && e.weight.get(*c).is_some_and(|w| *w > 5e-4))
+            })
             .map(|(d, _)| d.name().to_owned())
             .collect();
         Verdict {
@@ -542,9 +637,15 @@ impl Findings {
                 ..Where::default()
             },
             test: Test {
-                statistic: "log posterior odds of the best explanation over none, from the profiles".to_owned(),
+                statistic:
+                    "log posterior odds of the best explanation over none, from the profiles"
+                        .to_owned(),
                 value: self.log_odds,
-                freedom: self.effects.iter().map(|e| e.parameters.len()).sum::<usize>() as f64,
+                freedom: self
+                    .effects
+                    .iter()
+                    .map(|e| e.parameters.len())
+                    .sum::<usize>() as f64,
                 // Odds bound the chance of as much without an effect.
                 p_value: (-self.log_odds).exp().min(1.0),
                 whiteness_p: Vec::new(),
@@ -606,11 +707,24 @@ impl Findings {
         }
         // Complete sets: each of one level with each of the other.
         let named = |effects: &[Effect]| -> Vec<String> {
-            effects.iter().filter(|e| e.matters).map(|e| e.effect.clone()).collect()
+            effects
+                .iter()
+                .filter(|e| e.matters)
+                .map(|e| e.effect.clone())
+                .collect()
         };
         if !v.equivalent.is_empty() || !self.equivalent.is_empty() {
-            let or = |sets: &[Vec<String>], one: Vec<String>| if sets.is_empty() { vec![one] } else { sets.to_vec() };
-            let (a, b) = (or(&v.equivalent, named(&v.effects)), or(&self.equivalent, named(&self.effects)));
+            let or = |sets: &[Vec<String>], one: Vec<String>| {
+                if sets.is_empty() {
+                    vec![one]
+                } else {
+                    sets.to_vec()
+                }
+            };
+            let (a, b) = (
+                or(&v.equivalent, named(&v.effects)),
+                or(&self.equivalent, named(&self.effects)),
+            );
             v.equivalent = a
                 .iter()
                 .flat_map(|x| b.iter().map(move |y| x.iter().chain(y).cloned().collect()))
@@ -640,7 +754,13 @@ impl Findings {
             to.after.extend(from.after.clone());
             to.noise.extend(from.noise.clone());
         }
-        v.blind_spots.extend(self.blind_spots.iter().filter(|b| !v.blind_spots.contains(b)).cloned().collect::<Vec<_>>());
+        v.blind_spots.extend(
+            self.blind_spots
+                .iter()
+                .filter(|b| !v.blind_spots.contains(b))
+                .cloned()
+                .collect::<Vec<_>>(),
+        );
         v.notes.extend(self.notes.clone());
         v.sets_looked_at += self.sets_looked_at;
     }

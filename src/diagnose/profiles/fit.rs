@@ -46,6 +46,8 @@ pub struct Problem<'a> {
     pub motions: Vec<Motion>,
     /// Shared numbers.
     pub shared: Vec<Shared>,
+    /// Rows by which haze may pull the stripe \[px\].
+    pub pull_px: f64,
     widths: Widths,
 }
 
@@ -113,7 +115,9 @@ impl<'a> Problem<'a> {
     /// Of some runs.
     pub fn new(rig: &'a Rig, base: Base, runs: &'a [ImageRun], motions: Vec<Motion>) -> Self {
         let heights = rig.target.as_ref().map_or(1, |t| {
-            crate::pose::outline::Surfaces::new(Some(t)).heights_m().len()
+            crate::pose::outline::Surfaces::new(Some(t))
+                .heights_m()
+                .len()
         });
         let blur_px = rig.camera.noise.blur_px;
         Problem {
@@ -122,6 +126,7 @@ impl<'a> Problem<'a> {
             runs,
             motions,
             shared: Shared::all(heights),
+            pull_px: 0.0,
             widths: Widths {
                 sheet_m: rig.laser.sigma_m,
                 // The pixel's box: 1/12.
@@ -159,9 +164,23 @@ impl<'a> Problem<'a> {
             .flat_map(|(r, run)| run.frames.iter().enumerate().map(move |(f, s)| (r, f, s)))
     }
 
+    /// Spread of a shared number's prior.
+    fn prior_sd(&self, shared: Shared) -> f64 {
+        match shared {
+            Shared::Rows(_) => shared.prior_sd().hypot(self.pull_px),
+            // Light beside the line fades otherwise than the line does where a top ends.
+            Shared::Ends(..) => shared.prior_sd().hypot(3.0 * self.pull_px),
+            other => other.prior_sd(),
+        }
+    }
+
     /// Shared numbers in their own units.
     fn shared_values(&self, scaled: &[f64]) -> Vec<f64> {
-        self.shared.iter().zip(scaled).map(|(s, v)| s.prior_sd() * v).collect()
+        self.shared
+            .iter()
+            .zip(scaled)
+            .map(|(s, v)| self.prior_sd(*s) * v)
+            .collect()
     }
 
     /// Fits these candidates from a state.
@@ -342,11 +361,12 @@ impl Work<'_, '_> {
                 for k in 0..c.neutral.len() {
                     let mut numbers = self.state.numbers.clone();
                     // Away from a limit of the law.
-                    let sign = if numbers[e][k] + step * c.prior_sd[k] > c.info.parameters[k].limits.1 {
-                        -1.0
-                    } else {
-                        1.0
-                    };
+                    let sign =
+                        if numbers[e][k] + step * c.prior_sd[k] > c.info.parameters[k].limits.1 {
+                            -1.0
+                        } else {
+                            1.0
+                        };
                     numbers[e][k] += sign * step * c.prior_sd[k];
                     let target = problem.geometry(&self.chosen, &numbers)?;
                     moved.push((target, sign * step));
@@ -358,14 +378,15 @@ impl Work<'_, '_> {
         if self.free == Free::All {
             for (k, s) in problem.shared.iter().enumerate() {
                 let mut v = values.clone();
-                v[k] += step * s.prior_sd();
+                v[k] += step * problem.prior_sd(*s);
                 shifted.push(v);
             }
         }
         let size = self.size();
         let mut a = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
-        let (mut value, mut left, mut weights, mut rows) = (0.0, Vec::new(), Vec::new(), Vec::new());
+        let (mut value, mut left, mut weights, mut rows) =
+            (0.0, Vec::new(), Vec::new(), Vec::new());
         let (mut base, mut other) = (Vec::new(), Vec::new());
         let tail = 6 * self.frames();
         for (i, ((r, f, seen), belongs)) in problem.frames().zip(all).enumerate() {
@@ -374,7 +395,16 @@ impl Work<'_, '_> {
             let rays = Rays::new(&g, seen);
             let widths = &problem.widths;
             let shared = problem.shared.as_slice();
-            residuals(&g, &placed, &rays, seen, belongs, widths, (shared, &values), &mut base);
+            residuals(
+                &g,
+                &placed,
+                &rays,
+                seen,
+                belongs,
+                widths,
+                (shared, &values),
+                &mut base,
+            );
             let n = base.len();
             let mut j = DMatrix::zeros(n, 6 + shifted.len() + moved.len());
             let mut put = |column: usize, other: &[f64], h: f64| {
@@ -389,16 +419,43 @@ impl Work<'_, '_> {
                 let h = 1e-3;
                 p[d] += h * UNIT;
                 let placed = Placed::from(&Pose::from_array(p));
-                residuals(&g, &placed, &rays, seen, belongs, widths, (shared, &values), &mut other);
+                residuals(
+                    &g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, &values),
+                    &mut other,
+                );
                 put(d, &other, h);
             }
             for (k, v) in shifted.iter().enumerate() {
-                residuals(&g, &placed, &rays, seen, belongs, widths, (shared, v), &mut other);
+                residuals(
+                    &g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, v),
+                    &mut other,
+                );
                 put(6 + k, &other, step);
             }
             for (k, (g, h)) in moved.iter().enumerate() {
                 let rays = Rays::new(g, seen);
-                residuals(g, &placed, &rays, seen, belongs, widths, (shared, &values), &mut other);
+                residuals(
+                    g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, &values),
+                    &mut other,
+                );
                 put(6 + shifted.len() + k, &other, *h);
             }
             let place = |k: usize| if k < 6 { 6 * i + k } else { tail + k - 6 };
@@ -408,7 +465,9 @@ impl Work<'_, '_> {
                 .chain(&seen.bins)
                 .map(|b| [b.column_px, b.row_px])
                 .chain(seen.edges.iter().map(|e| [e.column_px, e.row_px]));
-            for (k, ((kind, own_sd), at_px)) in kinds(seen, belongs).into_iter().zip(ats).enumerate() {
+            for (k, ((kind, own_sd), at_px)) in
+                kinds(seen, belongs).into_iter().zip(ats).enumerate()
+            {
                 let sd = own_sd.hypot(self.state.floors[kind as usize]);
                 let off = base[k];
                 let (stray, range) = kind.stray();
@@ -433,7 +492,14 @@ impl Work<'_, '_> {
                         }
                     }
                 }
-                left.push(Left { run: r, frame: f, kind, at_px, off_px: off, sd_px: sd });
+                left.push(Left {
+                    run: r,
+                    frame: f,
+                    kind,
+                    at_px,
+                    off_px: off,
+                    sd_px: sd,
+                });
                 weights.push(w);
                 rows.push(row);
             }
@@ -447,7 +513,11 @@ impl Work<'_, '_> {
         let ax = &a * &x;
         let c = value - gradient.dot(&x) - 0.5 * x.dot(&ax);
         Some(Linear {
-            quadratic: Quadratic { b: &gradient + &ax, a, c },
+            quadratic: Quadratic {
+                b: &gradient + &ax,
+                a,
+                c,
+            },
             x,
             belongs: all.to_vec(),
             left,
@@ -537,11 +607,7 @@ impl Work<'_, '_> {
 
     /// Floors: what the residuals scatter beyond the measurements' own sds, by as many of them as
     /// the fit has not used up (MacKay 1992). Returns the largest change, as a share.
-    fn spread(
-        &mut self,
-        linear: &Linear,
-        l: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
-    ) -> f64 {
+    fn spread(&mut self, linear: &Linear, l: &nalgebra::Cholesky<f64, nalgebra::Dyn>) -> f64 {
         let covariance = l.inverse();
         let n = covariance.nrows();
         let tail = 6 * self.frames();
@@ -574,13 +640,20 @@ impl Work<'_, '_> {
         }
         debug_assert_eq!(index, linear.left.len());
         let mut change = 0.0f64;
+        let pull_px = self.problem.pull_px;
         for (kind, [square, free, own2, weight]) in Kind::ALL.into_iter().zip(sums) {
             if weight > 3.0 {
                 let found = square / free.max(0.02 * weight) - own2 / weight;
                 let floor = &mut self.state.floors[kind as usize];
                 // Slowly down: a fit that still moves looks better in one kind than it is.
                 let next = found.max(0.0).sqrt().clamp(0.6 * *floor, 3.0 * *floor);
-                let next = next.max(kind.floors().0);
+                // Haze broadens the line too, here more and there less.
+                let hazy = if kind == Kind::Width {
+                    0.5 * pull_px
+                } else {
+                    0.0
+                };
+                let next = next.max(kind.floors().0).max(hazy);
                 change = change.max((next / *floor - 1.0).abs());
                 *floor = next;
             }
@@ -605,7 +678,10 @@ impl Work<'_, '_> {
                 .collect();
             let mut logs = Vec::with_capacity(1 << open.len());
             for mask in 0..1usize << open.len() {
-                let out: Vec<usize> = (0..open.len()).filter(|k| mask >> k & 1 == 1).map(|k| open[k]).collect();
+                let out: Vec<usize> = (0..open.len())
+                    .filter(|k| mask >> k & 1 == 1)
+                    .map(|k| open[k])
+                    .collect();
                 // All of them left out is no effect.
                 if out.len() == c.neutral.len() {
                     continue;
@@ -633,7 +709,11 @@ impl Work<'_, '_> {
         l: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
         effects: &[usize],
     ) -> Option<Fitted> {
-        let n = if self.free == Free::All { self.numbers() } else { 0 };
+        let n = if self.free == Free::All {
+            self.numbers()
+        } else {
+            0
+        };
         let covariance = l.inverse();
         let from = covariance.nrows() - n;
         let block = covariance.view((from, from), (n, n)).into_owned();
@@ -644,7 +724,11 @@ impl Work<'_, '_> {
             .map(|c| {
                 let own = c.prior_sd.iter().enumerate().map(|(k, s)| {
                     let at = place + k;
-                    if at < n { s * block[(at, at)].max(0.0).sqrt() } else { f64::NAN }
+                    if at < n {
+                        s * block[(at, at)].max(0.0).sqrt()
+                    } else {
+                        f64::NAN
+                    }
                 });
                 let own: Vec<f64> = own.collect();
                 place += c.prior_sd.len();

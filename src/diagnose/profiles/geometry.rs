@@ -63,7 +63,10 @@ pub struct Meeting {
 impl Geometry {
     /// The geometry of a rig under these optics.
     pub fn new(rig: &Rig, optics: Optics) -> Self {
-        let target = rig.target.as_ref().map(|t| stretched(t, optics.target_scale));
+        let target = rig
+            .target
+            .as_ref()
+            .map(|t| stretched(t, optics.target_scale));
         let surfaces = Surfaces::new(target.as_ref());
         let heights_m = surfaces.heights_m();
         Self::over(optics, Arc::new(surfaces), heights_m)
@@ -105,20 +108,30 @@ impl Geometry {
         let air = self.axis + Vector3::y() * x + self.down * y;
         let eye = Vector3::from(o.camera_m);
         if o.n_water == 1.0 {
-            return Ray { from_m: eye, along: air };
+            return Ray {
+                from_m: eye,
+                along: air,
+            };
         }
         // Snell at a plane with normal N (Glassner 1989): d' = d/n + (sqrt(1 - (1 - c²)/n²) - c/n) N, c = d·N.
         let d = air.normalize();
         let (c, n) = (d.dot(&self.axis), o.n_water);
         let along = d / n + self.axis * ((1.0 - (1.0 - c * c) / (n * n)).sqrt() - c / n);
-        Ray { from_m: eye + air * o.port_m, along }
+        Ray {
+            from_m: eye + air * o.port_m,
+            along,
+        }
     }
 
     /// How far ahead of the sheet a body point lies, along x_b \[m\].
     fn off_m(&self, p: &Vector3<f64>) -> f64 {
         let o = &self.optics;
         let flat = p.x - o.l_laser_m - o.sheet_tan_pitch * p.z - o.sheet_tan_yaw * p.y;
-        if o.cone_sin == 0.0 { flat } else { flat - o.cone_m(p.y, p.z) }
+        if o.cone_sin == 0.0 {
+            flat
+        } else {
+            flat - o.cone_m(p.y, p.z)
+        }
     }
 
     /// Where a ray meets the surface at a height; `None` where it never comes down to it.
@@ -163,12 +176,20 @@ impl Geometry {
 fn stretched(target: &Target, by: f64) -> Target {
     let slab = |s: &Slab| Slab {
         outline: match &s.outline {
-            SlabOutline::Rectangle { x0_m, x1_m, width_m } => SlabOutline::Rectangle {
+            SlabOutline::Rectangle {
+                x0_m,
+                x1_m,
+                width_m,
+            } => SlabOutline::Rectangle {
                 x0_m: x0_m * by,
                 x1_m: x1_m * by,
                 width_m: *width_m,
             },
-            SlabOutline::HexagonChain { x0_m, side_m, count } => SlabOutline::HexagonChain {
+            SlabOutline::HexagonChain {
+                x0_m,
+                side_m,
+                count,
+            } => SlabOutline::HexagonChain {
                 x0_m: x0_m * by,
                 side_m: side_m * by,
                 count: *count,
@@ -222,9 +243,23 @@ mod tests {
     fn the_stripe_lies_where_the_renderer_puts_it() {
         let all = [
             entry("refraction", &[("n_water", 1.333), ("port_m", 0.02)]),
-            entry("lens_distortion", &[("k1", -0.05), ("k2", 0.01), ("p1", 0.002), ("p2", -0.001)]),
-            entry("camera_shift", &[("rotation_rad", 0.01), ("dx_m", 0.004), ("dy_m", -0.003), ("dz_m", 0.005)]),
-            entry("laser_plane_tilt", &[("pitch_rad", 0.01), ("yaw_rad", -0.007)]),
+            entry(
+                "lens_distortion",
+                &[("k1", -0.05), ("k2", 0.01), ("p1", 0.002), ("p2", -0.001)],
+            ),
+            entry(
+                "camera_shift",
+                &[
+                    ("rotation_rad", 0.01),
+                    ("dx_m", 0.004),
+                    ("dy_m", -0.003),
+                    ("dz_m", 0.005),
+                ],
+            ),
+            entry(
+                "laser_plane_tilt",
+                &[("pitch_rad", 0.01), ("yaw_rad", -0.007)],
+            ),
             entry("laser_cone", &[("tilt_rad", 0.05)]),
             entry("board_offset", &[("offset_m", 0.002)]),
             entry("target_scale", &[("gain", 1.02)]),
@@ -236,7 +271,9 @@ mod tests {
             rig.physics = entries;
             let stack = EffectStack::build(&rig.physics).unwrap();
             let geometry = Geometry::new(&rig, stack.optics(Optics::new(&rig)));
-            let truth = Renderer::new(&rig).unwrap().profile_truth(&Pose6::from(pose.to_array()));
+            let truth = Renderer::new(&rig)
+                .unwrap()
+                .profile_truth(&Pose6::from(pose.to_array()));
             assert!(truth.len() > 500);
             for p in truth {
                 let ray = geometry.ray(f64::from(p.column_px), p.row_px);

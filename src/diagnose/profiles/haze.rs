@@ -72,7 +72,11 @@ pub struct Skirt {
 }
 
 /// Lays the frames' light over each other.
-pub fn skirt(problem: &Problem<'_>, candidates: &[super::candidate::Candidate], fit: &Fitted) -> Option<Skirt> {
+pub fn skirt(
+    problem: &Problem<'_>,
+    candidates: &[super::candidate::Candidate],
+    fit: &Fitted,
+) -> Option<Skirt> {
     let chosen: Vec<_> = fit.effects.iter().map(|k| &candidates[*k]).collect();
     let g = problem.geometry(&chosen, &fit.state.numbers)?;
     let half = (REACH_M / CLASS_M) as i64;
@@ -88,9 +92,12 @@ pub fn skirt(problem: &Problem<'_>, candidates: &[super::candidate::Candidate], 
             for (bin, level) in seen.bins.iter().zip(&levels.bins) {
                 let height_m = *g.heights_m.get(*level)?;
                 let off = |row: f64| {
-                    g.meet(&placed, &g.ray(bin.column_px, row), height_m).map(|m| m.off_m)
+                    g.meet(&placed, &g.ray(bin.column_px, row), height_m)
+                        .map(|m| m.off_m)
                 };
-                let (Some(a), Some(b)) = (off(bin.row_px - 0.5), off(bin.row_px + 0.5)) else { continue };
+                let (Some(a), Some(b)) = (off(bin.row_px - 0.5), off(bin.row_px + 0.5)) else {
+                    continue;
+                };
                 let slope = (a - b).abs();
                 per_row += slope;
                 bins += 1.0;
@@ -99,9 +106,13 @@ pub fn skirt(problem: &Problem<'_>, candidates: &[super::candidate::Candidate], 
                 let from = bin.column_px.round() as i64 - COLUMNS as i64 / 2;
                 for column in from..from + COLUMNS as i64 {
                     for row in middle - rows..=middle + rows {
-                        let Some(grey) = pixel(&seen.image, column, row) else { continue };
+                        let Some(grey) = pixel(&seen.image, column, row) else {
+                            continue;
+                        };
                         let ray = g.ray(column as f64, row as f64);
-                        let Some(m) = g.meet(&placed, &ray, height_m) else { continue };
+                        let Some(m) = g.meet(&placed, &ray, height_m) else {
+                            continue;
+                        };
                         // Where another surface is seen, its light lies elsewhere.
                         let class = (m.off_m / CLASS_M).round() as i64 + half;
                         let same = (g.surfaces.height_at_m(m.at_m) - height_m).abs() < 1e-9;
@@ -123,7 +134,10 @@ pub fn skirt(problem: &Problem<'_>, candidates: &[super::candidate::Candidate], 
     let per_row_m = per_row / bins;
     let kept: Vec<usize> = (0..classes).filter(|k| counts[*k] > 50.0).collect();
     Some(Skirt {
-        d_m: kept.iter().map(|k| (*k as i64 - half) as f64 * CLASS_M).collect(),
+        d_m: kept
+            .iter()
+            .map(|k| (*k as i64 - half) as f64 * CLASS_M)
+            .collect(),
         level: kept.iter().map(|k| sums[*k] / counts[*k]).collect(),
         count: kept.iter().map(|k| counts[*k]).collect(),
         spread_m: (spread * spread + 1.0 / 12.0).sqrt() * per_row_m,
@@ -133,9 +147,14 @@ pub fn skirt(problem: &Problem<'_>, candidates: &[super::candidate::Candidate], 
 }
 
 fn pixel(image: &GreyImage, column: i64, row: i64) -> Option<f64> {
-    let column = usize::try_from(column).ok().filter(|c| *c < image.width_px)?;
+    let column = usize::try_from(column)
+        .ok()
+        .filter(|c| *c < image.width_px)?;
     let row = usize::try_from(row).ok().filter(|r| *r < image.height_px)?;
-    image.pixels.get(row * image.width_px + column).map(|v| f64::from(*v))
+    image
+        .pixels
+        .get(row * image.width_px + column)
+        .map(|v| f64::from(*v))
 }
 
 fn cumulative(x: f64) -> f64 {
@@ -146,7 +165,11 @@ fn cumulative(x: f64) -> f64 {
 fn fading(d: f64, length: f64, s: f64) -> f64 {
     // Far on the dark side the exponent would overflow before Φ makes it nothing.
     let x = d / s - s / length;
-    if x < -30.0 { 0.0 } else { (0.5 * (s / length).powi(2) - d / length).exp() * cumulative(x) }
+    if x < -30.0 {
+        0.0
+    } else {
+        (0.5 * (s / length).powi(2) - d / length).exp() * cumulative(x)
+    }
 }
 
 /// Mean of what a sensor shows that gives nothing below zero.
@@ -161,11 +184,13 @@ fn scaled_inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale = a.diagonal().map(|v| 1.0 / v.max(1e-300).sqrt());
     let unit = DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] * scale[i] * scale[j]);
     let inverse = nalgebra::Cholesky::new(unit)?.inverse();
-    Some(DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+    Some(DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| {
+        inverse[(i, j)] * scale[i] * scale[j]
+    }))
 }
 
-/// b, A, centre, ln σ, noise's share, f, control.
-const NUMBERS: usize = 7;
+/// b, A, centre, ln σ, f, control.
+const NUMBERS: usize = 6;
 
 impl Skirt {
     fn predicted(&self, p: &DVector<f64>, length_m: f64, d: f64) -> f64 {
@@ -173,14 +198,20 @@ impl Skirt {
         let total2 = sigma * sigma + self.spread_m * self.spread_m;
         let d = d - p[2];
         let line = sigma / total2.sqrt() * (-0.5 * d * d / total2).exp();
-        let haze = p[5] * fading(d, length_m, self.spread_m) + p[6] * fading(-d, length_m, self.spread_m);
-        shown(p[0] + p[1] * (line + haze), self.noise_sd * p[4].exp())
+        let haze =
+            p[4] * fading(d, length_m, self.spread_m) + p[5] * fading(-d, length_m, self.spread_m);
+        shown(p[0] + p[1] * (line + haze), self.noise_sd)
     }
 
     /// Gauss–Newton; `free` of the numbers. Numbers, their covariance, χ².
-    fn fitted(&self, start: DVector<f64>, length_m: f64, free: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>, f64)> {
+    fn fitted(
+        &self,
+        start: DVector<f64>,
+        length_m: f64,
+        free: &[usize],
+    ) -> Option<(DVector<f64>, DMatrix<f64>, f64)> {
         let mut p = start;
-        let steps = [1e-3, 1e-3, 1e-8, 1e-5, 1e-4, 1e-6, 1e-6];
+        let steps = [1e-3, 1e-3, 1e-8, 1e-5, 1e-6, 1e-6];
         let n = self.d_m.len();
         let peak = self.level.iter().copied().fold(0.0, f64::max);
         let weight: Vec<f64> = (0..n)
@@ -191,7 +222,9 @@ impl Skirt {
             .collect();
         let cost = |p: &DVector<f64>| -> f64 {
             (0..n)
-                .map(|k| weight[k] * (self.level[k] - self.predicted(p, length_m, self.d_m[k])).powi(2))
+                .map(|k| {
+                    weight[k] * (self.level[k] - self.predicted(p, length_m, self.d_m[k])).powi(2)
+                })
                 .sum()
         };
         let mut now = cost(&p);
@@ -200,15 +233,18 @@ impl Skirt {
         for _ in 0..60 {
             let mut a = DMatrix::zeros(free.len(), free.len());
             let mut g = DVector::zeros(free.len());
-            for k in 0..n {
+            for (k, w) in weight.iter().enumerate() {
                 let base = self.predicted(&p, length_m, self.d_m[k]);
-                let j = DVector::from_iterator(free.len(), free.iter().map(|i| {
-                    let mut q = p.clone();
-                    q[*i] += steps[*i];
-                    (self.predicted(&q, length_m, self.d_m[k]) - base) / steps[*i]
-                }));
-                g += &j * (weight[k] * (self.level[k] - base));
-                a.ger(weight[k], &j, &j, 1.0);
+                let j = DVector::from_iterator(
+                    free.len(),
+                    free.iter().map(|i| {
+                        let mut q = p.clone();
+                        q[*i] += steps[*i];
+                        (self.predicted(&q, length_m, self.d_m[k]) - base) / steps[*i]
+                    }),
+                );
+                g += &j * (w * (self.level[k] - base));
+                a.ger(*w, &j, &j, 1.0);
             }
             covariance = scaled_inverse(&a)?;
             let mut moved = false;
@@ -242,34 +278,53 @@ impl Skirt {
     pub fn haze(&self, sheet_m: f64) -> Option<Haze> {
         let peak = self.level.iter().copied().fold(0.0, f64::max);
         let low = self.level.iter().copied().fold(f64::INFINITY, f64::min);
-        let start = DVector::from_vec(vec![low - 0.4 * self.noise_sd, 1.1 * peak, 0.0, sheet_m.ln(), 0.0, 0.0, 0.0]);
-        // The noise shows in the mean only where it is cut off at zero.
-        let cut = low < 2.5 * self.noise_sd;
-        let all: Vec<usize> = (0..NUMBERS).filter(|k| *k != 4 || cut).collect();
-        let few: Vec<usize> = all.iter().copied().filter(|k| *k < 5).collect();
-        let place = |number: usize| all.iter().position(|k| *k == number).unwrap_or(0);
-        let (haze, near) = (place(5), place(6));
-        let (plain, _, without) = self.fitted(start, 0.01, &few)?;
-        let mut fits: Vec<(f64, DVector<f64>, DMatrix<f64>, f64)> = LENGTHS_M
-            .iter()
-            .filter_map(|l| {
-                let (p, c, chi2) = self.fitted(plain.clone(), *l, &all)?;
-                Some((*l, p, c, chi2))
-            })
-            .collect();
+        let start = DVector::from_vec(vec![
+            low - 0.4 * self.noise_sd,
+            1.1 * peak,
+            0.0,
+            sheet_m.ln(),
+            0.0,
+            0.0,
+        ]);
+        let all: Vec<usize> = (0..NUMBERS).collect();
+        let (haze, near) = (4, 5);
+        let (plain, _, without) = self.fitted(start, 0.01, &all[..4])?;
+        type Tried = (f64, DVector<f64>, DMatrix<f64>, f64);
+        let tried = |l: f64| -> Option<Tried> {
+            let (p, c, chi2) = self.fitted(plain.clone(), l, &all)?;
+            Some((l, p, c, chi2))
+        };
+        let mut fits: Vec<Tried> = LENGTHS_M.iter().filter_map(|l| tried(*l)).collect();
+        fits.sort_by(|a, b| a.3.total_cmp(&b.3));
+        let coarse = fits.first()?.0;
+        fits.extend(
+            [0.8, 0.87, 0.93, 1.07, 1.15, 1.25]
+                .iter()
+                .filter_map(|s| tried(coarse * s)),
+        );
         fits.sort_by(|a, b| a.3.total_cmp(&b.3));
         let (length_m, p, c, chi2) = fits.first()?;
         // χ² over freedom beyond one: the line's shape is less well known than trusted.
         let unit = (chi2 / (self.d_m.len() as f64 - NUMBERS as f64).max(1.0)).max(1.0);
-        let weights: Vec<(f64, f64)> = fits.iter().map(|f| (f.0.ln(), (-0.5 * (f.3 - chi2) / unit).exp())).collect();
+        let weights: Vec<(f64, f64)> = fits
+            .iter()
+            .map(|f| (f.0.ln(), (-0.5 * (f.3 - chi2) / unit).exp()))
+            .collect();
         let sum: f64 = weights.iter().map(|w| w.1).sum();
         let mean = weights.iter().map(|w| w.0 * w.1).sum::<f64>() / sum;
         // Between two lengths of the grid nothing was tried.
-        let grid = 0.35 / 12f64.sqrt();
-        let spread = (weights.iter().map(|w| (w.0 - mean).powi(2) * w.1).sum::<f64>() / sum).sqrt().hypot(grid);
+        let grid = 0.07 / 12f64.sqrt();
+        let spread = (weights
+            .iter()
+            .map(|w| (w.0 - mean).powi(2) * w.1)
+            .sum::<f64>()
+            / sum)
+            .sqrt()
+            .hypot(grid);
         let sd = |i: usize| (unit * c[(i, i)]).sqrt();
-        let over = p[5] - p[6].max(0.0);
-        let over_sd = (unit * (c[(haze, haze)] + c[(near, near)] - 2.0 * c[(haze, near)]).max(0.0)).sqrt();
+        let over = p[haze] - p[near].max(0.0);
+        let over_sd =
+            (unit * (c[(haze, haze)] + c[(near, near)] - 2.0 * c[(haze, near)]).max(0.0)).sqrt();
         let gain = (without - chi2) / unit;
         // What a matched stripe finder makes of the skirt: its slope against its own profile's.
         let total2 = p[3].exp().powi(2) + self.spread_m.powi(2);
@@ -277,18 +332,21 @@ impl Skirt {
         for k in -60..=60 {
             let d = f64::from(k) * 0.1 * total2.sqrt();
             let slope = -d / total2 * (-0.5 * d * d / total2).exp();
-            pull += -slope * p[5] * fading(d, *length_m, self.spread_m);
+            pull += -slope * p[haze] * fading(d, *length_m, self.spread_m);
             norm += slope * slope * p[3].exp() / total2.sqrt();
         }
         Some(Haze {
-            fraction: p[5],
-            fraction_sd: sd(haze).hypot(p[5] * spread * 0.3),
+            fraction: p[haze],
+            fraction_sd: sd(haze).hypot(p[haze] * spread * 0.3),
             length_m: *length_m,
             length_sd_m: length_m * spread,
-            control: p[6],
+            control: p[near],
             chi2_gain: gain,
             pull_px: pull / norm / self.per_row_m,
-            found: over > SIGNIFICANT * over_sd && over > LEAST && gain > 30.0 && p[5] > 2.0 * p[6].abs(),
+            found: over > SIGNIFICANT * over_sd
+                && over > LEAST
+                && gain > 30.0
+                && p[haze] > 2.0 * p[near].abs(),
         })
     }
 }
@@ -299,15 +357,24 @@ mod tests {
     use super::*;
 
     fn light(fraction: f64, length_m: f64) -> Skirt {
-        let mut s = Skirt { spread_m: 0.8e-3, per_row_m: 1e-3, noise_sd: 2.0, ..Skirt::default() };
+        let mut s = Skirt {
+            spread_m: 0.8e-3,
+            per_row_m: 1e-3,
+            noise_sd: 2.0,
+            ..Skirt::default()
+        };
         for k in -160..=160 {
             let d = f64::from(k) * CLASS_M;
             s.d_m.push(d);
             s.count.push(1e4);
             s.level.push(0.0);
         }
-        let p = DVector::from_vec(vec![0.0, 200.0, 0.0, 0.002f64.ln(), 0.0, fraction, 0.0]);
-        s.level = s.d_m.iter().map(|d| s.predicted(&p, length_m, *d)).collect();
+        let p = DVector::from_vec(vec![0.0, 200.0, 0.0, 0.002f64.ln(), fraction, 0.0]);
+        s.level = s
+            .d_m
+            .iter()
+            .map(|d| s.predicted(&p, length_m, *d))
+            .collect();
         s
     }
 

@@ -88,7 +88,11 @@ impl Rays {
     pub fn new(geometry: &Geometry, seen: &Seen) -> Self {
         let pair = |c: f64, r: f64| [geometry.ray(c, r - 0.5), geometry.ray(c, r + 0.5)];
         Rays {
-            bins: seen.bins.iter().map(|b| pair(b.column_px, b.row_px)).collect(),
+            bins: seen
+                .bins
+                .iter()
+                .map(|b| pair(b.column_px, b.row_px))
+                .collect(),
             edges: seen
                 .edges
                 .iter()
@@ -123,7 +127,10 @@ const FAR_PX: f64 = 40.0;
 /// Rows by which a bin is off a height; `None` where the ray misses it.
 fn row_off(g: &Geometry, p: &Placed, rays: &[Ray], height_m: f64) -> Option<(f64, f64)> {
     let [up, down, ..] = rays else { return None };
-    let (a, b) = (g.meet(p, up, height_m)?.off_m, g.meet(p, down, height_m)?.off_m);
+    let (a, b) = (
+        g.meet(p, up, height_m)?.off_m,
+        g.meet(p, down, height_m)?.off_m,
+    );
     let slope = b - a;
     let off = 0.5 * (a + b) / slope;
     off.is_finite().then_some((off, slope))
@@ -138,9 +145,7 @@ fn foot(g: &Geometry, p: &Placed, rays: &[Ray; 4], height_m: f64) -> Option<([f6
     let (l, r) = (g.meet(p, left, height_m)?, g.meet(p, right, height_m)?);
     // Along the stripe: what the pair drifts off the sheet is taken out by moving along the column.
     let drift = (r.off_m - l.off_m) / (b.off_m - a.off_m);
-    let per = std::array::from_fn(|i| {
-        r.at_m[i] - l.at_m[i] - drift * (b.at_m[i] - a.at_m[i])
-    });
+    let per = std::array::from_fn(|i| r.at_m[i] - l.at_m[i] - drift * (b.at_m[i] - a.at_m[i]));
     Some((at, per))
 }
 
@@ -237,7 +242,9 @@ pub fn residuals(
     };
     let sheet_m = widths.sheet_m * value(Shared::Thickness).exp();
     let spread_px2 = widths.spread_px2 * value(Shared::Spread).exp();
-    let biases: Vec<f64> = (0..g.heights_m.len()).map(|h| value(Shared::Rows(h))).collect();
+    let biases: Vec<f64> = (0..g.heights_m.len())
+        .map(|h| value(Shared::Rows(h)))
+        .collect();
     let mut broad = Vec::with_capacity(seen.bins.len());
     for ((bin, r), level) in seen.bins.iter().zip(&rays.bins).zip(&to.bins) {
         let height_m = g.heights_m.get(*level).copied().unwrap_or(0.0);

@@ -246,9 +246,9 @@ fn sound(p: &StripePoint) -> bool {
 /// Straight line through points by least squares: mean column, mean row, slope.
 fn line<'a>(points: impl Iterator<Item = &'a StripePoint> + Clone) -> [f64; 3] {
     let n = points.clone().count().max(1) as f64;
-    let (c, r) = points
-        .clone()
-        .fold((0.0, 0.0), |(c, r), p| (c + p.column_px / n, r + p.row_px / n));
+    let (c, r) = points.clone().fold((0.0, 0.0), |(c, r), p| {
+        (c + p.column_px / n, r + p.row_px / n)
+    });
     let (cc, cr) = points.fold((0.0, 0.0), |(a, b), p| {
         let d = p.column_px - c;
         (a + d * d, b + d * (p.row_px - r))
@@ -259,12 +259,20 @@ fn line<'a>(points: impl Iterator<Item = &'a StripePoint> + Clone) -> [f64; 3] {
 fn binned(stretch: &[StripePoint]) -> Vec<Bin> {
     let points: Vec<StripePoint> = stretch.iter().copied().filter(sound).collect();
     let count = points.len() / BIN_COLUMNS;
-    let count = if count == 0 && points.len() >= BIN_LEAST { 1 } else { count };
+    let count = if count == 0 && points.len() >= BIN_LEAST {
+        1
+    } else {
+        count
+    };
     if count == 0 {
         return Vec::new();
     }
     let size = points.len().div_ceil(count);
-    points.chunks(size).filter(|c| c.len() >= BIN_LEAST).map(bin).collect()
+    points
+        .chunks(size)
+        .filter(|c| c.len() >= BIN_LEAST)
+        .map(bin)
+        .collect()
 }
 
 fn bin(points: &[StripePoint]) -> Bin {
@@ -314,13 +322,20 @@ fn fading(run: &[StripePoint], image: &GreyImage, to_starboard: bool) -> Option<
     if near.len() < 16 {
         return None;
     }
-    let end = if to_starboard { run.last() } else { run.first() }?.column_px as i64;
+    let end = if to_starboard {
+        run.last()
+    } else {
+        run.first()
+    }?
+    .column_px as i64;
     let [c, r, slope] = line(near.iter().copied());
     let row_at = |column: f64| r + slope * (column - c);
     let sigma = near.iter().map(|p| p.sigma_px).sum::<f64>() / near.len() as f64;
     let dark = darkness(image, end as usize);
     let light = |column: i64| -> Option<f64> {
-        let at = usize::try_from(column).ok().filter(|c| *c < image.width_px)?;
+        let at = usize::try_from(column)
+            .ok()
+            .filter(|c| *c < image.width_px)?;
         let middle = row_at(column as f64);
         let half = (2.5 * sigma).ceil();
         let (mut sum, mut norm) = (0.0, 0.0);
@@ -354,12 +369,18 @@ fn fading(run: &[StripePoint], image: &GreyImage, to_starboard: bool) -> Option<
     if (column_px - end as f64).abs() > END_REACH as f64 - 2.0 {
         return None;
     }
-    let spread = inside.iter().map(|v| (v / level - 1.0).powi(2)).sum::<f64>() / (n - 1.0);
+    let spread = inside
+        .iter()
+        .map(|v| (v / level - 1.0).powi(2))
+        .sum::<f64>()
+        / (n - 1.0);
     let reach = END_REACH as f64;
     Some(Edge {
         column_px,
         row_px: row_at(column_px),
-        sd_px: (spread * (2.0 * reach + reach * reach / n)).sqrt().max(0.01),
+        sd_px: (spread * (2.0 * reach + reach * reach / n))
+            .sqrt()
+            .max(0.01),
         slope,
         to_starboard,
     })
@@ -367,7 +388,9 @@ fn fading(run: &[StripePoint], image: &GreyImage, to_starboard: bool) -> Option<
 
 /// Grey level without laser about a column: the mean of the lower half of its pixels.
 fn darkness(image: &GreyImage, column: usize) -> f64 {
-    let from = column.saturating_sub(8).min(image.width_px.saturating_sub(16));
+    let from = column
+        .saturating_sub(8)
+        .min(image.width_px.saturating_sub(16));
     let mut levels: Vec<u8> = image
         .pixels
         .chunks_exact(image.width_px.max(1))
@@ -379,5 +402,9 @@ fn darkness(image: &GreyImage, column: usize) -> f64 {
     }
     levels.sort_unstable();
     let cut = levels.len() * 9 / 10;
-    levels[..cut.max(1)].iter().map(|v| f64::from(*v)).sum::<f64>() / cut.max(1) as f64
+    levels[..cut.max(1)]
+        .iter()
+        .map(|v| f64::from(*v))
+        .sum::<f64>()
+        / cut.max(1) as f64
 }

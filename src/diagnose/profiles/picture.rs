@@ -89,7 +89,10 @@ fn image_panel(svg: &mut String, fit: &Fitted, rig: &Rig, left: f64, title: &str
         PANEL[1]
     );
     for c in cells(fit, rig) {
-        let (w, h) = (per * (c.to_px[0] - c.from_px[0]), per * (c.to_px[1] - c.from_px[1]));
+        let (w, h) = (
+            per * (c.to_px[0] - c.from_px[0]),
+            per * (c.to_px[1] - c.from_px[1]),
+        );
         let _ = write!(
             svg,
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{w:.1}\" height=\"{h:.1}\" fill=\"{}\" stroke=\"#ccc\" stroke-width=\".4\"><title>{:+.4} px, sd {:.4}, {} bins</title></rect>",
@@ -125,23 +128,36 @@ fn plane_panel(svg: &mut String, fit: &Fitted, rig: &Rig, left: f64, scale_mm: f
     let half = 0.32;
     for l in rows(fit).step_by(1 + fit.left.len() / 4000) {
         let at = |row: f64| map.unlimited(l.at_px[0], row);
-        let (Some((xi, eta)), Some((_, above))) = (at(l.at_px[1]), at(l.at_px[1] - l.off_px)) else {
+        let (Some((xi, eta)), Some((_, above))) = (at(l.at_px[1]), at(l.at_px[1] - l.off_px))
+        else {
             continue;
         };
         // What the row's residual is in η: measured minus predicted.
         let off_mm = 1e3 * (eta - above);
         let x = left + PANEL[0] * (0.5 - 0.5 * xi / half).clamp(0.0, 1.0);
         let y = top + 0.5 * height * (1.0 - (off_mm / scale_mm).clamp(-1.0, 1.0));
-        let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"1\" fill=\"#06a\" fill-opacity=\".5\"/>");
+        let _ = write!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"1\" fill=\"#06a\" fill-opacity=\".5\"/>"
+        );
     }
 }
 
 /// The pictures and the numbers of the image level, for the report.
 pub fn section(rig: &Rig, nothing: &Fitted, best: &Fitted, effects: &[Effect]) -> String {
-    let largest = |fit: &Fitted| cells(fit, rig).iter().map(|c| c.mean_px.abs()).fold(0.0, f64::max);
+    let largest = |fit: &Fitted| {
+        cells(fit, rig)
+            .iter()
+            .map(|c| c.mean_px.abs())
+            .fold(0.0, f64::max)
+    };
     let scale_px = largest(nothing).max(0.01);
     let names: Vec<&str> = effects.iter().map(|e| e.effect.as_str()).collect();
-    let after = if names.is_empty() { "nothing left out".to_owned() } else { names.join(", ") };
+    let after = if names.is_empty() {
+        "nothing left out".to_owned()
+    } else {
+        names.join(", ")
+    };
     let width = 2.0 * PANEL[0] + 20.0;
     let mut svg = format!(
         "<svg viewBox=\"0 0 {width} {}\" width=\"{width}\" font-size=\"12\" font-family=\"sans-serif\" xmlns=\"http://www.w3.org/2000/svg\">",
@@ -152,8 +168,16 @@ pub fn section(rig: &Rig, nothing: &Fitted, best: &Fitted, effects: &[Effect]) -
         .fold(0.0, f64::max)
         .max(0.02);
     for (fit, left, title) in [
-        (nothing, 0.0, format!("without effects (colour: ±{scale_px:.3} px)")),
-        (best, PANEL[0] + 20.0, format!("with {after} (same colours)")),
+        (
+            nothing,
+            0.0,
+            format!("without effects (colour: ±{scale_px:.3} px)"),
+        ),
+        (
+            best,
+            PANEL[0] + 20.0,
+            format!("with {after} (same colours)"),
+        ),
     ] {
         image_panel(&mut svg, fit, rig, left, &title, scale_px);
         plane_panel(&mut svg, fit, rig, left, scale_mm);

@@ -43,8 +43,16 @@ pub type Wobbles = [Wobble; 6];
 /// Where a search for them starts.
 pub const FIRST: Wobbles = {
     // Wide, so that a first guess far off is let go.
-    let position = Wobble { sd: 0.03, tau_s: 2.0, drive: 1e-7 };
-    let angle = Wobble { sd: 0.1, tau_s: 2.0, drive: 1e-7 };
+    let position = Wobble {
+        sd: 0.03,
+        tau_s: 2.0,
+        drive: 1e-7,
+    };
+    let angle = Wobble {
+        sd: 0.1,
+        tau_s: 2.0,
+        drive: 1e-7,
+    };
     [position, position, position, angle, angle, angle]
 };
 
@@ -74,9 +82,8 @@ impl Motion {
                 .any(|c| c.t_s <= end_s && c.wrench[d].abs() > 1e-9)
         });
         let mean = path(run, rig, &times_s, 0.0)?;
-        let mut regressors: [Vec<DVector<f64>>; 6] = std::array::from_fn(|d| {
-            vec![DVector::from_element(times_s.len(), START_SD[d])]
-        });
+        let mut regressors: [Vec<DVector<f64>>; 6] =
+            std::array::from_fn(|d| vec![DVector::from_element(times_s.len(), START_SD[d])]);
         let mut driven = loaded;
         if loaded.iter().any(|l| *l) {
             let later = path(run, rig, &times_s, SHIFT_SD_S)?;
@@ -130,10 +137,8 @@ impl Motion {
 
 fn push(into: &mut [Vec<DVector<f64>>; 6], mean: &[[f64; 6]], other: &[[f64; 6]]) {
     for (d, regressors) in into.iter_mut().enumerate() {
-        let change = DVector::from_iterator(
-            mean.len(),
-            mean.iter().zip(other).map(|(a, b)| b[d] - a[d]),
-        );
+        let change =
+            DVector::from_iterator(mean.len(), mean.iter().zip(other).map(|(a, b)| b[d] - a[d]));
         if change.amax() > 1e-9 {
             regressors.push(change);
         }
@@ -141,14 +146,26 @@ fn push(into: &mut [Vec<DVector<f64>>; 6], mean: &[[f64; 6]], other: &[[f64; 6]]
 }
 
 /// The rig's motion under the run's commands, `late_s` later.
-fn path(run: &ImageRun, rig: &Rig, times_s: &[f64], late_s: f64) -> Result<Vec<[f64; 6]>, SimError> {
+fn path(
+    run: &ImageRun,
+    rig: &Rig,
+    times_s: &[f64],
+    late_s: f64,
+) -> Result<Vec<[f64; 6]>, SimError> {
     let mut world = World::new(rig, rig.tank.start_pose)?;
     let mut next = 0;
     let mut out = Vec::with_capacity(times_s.len());
     for t_s in times_s {
         while let Some(c) = run.commands.get(next).filter(|c| c.t_s + late_s <= *t_s) {
             let [surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm] = c.wrench;
-            let wrench = Wrench { surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm };
+            let wrench = Wrench {
+                surge_n,
+                sway_n,
+                heave_n,
+                roll_nm,
+                pitch_nm,
+                yaw_nm,
+            };
             world.command(c.t_s + late_s, &wrench)?;
             next += 1;
         }

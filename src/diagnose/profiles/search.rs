@@ -39,11 +39,33 @@ impl Searched {
         fit.log_evidence + fit.simpler + LOG_ODDS * fit.effects.len() as f64
     }
 
-    /// The most probable explanation; nothing, unless it is beaten clearly.
+    /// The most probable explanation, without what it could do without: each effect must be worth
+    /// [`ESTABLISHED`] to what remains, and all of them to nothing.
     pub fn best(&self) -> &Fitted {
-        match self.all.first() {
-            Some(best) if Self::score(best) > Self::score(&self.nothing) + ESTABLISHED => best,
-            _ => &self.nothing,
+        let Some(mut best) = self.all.first() else {
+            return &self.nothing;
+        };
+        loop {
+            let within = |f: &&Fitted| {
+                !f.effects.is_empty()
+                    && f.effects.len() < best.effects.len()
+                    && f.effects.iter().all(|e| best.effects.contains(e))
+                    && Self::score(f) > Self::score(best) - ESTABLISHED
+            };
+            match self
+                .all
+                .iter()
+                .filter(within)
+                .max_by(|a, b| Self::score(a).total_cmp(&Self::score(b)))
+            {
+                Some(simpler) => best = simpler,
+                None => break,
+            }
+        }
+        if Self::score(best) > Self::score(&self.nothing) + ESTABLISHED {
+            best
+        } else {
+            &self.nothing
         }
     }
 
@@ -55,12 +77,16 @@ impl Searched {
             return out;
         }
         let limit = Self::score(best) - TIED;
-        for fit in self.all.iter().filter(|f| Self::score(f) > limit && !f.effects.is_empty()) {
-            let contains = |o: &&Fitted| {
+        for fit in self
+            .all
+            .iter()
+            .filter(|f| Self::score(f) > limit && !f.effects.is_empty())
+        {
+            let contained = |o: &&Fitted| {
                 o.effects.iter().all(|e| fit.effects.contains(e))
                     || fit.effects.iter().all(|e| o.effects.contains(e))
             };
-            if !out.iter().any(|o| contains(o)) {
+            if !out.iter().any(contained) {
                 out.push(fit);
             }
         }
@@ -69,10 +95,21 @@ impl Searched {
 
     /// Probability that an effect is part of the explanation, over all tried.
     pub fn probability(&self, effect: usize) -> f64 {
-        let top = self.all.iter().map(Self::score).fold(f64::NEG_INFINITY, f64::max);
+        let top = self
+            .all
+            .iter()
+            .map(Self::score)
+            .fold(f64::NEG_INFINITY, f64::max);
         let (with, all) = self.all.iter().fold((0.0, 0.0), |(w, a), f| {
             let p = (Self::score(f) - top).exp();
-            (if f.effects.contains(&effect) { w + p } else { w }, a + p)
+            (
+                if f.effects.contains(&effect) {
+                    w + p
+                } else {
+                    w
+                },
+                a + p,
+            )
         });
         if all > 0.0 { with / all } else { 0.0 }
     }
@@ -93,7 +130,9 @@ pub fn search(
     let nothing = own.and_then(|s| problem.fit(candidates, &[], s, Free::All));
     // Where the rig's own camera hardly explains a frame, the poses it gives are no place to
     // start from: those under each effect at its typical size are.
-    let astray = nothing.as_ref().is_none_or(|f| f.rms_px(Kind::Row) > ASTRAY_PX);
+    let astray = nothing
+        .as_ref()
+        .is_none_or(|f| f.rms_px(Kind::Row) > ASTRAY_PX);
     let mut others: Vec<(usize, Fitted)> = Vec::new();
     if astray {
         for (k, c) in candidates.iter().enumerate() {
@@ -114,7 +153,10 @@ pub fn search(
             let best = others
                 .iter()
                 .max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))?;
-            let begin = State { numbers: Vec::new(), ..best.1.state.clone() };
+            let begin = State {
+                numbers: Vec::new(),
+                ..best.1.state.clone()
+            };
             problem.fit(candidates, &[], begin, Free::All)?
         }
     };
@@ -122,11 +164,21 @@ pub fn search(
     all.extend(others.into_iter().map(|o| o.1));
     let mut nothing = nothing;
     let singles: Vec<usize> = (0..candidates.len()).collect();
-    extend(problem, candidates, &[nothing.clone()], &singles, &mut all, progress);
+    extend(
+        problem,
+        candidates,
+        &[nothing.clone()],
+        &singles,
+        &mut all,
+        progress,
+    );
     // Where an effect's fit found better poses, nothing is owed the same start.
     sort(&mut all);
     if let Some(best) = all.first().filter(|b| !b.effects.is_empty()) {
-        let begin = State { numbers: Vec::new(), ..best.state.clone() };
+        let begin = State {
+            numbers: Vec::new(),
+            ..best.state.clone()
+        };
         if let Some(again) = problem.fit(candidates, &[], begin, Free::All)
             && again.log_evidence > nothing.log_evidence
         {
@@ -137,13 +189,17 @@ pub fn search(
     }
     for size in 1..DEEPEST {
         sort(&mut all);
-        let beam: Vec<Fitted> = all.iter().filter(|f| f.effects.len() == size).take(BEAM).cloned().collect();
-        let top = all.first().map(Searched::score);
-        // Deeper only from what beats nothing, and while the last level was worth it.
-        let worth = all
+        let beam: Vec<Fitted> = all
             .iter()
             .filter(|f| f.effects.len() == size)
-            .any(|f| Searched::score(f) > Searched::score(&nothing) + 1.0 && Some(Searched::score(f)) == top);
+            .take(BEAM)
+            .cloned()
+            .collect();
+        let top = all.first().map(Searched::score);
+        // Deeper only from what beats nothing, and while the last level was worth it.
+        let worth = all.iter().filter(|f| f.effects.len() == size).any(|f| {
+            Searched::score(f) > Searched::score(&nothing) + 1.0 && Some(Searched::score(f)) == top
+        });
         if !worth {
             break;
         }
@@ -265,7 +321,8 @@ fn keep_better(found: Vec<Fitted>, all: &mut Vec<Fitted>) -> bool {
     let mut better = false;
     for fit in found {
         let same = |o: &Fitted| {
-            o.effects.len() == fit.effects.len() && o.effects.iter().all(|e| fit.effects.contains(e))
+            o.effects.len() == fit.effects.len()
+                && o.effects.iter().all(|e| fit.effects.contains(e))
         };
         match all.iter_mut().find(|o| same(o)) {
             Some(old) if old.log_evidence >= fit.log_evidence => {}

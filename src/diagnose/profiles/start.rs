@@ -28,7 +28,9 @@ struct SheetMap {
 
 impl SheetMap {
     fn plane(&self, column_px: f64, row_px: f64) -> Option<(f64, f64)> {
-        let p = self.geometry.on_sheet(&self.geometry.ray(column_px, row_px))?;
+        let p = self
+            .geometry
+            .on_sheet(&self.geometry.ray(column_px, row_px))?;
         Some((-p.y, self.h_centre_m - p.z))
     }
 }
@@ -126,7 +128,11 @@ pub fn poses(
                 found += 1;
                 let pose = pose.to_array();
                 last = std::array::from_fn(|d| {
-                    if measured[d] { pose[d] - mean[d] } else { last[d] }
+                    if measured[d] {
+                        pose[d] - mean[d]
+                    } else {
+                        last[d]
+                    }
                 });
                 last
             }));
@@ -144,7 +150,9 @@ fn rough(fitter: &PoseFitter, seen: &Seen, x_m: f64) -> Option<Pose> {
     }
     let all = initial::guesses(&levels, fitter.surfaces(), fitter.mounts());
     let away = |g: &Guess| (g.pose.x_m - x_m).abs() + g.rms_m * 10.0;
-    all.iter().min_by(|a, b| away(a).total_cmp(&away(b))).map(|g| g.pose)
+    all.iter()
+        .min_by(|a, b| away(a).total_cmp(&away(b)))
+        .map(|g| g.pose)
 }
 
 fn filled(off: &[Option<[f64; 6]>], mean: &[[f64; 6]]) -> Vec<[f64; 6]> {

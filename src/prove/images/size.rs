@@ -44,7 +44,10 @@ pub fn moved(rig: &Rig, entry: &PhysicsEntry) -> Moved {
         if !super::shows(&profile) {
             return None;
         }
-        let hint = Hint { x_m: Some(pose[0]), ..Hint::default() };
+        let hint = Hint {
+            x_m: Some(pose[0]),
+            ..Hint::default()
+        };
         fitter.fit(&image, &profile, &hint).ok()
     };
     let mut squares = [0.0; 6];
@@ -62,5 +65,8 @@ pub fn moved(rig: &Rig, entry: &PhysicsEntry) -> Moved {
     }
     let sds = squares.map(|s| (s / POSES.len() as f64).sqrt());
     let most = |some: &[f64]| some.iter().copied().fold(0.0, f64::max);
-    Moved { any_sds: most(&sds), position_sds: most(&sds[..3]) }
+    Moved {
+        any_sds: most(&sds),
+        position_sds: most(&sds[..3]),
+    }
 }
