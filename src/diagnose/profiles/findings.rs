@@ -339,7 +339,7 @@ fn effect(
             // with, nothing is.
             let mut begin = best.state.clone();
             begin.numbers.remove(k);
-            begin.floors = [5.0, 2.0, 5.0];
+            begin.floors = [60.0, 5.0, 60.0];
             let fit = problem.fit(candidates, &rest, begin, Free::All);
             fit.map_or([f64::NAN; 6], |f| shift(&best.state, &f.state))
         }

@@ -199,8 +199,14 @@ impl<'a> Problem<'a> {
             state: from,
         };
         let mut best = work.linear()?;
-        // Choosing the wobbles takes most of the time: at the start, and where all else has settled.
-        let mut solved = work.choose(&best);
+        // Choosing the wobbles takes most of the time, and chosen before the rest has settled they
+        // make up for what is wrong with it: at once only where nothing is known of them yet.
+        let fresh = work.state.wobbles == FIRST;
+        let mut solved = if fresh {
+            work.choose(&best)
+        } else {
+            work.solve(&best, &work.state.wobbles)
+        };
         let mut chosen = 1;
         for iteration in 0..ITERATIONS {
             let (target, _, l) = solved.as_ref()?;
@@ -230,7 +236,7 @@ impl<'a> Problem<'a> {
             let same = again.belongs == best.belongs;
             best = again;
             let settled = after - before < SETTLED && share == 1.0 && same && change < 0.03;
-            if !settled && iteration >= EARLY {
+            if !settled && (iteration >= EARLY || !fresh) {
                 solved = work.solve(&best, &work.state.wobbles);
                 continue;
             }

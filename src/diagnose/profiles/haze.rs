@@ -21,13 +21,15 @@ use nalgebra::{DMatrix, DVector};
 /// Width of a class of distance \[m\].
 const CLASS_M: f64 = 0.25e-3;
 /// Farthest distance on either side \[m\].
-const REACH_M: f64 = 0.04;
+const REACH_M: f64 = 0.06;
 /// Columns of a frame that are read.
 const COLUMNS: usize = 12;
 /// Lengths tried \[m\].
 const LENGTHS_M: [f64; 8] = [0.003, 0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.05];
 /// Share of the line's light to which its shape is trusted, and grey levels beside it.
 const TRUST: (f64, f64) = (0.004, 0.02);
+/// Share to which fraction and length are known at best: classes average over ranges and slants.
+const SHAPE: f64 = 0.03;
 /// Least significance of f over the control.
 const SIGNIFICANT: f64 = 6.0;
 /// Least fraction worth a name.
@@ -337,9 +339,9 @@ impl Skirt {
         }
         Some(Haze {
             fraction: p[haze],
-            fraction_sd: sd(haze).hypot(p[haze] * spread * 0.3),
+            fraction_sd: sd(haze).hypot(p[haze] * (0.3 * spread).hypot(SHAPE)),
             length_m: *length_m,
-            length_sd_m: length_m * spread,
+            length_sd_m: length_m * spread.hypot(SHAPE),
             control: p[near],
             chi2_gain: gain,
             pull_px: pull / norm / self.per_row_m,

@@ -17,7 +17,7 @@ pub const TIED: f64 = 4.6;
 /// Rows left by more than this, and starting points other than the rig's own are tried \[px\].
 pub(super) const ASTRAY_PX: f64 = 0.15;
 /// Log posterior within which explanations are compared from equal starts.
-const CLOSE: f64 = 15.0;
+const CLOSE: f64 = 40.0;
 /// log evidence that an effect more must promise.
 const PROMISING: f64 = 0.5;
 /// Explanations that are built upon.
@@ -268,6 +268,12 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
                 tries.push((to.clone(), state));
             }
         }
+        // And nearly none: what is needed grows back, what was only in the way does not.
+        let mut quiet = to.state.clone();
+        for w in &mut quiet.wobbles {
+            (w.sd, w.drive) = (0.03 * w.sd, 0.01 * w.drive);
+        }
+        tries.push((to.clone(), quiet));
     }
     let found: Vec<Fitted> = tries
         .into_par_iter()
