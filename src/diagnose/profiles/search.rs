@@ -137,13 +137,22 @@ pub fn search(
     if astray {
         for (k, c) in candidates.iter().enumerate() {
             progress(c.info.id);
-            let numbers = vec![CheckedEffect::typical(c.info).numbers];
-            let begin = poses(&[c], &numbers, true).map(|p| State {
-                numbers,
-                ..problem.first(p)
-            });
-            if let Some(f) = begin.and_then(|s| problem.fit(candidates, &[k], s, Free::All)) {
-                others.push((k, f));
+            let typical = CheckedEffect::typical(c.info).numbers;
+            let middle: Vec<f64> = c
+                .info
+                .parameters
+                .iter()
+                .map(|p| 0.5 * (p.plausible.0 + p.plausible.1))
+                .collect();
+            for start in [typical, middle].into_iter().filter(|s| *s != c.neutral) {
+                let numbers = vec![start];
+                let begin = poses(&[c], &numbers, true).map(|p| State {
+                    numbers,
+                    ..problem.first(p)
+                });
+                if let Some(f) = begin.and_then(|s| problem.fit(candidates, &[k], s, Free::All)) {
+                    others.push((k, f));
+                }
             }
         }
     }
@@ -161,7 +170,7 @@ pub fn search(
         }
     };
     let mut all = vec![nothing.clone()];
-    all.extend(others.into_iter().map(|o| o.1));
+    keep_better(others.into_iter().map(|o| o.1).collect(), &mut all);
     let mut nothing = nothing;
     let singles: Vec<usize> = (0..candidates.len()).collect();
     extend(

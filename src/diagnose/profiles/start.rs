@@ -87,7 +87,7 @@ impl SheetMap {
 
 /// Poses of all frames of all runs under a geometry; `None` where too few frames give one.
 ///
-/// `roughly` = from the steps alone, level: a hypothesis among many is not worth the grey levels'
+/// `roughly` = from the steps first, level: a hypothesis among many is not worth the grey levels'
 /// fit. Frames without get what their neighbours are off the rig's motion.
 pub fn poses(
     rig: &Rig,
@@ -118,11 +118,16 @@ pub fn poses(
                 x_m: Some(mean[0] + last[0]),
                 ..Hint::default()
             };
-            let grey = || fitter.fit(&seen.image, &seen.profile, &hint).ok();
-            let fit = match if roughly { None } else { grey() } {
-                Some(fit) => Some((fit.pose, fit.measured)),
-                // Where the grey levels do not fit, steps and lines may still say about where it is.
-                None => rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6])),
+            let grey = || {
+                let fit = fitter.fit(&seen.image, &seen.profile, &hint).ok()?;
+                Some((fit.pose, fit.measured))
+            };
+            // Where the grey levels do not fit, steps and lines may still say about where it is.
+            let steps = || rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6]));
+            let fit = if roughly {
+                steps().or_else(grey)
+            } else {
+                grey().or_else(steps)
             };
             off.push(fit.map(|(pose, measured)| {
                 found += 1;
