@@ -3,6 +3,7 @@
 use super::candidate::Candidate;
 use super::fit::{Fitted, Free, Problem, State};
 use super::model::Kind;
+use super::prior::FIRST;
 use super::start;
 use hydroline_sim::effect::CheckedEffect;
 use nalgebra::DVector;
@@ -277,11 +278,7 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
                 tries.push((to.clone(), state));
             }
         }
-        // And nearly none: what is needed grows back, what was only in the way does not.
-        let mut quiet = to.state.clone();
-        for w in &mut quiet.wobbles {
-            (w.sd, w.drive) = (0.03 * w.sd, 0.01 * w.drive);
-        }
+        let quiet = quieted(&to.state);
         tries.push((to.clone(), quiet));
     }
     let found: Vec<Fitted> = tries
@@ -325,10 +322,30 @@ fn extend(
                     return None;
                 }
             }
-            problem.fit(candidates, &effects, begin, Free::All)
+            // The wobbles of nothing make up for the very effect that is looked for: quiet ones too.
+            let single = f.effects.is_empty();
+            let quiet = single.then(|| quieted(&begin));
+            let anew = single.then(|| State {
+                wobbles: FIRST,
+                ..begin.clone()
+            });
+            let fits = std::iter::once(begin)
+                .chain(quiet)
+                .chain(anew)
+                .filter_map(|b| problem.fit(candidates, &effects, b, Free::All));
+            fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         })
         .collect();
     keep_better(found, all);
+}
+
+/// A state with nearly no wobble: what is needed grows back, what was only in the way does not.
+fn quieted(state: &State) -> State {
+    let mut quiet = state.clone();
+    for w in &mut quiet.wobbles {
+        (w.sd, w.drive) = (0.03 * w.sd, 0.01 * w.drive);
+    }
+    quiet
 }
 
 /// The better of two fits of a set stays; whether anything became better by what counts.
