@@ -19,6 +19,7 @@ pub mod locate;
 pub mod next;
 pub mod posterior;
 pub mod predict;
+pub mod profiles;
 pub mod report;
 pub mod scale;
 pub mod search;

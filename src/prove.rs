@@ -12,6 +12,7 @@ pub mod case;
 pub mod disturbance;
 pub mod error;
 pub mod faulty;
+pub mod images;
 pub mod judge;
 pub mod motion;
 pub mod observer;

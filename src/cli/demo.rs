@@ -122,7 +122,7 @@ fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError>
     });
     bar.finish_and_clear();
     let found = found.map_err(CliError::run)?;
-    let page = super::diagnose::write_report(out, &found, "hydroline demo")?;
+    let page = super::diagnose::write_report(out, &found, None, "hydroline demo")?;
     let rig_file = out.join("rig-with-what-was-left-out.toml");
     std::fs::write(&rig_file, found.rig.to_toml())
         .map_err(|e| CliError::Run(format!("{}: {e}", rig_file.display())))?;

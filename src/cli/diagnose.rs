@@ -4,13 +4,16 @@ use std::path::{Path, PathBuf};
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
+use crate::diagnose::profiles::{Findings, level};
 use crate::diagnose::verdict::{Verdict, Word};
 use crate::diagnose::{Diagnosis, Source, diagnose, read, report};
+use crate::identify::data::LoadError;
 use crate::identify::report::significant;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables).
+Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or
+images: their stripes say what of camera, sheet, target and water the rig leaves out.
 The verdict is one of none, named, ambiguous, unknown, data_fault. Runs that differ in kind (steps,
 reversals, coast-down, two tones) tell effects apart; constant thrust hardly does.
 
@@ -42,23 +45,41 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
     }
-    let load = |paths: &[PathBuf]| -> Result<Vec<Source>, CliError> {
-        paths
-            .iter()
-            .map(|p| read(p, &rig).map_err(CliError::run))
-            .collect()
-    };
-    let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
     let bar = progress::bar(0, "diagnosing");
-    let found = diagnose(&sources, &held, &rig, &|what: &str| {
+    let tell = |what: &str| {
         bar.set_prefix(what.to_owned());
         bar.inc(1);
-    })
-    .map_err(CliError::run)?;
+    };
+    // What the images show comes first: it needs no pose.
+    let images = level(&args.logs, &rig, &tell).map_err(CliError::run)?;
+    let load = |paths: &[PathBuf]| -> Result<Vec<Source>, CliError> {
+        let mut sources = Vec::new();
+        for path in paths {
+            match read(path, &rig) {
+                Ok(source) => sources.push(source),
+                // Frames alone are what the image level is for.
+                Err(LoadError::NoMotion { .. }) if images.is_some() => {}
+                Err(error) => return Err(CliError::run(error)),
+            }
+        }
+        Ok(sources)
+    };
+    let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
+    let found = match &images {
+        Some(images) if sources.is_empty() => images.alone(&rig),
+        _ => {
+            let mut found = diagnose(&sources, &held, &rig, &tell).map_err(CliError::run)?;
+            if let Some(images) = &images {
+                images.join(&mut found.verdict);
+                found.rig.physics.extend(images.entries.iter().cloned());
+            }
+            found
+        }
+    };
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
     if let Some(dir) = &args.report {
-        let page = write_report(dir, &found, &command())?;
+        let page = write_report(dir, &found, images.as_ref(), &command())?;
         eprintln!("{}", page.display());
     }
     if let Some(path) = &args.write_rig {
@@ -85,9 +106,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 pub(super) fn write_report(
     dir: &Path,
     found: &Diagnosis,
+    images: Option<&Findings>,
     command: &str,
 ) -> Result<PathBuf, CliError> {
-    let pages = report::pages(found, command);
+    let mut pages = report::pages(found, command);
+    if let Some(images) = images {
+        // Before the end of the page.
+        pages.html = pages
+            .html
+            .replacen("</body>", &format!("{}</body>", images.html), 1);
+    }
     let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
     let mut files = vec![("diagnose.html", pages.html), ("diagnose.json", json)];
     if !pages.before_after_svg.is_empty() {

@@ -3,6 +3,7 @@
 use super::print::{out, outln};
 use super::{CliError, Outcome, progress};
 use crate::prove::case::{FULL, parse};
+use crate::prove::images;
 use crate::prove::score::complaint;
 use crate::prove::{
     Category, Judged, ProveError, catalogue, judge, make, run as prove, score, table,
@@ -17,7 +18,8 @@ diagnosis sees the logs only. Then the key is opened. A case costs half a minute
 Examples: hydroline prove                            a tenth of the full set
           hydroline prove --cases 460                the full set
           hydroline prove --category unnamed --cases 8
-          hydroline prove --only single-7            one case: whole verdict and key")]
+          hydroline prove --only single-7            one case: whole verdict and key
+          hydroline prove --images 70                rendered runs with an effect of camera, sheet, target or water")]
 pub struct Args {
     /// Number of cases, in the proportions of the full set of 460 (with --category: of that kind)
     #[arg(long, default_value_t = FULL / 10, value_name = "N")]
@@ -31,6 +33,9 @@ pub struct Args {
     /// One case by its id, with its whole verdict and its key (as one JSON object)
     #[arg(long, value_name = "ID", conflicts_with_all = ["cases", "category"])]
     only: Option<String>,
+    /// This many image-level cases instead: six effects and none in turn
+    #[arg(long, value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
+    images: Option<usize>,
     /// Without the ideal observer: faster, and sets that the data cannot split count as errors
     #[arg(long)]
     no_ideal: bool,
@@ -49,6 +54,9 @@ fn sorted(error: ProveError) -> CliError {
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(id) = &args.only {
         return only(args, id);
+    }
+    if let Some(count) = args.images {
+        return images(args, count);
     }
     let ids = catalogue(args.cases, args.category);
     let bar = progress::bar(ids.len() as u64, "cases");
@@ -73,6 +81,26 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             judged.len(),
             started.elapsed().as_secs_f64()
         );
+    }
+    Ok(Outcome::Done)
+}
+
+fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
+    let bar = progress::bar(count as u64, "image cases");
+    let indices: Vec<usize> = (0..count).collect();
+    let done = |j: &images::ImageJudged| {
+        if let Some(line) = images::complaint(j) {
+            bar.suspend(|| eprintln!("{line}"));
+        }
+        bar.inc(1);
+    };
+    let judged = images::run(args.seed, &indices, &done).map_err(sorted)?;
+    bar.finish_and_clear();
+    if args.json {
+        let object = serde_json::json!({ "seed": args.seed, "images": judged });
+        outln!("{object}");
+    } else {
+        out!("{}", images::words(&judged));
     }
     Ok(Outcome::Done)
 }

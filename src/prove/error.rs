@@ -34,6 +34,14 @@ pub enum ProveError {
         /// Why.
         source: DiagnoseError,
     },
+    /// An image-level case.
+    #[error("image-{index}: {reason}")]
+    Images {
+        /// Number.
+        index: usize,
+        /// Why.
+        reason: String,
+    },
     /// No case of the asked kind found.
     #[error(
         "{id}: no draw in {tries} gave what the category asks for (last: {last}); take another --seed"

@@ -1,0 +1,65 @@
+//! Evidence of a Gaussian problem: a quadratic log likelihood under a normal prior.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// log likelihood about 0: c + bᵀx − xᵀAx/2.
+#[derive(Debug, Clone)]
+pub struct Quadratic {
+    /// A.
+    pub a: DMatrix<f64>,
+    /// b.
+    pub b: DVector<f64>,
+    /// c.
+    pub c: f64,
+}
+
+/// Inverse of a covariance and half its log determinant; `None` where it is no covariance.
+pub fn precision(k: DMatrix<f64>) -> Option<(DMatrix<f64>, f64)> {
+    let l = Cholesky::new(k)?;
+    let half = half_log_det(&l);
+    Some((l.inverse(), half))
+}
+
+/// log √|A|.
+pub fn half_log_det(l: &Cholesky<f64, Dyn>) -> f64 {
+    (0..l.l_dirty().nrows())
+        .map(|i| l.l_dirty()[(i, i)].ln())
+        .sum()
+}
+
+impl Quadratic {
+    /// Most probable point, log evidence and posterior precision's factor under a prior with this
+    /// precision; `half_log_k` = half the log determinant of the prior's covariance.
+    pub fn solved(
+        &self,
+        prior: &DMatrix<f64>,
+        half_log_k: f64,
+    ) -> Option<(DVector<f64>, f64, Cholesky<f64, Dyn>)> {
+        let l = Cholesky::new(&self.a + prior)?;
+        let x = l.solve(&self.b);
+        let value = self.c + 0.5 * self.b.dot(&x) - half_log_det(&l) - half_log_k;
+        value.is_finite().then_some((x, value, l))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// One number measured once: evidence is the density of the measurement, N(y; 0, s² + k).
+    #[test]
+    fn evidence_of_one_number() {
+        let (y, s, k) = (1.3f64, 0.4f64, 2.0f64);
+        let log_normal = |x: f64, v: f64| -0.5 * (x * x / v + v.ln() + std::f64::consts::TAU.ln());
+        let q = Quadratic {
+            a: DMatrix::from_element(1, 1, 1.0 / (s * s)),
+            b: DVector::from_element(1, y / (s * s)),
+            c: log_normal(y, s * s),
+        };
+        let (p, half) = precision(DMatrix::from_element(1, 1, k)).unwrap();
+        let (x, value, _) = q.solved(&p, half).unwrap();
+        assert!((value - log_normal(y, s * s + k)).abs() < 1e-12, "{value}");
+        assert!((x[0] - y * k / (k + s * s)).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,117 @@
+//! Diagnosis at image level: the logs of an independent renderer, and a fixed handful of our own.
+//! The key is read here and nowhere else.
+
+#![allow(clippy::unwrap_used)] // a test
+
+use hydroline::diagnose::profiles::{Findings, level};
+use hydroline::diagnose::verdict::Word;
+use hydroline::prove::images;
+use hydroline_rigs::Rig;
+use std::path::{Path, PathBuf};
+
+fn shared() -> Option<PathBuf> {
+    let dir = std::env::var_os("HYDROLINE_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    );
+    let images = dir.join("cases/images");
+    let there = images.join("effects/key.json").exists();
+    if !there {
+        println!(
+            "skipped: {} is not there; set HYDROLINE_SHARED",
+            images.display()
+        );
+    }
+    there.then_some(images)
+}
+
+fn found(path: &Path) -> Findings {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let found = level(&[path.to_owned()], &rig, &|_| {}).unwrap().unwrap();
+    println!("{}: {}", path.display(), found.sentence());
+    found
+}
+
+/// The four logs with a true flat port, a tilted sheet, a larger target, and nothing.
+#[test]
+fn the_independent_effects_are_named_with_their_numbers() {
+    let Some(images) = shared() else { return };
+    let text = std::fs::read_to_string(images.join("effects/key.json")).unwrap();
+    let key: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for (log, truth) in key.as_object().unwrap() {
+        let found = found(&images.join(format!("effects/{log}.mcap")));
+        let truth = truth.as_object().unwrap();
+        let named: Vec<&str> = found.effects.iter().map(|e| e.effect.as_str()).collect();
+        let wanted: Vec<&str> = truth.keys().map(String::as_str).collect();
+        assert_eq!(named, wanted, "{log}");
+        let word = if wanted.is_empty() {
+            Word::None
+        } else {
+            Word::Named
+        };
+        assert_eq!(found.word, word, "{log}");
+        for (effect, values) in found.effects.iter().zip(truth.values()) {
+            // Written as a list in the order of the registry's parameters, or as one number; the
+            // tilt's are tangents.
+            let values: Vec<f64> = match values {
+                serde_json::Value::Array(list) => {
+                    list.iter().map(|v| v.as_f64().unwrap()).collect()
+                }
+                one => vec![one.as_f64().unwrap()],
+            };
+            let info = hydroline_sim::effect::find(&effect.effect).unwrap();
+            for (p, value) in info.parameters.iter().zip(values) {
+                let value = if p.unit == "rad" { value.atan() } else { value };
+                let got = effect.parameters[p.name];
+                let z = (got.value - value) / got.sd.unwrap();
+                println!(
+                    "  {} {} = {:.6}, key {value:.6}, z {z:.2}",
+                    effect.effect, p.name, got.value
+                );
+                assert!(z.abs() < 3.0, "{log}: {} = {got:?}, key {value}", p.name);
+            }
+        }
+        // Held-out frames: their rows fit to the noise.
+        let (after, noise) = (
+            found.fit.held_out.after["row_px"],
+            found.fit.held_out.noise["row_px"],
+        );
+        assert!(
+            after <= 1.2 * noise,
+            "{log}: {after} px held out, noise {noise}"
+        );
+    }
+}
+
+#[test]
+fn undisturbed_logs_of_the_independent_renderer_give_nothing() {
+    let Some(images) = shared() else { return };
+    for log in [
+        "surge-4n",
+        "surge-4n-disturbed",
+        "heave",
+        "roll",
+        "pitch",
+        "yaw",
+    ] {
+        let found = found(&images.join(format!("{log}.mcap")));
+        assert_eq!(found.word, Word::None, "{log}");
+        assert!(found.effects.is_empty(), "{log}: {:?}", found.effects);
+    }
+}
+
+/// One sealed case of each kind; `hydroline prove --images 70` makes more.
+#[test]
+fn a_handful_of_our_own_cases() {
+    let judged = images::run(2, &[0, 1, 3, 4, 5, 6], &|_| {}).unwrap();
+    for line in judged.iter().filter_map(images::complaint) {
+        println!("{line}");
+    }
+    println!("{}", images::words(&judged));
+    assert!(judged.iter().filter(|j| j.right).count() >= 6);
+    assert!(
+        judged[6].found.is_empty(),
+        "nothing is there: {:?}",
+        judged[6]
+    );
+}
