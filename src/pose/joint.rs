@@ -8,7 +8,8 @@
 use super::initial::{self, Guess};
 use super::outline::Surfaces;
 use super::photometric::{
-    self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
+    self, BACKGROUND, BRIGHTNESS, Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums,
+    THICKNESS, Weighting,
 };
 use super::segments::{self, Caveat, Levels, SegmentError};
 use super::sheet::SheetTable;
@@ -40,6 +41,24 @@ const MISFIT: f64 = 4.0;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
+/// A fit has settled where a full step would gain this much twice the cost: (1/50 sd)².
+const SETTLED: f64 = 4e-4;
+/// Places are told apart, and a pose is first settled, on some of the columns.
+const TO_CHOOSE: Choice = Choice {
+    step: 3,
+    keep: 4,
+    room_m: 0.003,
+};
+const TO_APPROACH: Choice = Choice {
+    step: 2,
+    keep: 3,
+    room_m: 0.003,
+};
+/// After that it moves by its sd.
+const TO_FINISH: Choice = Choice {
+    room_m: 0.001,
+    ..Choice::ALL
+};
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
@@ -47,8 +66,6 @@ const GUESSES_NEAR: usize = 10;
 const GUESSES_ANYWHERE: usize = 60;
 /// Tops this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
-/// Places are told apart by every third column: each edge crosses several.
-const COLUMNS_TO_CHOOSE: usize = 3;
 
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
@@ -436,10 +453,11 @@ impl PoseFitter {
         held[4] = free[4] && tall;
         let tries = if tall { 6 } else { 2 };
         let judged = |start: State| {
-            let plan = self.model.plan_every(&start, COLUMNS_TO_CHOOSE).thinned(4);
+            let plan = self.model.plan(&start, TO_CHOOSE);
+            let none = &mut Doubts::default();
             let sums = self
                 .model
-                .compare(&plan, &image.pixels, &start, &weighting, false);
+                .compare(&plan, &image.pixels, &start, &weighting, none, false);
             (sums.cost / sums.pixels.max(1) as f64, start, plan)
         };
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
@@ -454,15 +472,19 @@ impl PoseFitter {
             redescending: false,
             ..weighting
         };
+        first.retain(|f| f.0 <= limit);
+        if let [(_, only, _)] = first.as_slice() {
+            return Some(*only);
+        }
         let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
-            .filter(|f| f.0 <= limit)
             .filter_map(|(_, start, plan)| {
+                let none = &mut Doubts::default();
                 let (state, _) =
-                    self.settle(&self.model, &plan, image, start, &held, &huber, tries)?;
-                let sums = self
-                    .model
-                    .compare(&plan, &image.pixels, &state, &weighting, false);
+                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
+                let sums =
+                    self.model
+                        .compare(&plan, &image.pixels, &state, &weighting, none, false);
                 let pixels = sums.pixels.max(1) as f64;
                 Some((sums.cost / pixels, state, pixels))
             })
@@ -470,7 +492,7 @@ impl PoseFitter {
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let [best, next, ..] = tried.as_slice() {
             let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            if other && (next.0 - best.0) * best.2 * (COLUMNS_TO_CHOOSE as f64) < CLEAR_COST {
+            if other && (next.0 - best.0) * best.2 * (TO_CHOOSE.step as f64) < CLEAR_COST {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }
@@ -493,18 +515,38 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let plan = model.plan_every(&start, 2).thinned(3);
+        let plan = model.plan(&start, TO_APPROACH);
+        let mut doubts = Doubts::default();
         let (state, sums) = self
-            .settle(model, &plan, image, start, &free, &weighting, 4)
+            .settle(
+                model,
+                &plan,
+                image,
+                start,
+                &free,
+                &weighting,
+                &mut doubts,
+                4,
+            )
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
         weighting.cut = CUT;
         weighting.redescending = true;
-        let mut plan = model.plan(&state);
-        let edge_doubt = model.doubt_edges(&mut plan, &image.pixels, &state, weighting.noise_sd);
+        let edge_doubt = sums.edge_doubt(weighting.noise_sd);
+        doubts.share = Some(edge_doubt);
+        let plan = model.plan(&state, TO_FINISH);
         let (state, sums) = self
-            .settle(model, &plan, image, state, &free, &weighting, ITERATIONS)
+            .settle(
+                model,
+                &plan,
+                image,
+                state,
+                &free,
+                &weighting,
+                &mut doubts,
+                ITERATIONS,
+            )
             .ok_or(PoseFault::Unsettled)?;
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
@@ -534,7 +576,7 @@ impl PoseFitter {
         })
     }
 
-    /// Levenberg–Marquardt on the free parameters.
+    /// Levenberg–Marquardt on the free parameters: the state, and the sums within a fiftieth of an sd of it.
     #[allow(clippy::too_many_arguments)]
     fn settle(
         &self,
@@ -544,10 +586,11 @@ impl PoseFitter {
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
+        doubts: &mut Doubts,
         iterations: usize,
     ) -> Option<(State, Sums)> {
         let mut state = start;
-        let mut sums = model.compare(plan, &image.pixels, &state, weighting, true);
+        let mut sums = model.compare(plan, &image.pixels, &state, weighting, doubts, true);
         let mut damping = 1e-9;
         for _ in 0..iterations {
             let valley = Valley::new(&state.pose, &self.mounts);
@@ -558,25 +601,23 @@ impl PoseFitter {
                 damping *= 100.0;
                 continue;
             }
-            let tried = model.compare(plan, &image.pixels, &next, weighting, true);
             // Twice the cost that a full step would still gain = the squared way to go, in sds.
             let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
+            if expected < SETTLED {
+                // So little is left that the step need not be looked at.
+                state = next;
+                break;
+            }
+            let tried = model.compare(plan, &image.pixels, &next, weighting, doubts, true);
             if tried.cost <= sums.cost + 1e-9 * sums.cost.abs() {
                 state = next;
                 sums = tried;
                 damping = (damping * 0.1).max(1e-12);
-                // 4e-4 = a fiftieth of an sd.
-                if expected < 4e-4 {
-                    break;
-                }
             } else {
                 if damping > 1e3 {
                     break;
                 }
                 damping *= 30.0;
-                if expected < 4e-4 {
-                    break;
-                }
             }
         }
         (sums.pixels > 200).then_some((state, sums))

@@ -1,6 +1,73 @@
 //! The normal distribution in one and two dimensions.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::sync::LazyLock;
+
+/// Nodes per unit of the tables.
+const PER_UNIT: f64 = 32.0;
+/// Beyond this Φ is 0 or 1 to 1e-15.
+const NORMAL_END: f64 = 8.0;
+/// Beyond this exp(−a) counts as zero.
+const EXP_END: f64 = 15.0;
+
+/// Φ, φ and exp(−a) by a Taylor series of third order about the nearest of 32 nodes per unit:
+/// error below 4e-9, in a tenth of the time of the functions themselves, of which a frame needs 10⁵.
+pub(super) struct Tables {
+    /// Φ and φ from −8 to 8.
+    normal: Vec<[f64; 2]>,
+    /// exp(−a) from 0 to 15.
+    exp: Vec<f64>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let nodes = (2.0 * NORMAL_END * PER_UNIT) as usize + 2;
+    let x = |k: usize| k as f64 / PER_UNIT - NORMAL_END;
+    Tables {
+        normal: (0..nodes)
+            .map(|k| [cumulative(x(k)), density(x(k))])
+            .collect(),
+        exp: (0..(EXP_END * PER_UNIT) as usize + 2)
+            .map(|k| (-(k as f64) / PER_UNIT).exp())
+            .collect(),
+    }
+});
+
+impl Tables {
+    pub fn get() -> &'static Tables {
+        &TABLES
+    }
+
+    /// Φ(x), φ(x).
+    #[inline]
+    pub fn normal(&self, x: f64) -> (f64, f64) {
+        let inside = x.abs() < NORMAL_END;
+        if !inside {
+            return (if x > 0.0 { 1.0 } else { 0.0 }, 0.0);
+        }
+        let k = ((x + NORMAL_END) * PER_UNIT + 0.5) as u32;
+        let node = f64::from(k) / PER_UNIT - NORMAL_END;
+        let d = x - node;
+        let [share, slope] = self.normal[k as usize];
+        // d²φ/dx² = (x² − 1)φ, d³φ/dx³ = −x(x² − 3)φ.
+        let second = node * node - 1.0;
+        (
+            share + slope * d * (1.0 - d * (0.5 * node - d * second / 6.0)),
+            slope * (1.0 - d * (node - d * (0.5 * second - d * node * (second - 2.0) / 6.0))),
+        )
+    }
+
+    /// exp(−a) for a ≥ 0; zero from a = 15 on.
+    #[inline]
+    pub fn exp(&self, a: f64) -> f64 {
+        let inside = (0.0..EXP_END).contains(&a);
+        if !inside {
+            return 0.0;
+        }
+        let k = (a * PER_UNIT + 0.5) as u32;
+        let d = a - f64::from(k) / PER_UNIT;
+        self.exp[k as usize] * (1.0 - d * (1.0 - d * (0.5 - d / 6.0)))
+    }
+}
 
 /// Density of N(0, 1).
 pub(super) fn density(x: f64) -> f64 {
@@ -18,6 +85,7 @@ pub(super) fn cumulative(x: f64) -> f64 {
 /// by ten Gauss–Legendre points: error below 1e-7 for |ρ| ≤ 0.97; beyond, ρ is held there, where
 /// a corner is so sharp or so blunt that one of its edges decides.
 pub(super) fn cumulative2(h: f64, k: f64, rho: f64) -> f64 {
+    let tables = Tables::get();
     const NODES: [(f64, f64); 5] = [
         (0.148_874_338_981_631_2, 0.295_524_224_714_752_9),
         (0.433_395_394_129_247_2, 0.269_266_719_309_996_4),
@@ -30,15 +98,31 @@ pub(super) fn cumulative2(h: f64, k: f64, rho: f64) -> f64 {
     for (node, weight) in NODES {
         for sign in [-1.0, 1.0] {
             let sin = (0.5 * end * (1.0 + sign * node)).sin();
-            sum += weight * (-0.5 * (h * h + k * k - 2.0 * h * k * sin) / (1.0 - sin * sin)).exp();
+            sum +=
+                weight * tables.exp(0.5 * (h * h + k * k - 2.0 * h * k * sin) / (1.0 - sin * sin));
         }
     }
-    (cumulative(h) * cumulative(k) + sum * 0.5 * end / (2.0 * PI)).clamp(0.0, 1.0)
+    (tables.normal(h).0 * tables.normal(k).0 + sum * 0.5 * end / (2.0 * PI)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tables_are_the_functions() {
+        let tables = Tables::get();
+        for k in -10_000..10_000 {
+            let x = f64::from(k) * 9.1e-4;
+            let (share, slope) = tables.normal(x);
+            assert!((share - cumulative(x)).abs() < 1e-8, "{x}: {share}");
+            assert!((slope - density(x)).abs() < 1e-8, "{x}: {slope}");
+            let a = x.abs() * 1.6;
+            assert!((tables.exp(a) - (-a).exp()).abs() < 4e-7, "{a}");
+        }
+        assert_eq!(tables.normal(f64::NAN), (0.0, 0.0));
+        assert_eq!(tables.exp(f64::NAN), 0.0);
+    }
 
     #[test]
     fn known_values() {

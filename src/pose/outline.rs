@@ -30,11 +30,17 @@ impl Edge {
         self.along[0] * (p[0] - self.from_m[0]) + self.along[1] * (p[1] - self.from_m[1])
     }
 
-    /// Distance of a point from the edge itself \[m\].
-    pub fn distance_m(&self, p: [f64; 2]) -> f64 {
+    /// Distance of a point from the edge itself, squared \[m²\].
+    pub fn distance2_m2(&self, p: [f64; 2]) -> f64 {
         let along = self.along_m(p);
         let beyond = (-along).max(along - self.length_m).max(0.0);
-        self.inside_m(p).hypot(beyond)
+        let inside = self.inside_m(p);
+        inside * inside + beyond * beyond
+    }
+
+    /// Distance of a point from the edge itself \[m\].
+    pub fn distance_m(&self, p: [f64; 2]) -> f64 {
+        self.distance2_m2(p).sqrt()
     }
 }
 
