@@ -20,7 +20,10 @@ const MATCH_RMS_M: f64 = 0.0025;
 const SAME_M: f64 = 0.003;
 const SAME_RAD: f64 = 0.01;
 /// A start that comes this near to a place that another has settled at will settle there too.
-const JOINED: f64 = 0.1;
+const JOINED: f64 = 0.5;
+/// A start whose steps are still this far from their edges after some steps leads nowhere \[m\].
+const LOST_M: f64 = 0.02;
+const STEPS_TO_BE_LOST: usize = 4;
 
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,18 +114,18 @@ fn settle(
     known: impl Fn(&Pose) -> bool,
 ) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
-    for _ in 0..8 {
+    for step in 0..8 {
         let rotation = pose.body_to_tank_rotation();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
         let mut sum = 0.0;
-        for (step, top) in steps {
-            let arm =
-                rotation * hydroline_calib::frames::plane_to_body(mounts, step.xi_m, step.eta_m);
+        for (measured, top) in steps {
+            let arm = rotation
+                * hydroline_calib::frames::plane_to_body(mounts, measured.xi_m, measured.eta_m);
             let p = [pose.x_m + arm.x, pose.y_m + arm.y];
             // To starboard of this step the top ends: the inward normal looks to port, −Y turned by ψ.
             let port = [pose.psi_rad.sin(), -pose.psi_rad.cos()];
-            let sign = if step.to_starboard { 1.0 } else { -1.0 };
+            let sign = if measured.to_starboard { 1.0 } else { -1.0 };
             let (square, edge) = nearest_facing(&top.outline, p, port.map(|n| sign * n))?;
             let d = edge.inside_m(p);
             let [nx, ny] = edge.inward;
@@ -132,7 +135,7 @@ fn settle(
             sum += square;
         }
         rms_m = (sum / steps.len() as f64).sqrt();
-        let move_by = a.lu().solve(&b)?;
+        let move_by = a.cholesky()?.solve(&b);
         let size = (move_by.x.hypot(move_by.y) / 0.03)
             .max(move_by.z.abs() / 0.15)
             .max(1.0);
@@ -142,7 +145,7 @@ fn settle(
         if move_by.norm() < 1e-7 {
             break;
         }
-        if known(&pose) {
+        if known(&pose) || (step >= STEPS_TO_BE_LOST && rms_m > LOST_M) {
             return None;
         }
     }
@@ -154,9 +157,8 @@ fn nearest_facing(outline: &Outline, p: [f64; 2], side: [f64; 2]) -> Option<(f64
     let mut best: Option<(f64, &Edge)> = None;
     for e in &outline.edges {
         let least = best.map_or(f64::INFINITY, |b| b.0);
-        let beside = (e.from_m[0].min(e.to_m[0]) - p[0])
-            .max(p[0] - e.from_m[0].max(e.to_m[0]))
-            .max(0.0);
+        let [low, high] = e.x_range_m();
+        let beside = (low - p[0]).max(p[0] - high).max(0.0);
         if beside * beside >= least || side[0] * e.inward[0] + side[1] * e.inward[1] <= 0.1 {
             continue;
         }

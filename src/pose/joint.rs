@@ -41,17 +41,23 @@ const MISFIT: f64 = 4.0;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
-/// A fit has settled where a full step would gain this much twice the cost: (1/50 sd)².
-const SETTLED: f64 = 4e-4;
+/// The squared way to go, in sds, from which one more step is enough without looking at it again:
+/// a fit of grey levels comes nearer by a factor of ten at each. What is only a start for the next
+/// fit need not come as near.
+const SETTLED: f64 = 0.04;
+const APPROACHED: f64 = 1.0;
+/// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
+/// is kinks of the light at corners.
+const KINKS: f64 = 0.1;
 /// Places are told apart, and a pose is first settled, on some of the columns.
 const TO_CHOOSE: Choice = Choice {
-    step: 3,
-    keep: 4,
+    step: 5,
+    keep: 3,
     room_m: 0.003,
 };
 const TO_APPROACH: Choice = Choice {
-    step: 2,
-    keep: 3,
+    step: 3,
+    keep: 2,
     room_m: 0.003,
 };
 /// After that it moves by its sd.
@@ -452,13 +458,24 @@ impl PoseFitter {
         let mut held = *free;
         held[4] = free[4] && tall;
         let tries = if tall { 6 } else { 2 };
+        let huber = Weighting {
+            cut: 4.0,
+            redescending: false,
+            ..weighting
+        };
+        // A start is judged by the cost that it would come down to if the light were linear in what
+        // is free: half the gradient's way (Gauss–Newton) below its own.
         let judged = |start: State| {
             let plan = self.model.plan(&start, TO_CHOOSE);
             let none = &mut Doubts::default();
             let sums = self
                 .model
-                .compare(&plan, &image.pixels, &start, &weighting, none, false);
-            (sums.cost / sums.pixels.max(1) as f64, start, plan)
+                .compare(&plan, &image.pixels, &start, &huber, none, true);
+            let turned = Valley::new(&start.pose, &self.mounts).turn(&sums);
+            let gain = solve(&turned, &held, 1e-9).map_or(0.0, |s| 0.5 * s.dot(&turned.gradient));
+            let least = 0.1 * sums.cost;
+            let pixels = sums.pixels.max(1) as f64;
+            ((sums.cost - gain).max(least) / pixels, start, plan)
         };
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -467,11 +484,6 @@ impl PoseFitter {
         let limit = first
             .first()
             .map_or(0.0, |f| if tall { f64::INFINITY } else { 3.0 * f.0 });
-        let huber = Weighting {
-            cut: 4.0,
-            redescending: false,
-            ..weighting
-        };
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {
             return Some(*only);
@@ -480,8 +492,16 @@ impl PoseFitter {
             .into_iter()
             .filter_map(|(_, start, plan)| {
                 let none = &mut Doubts::default();
-                let (state, _) =
-                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
+                let (state, _) = self.settle(
+                    &self.model,
+                    &plan,
+                    image,
+                    start,
+                    &held,
+                    &huber,
+                    none,
+                    (tries, SETTLED),
+                )?;
                 let sums =
                     self.model
                         .compare(&plan, &image.pixels, &state, &weighting, none, false);
@@ -526,7 +546,7 @@ impl PoseFitter {
                 &free,
                 &weighting,
                 &mut doubts,
-                4,
+                (6, APPROACHED),
             )
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
@@ -534,7 +554,10 @@ impl PoseFitter {
         weighting.cut = CUT;
         weighting.redescending = true;
         let edge_doubt = sums.edge_doubt(weighting.noise_sd);
-        doubts.share = Some(edge_doubt);
+        let factor = std::env::var("POSE_FACTOR")
+            .ok()
+            .and_then(|v| v.parse().ok());
+        doubts.share = Some(edge_doubt * factor.unwrap_or(model.shared_px2().sqrt()));
         let plan = model.plan(&state, TO_FINISH);
         let (state, sums) = self
             .settle(
@@ -545,7 +568,7 @@ impl PoseFitter {
                 &free,
                 &weighting,
                 &mut doubts,
-                ITERATIONS,
+                (ITERATIONS, SETTLED),
             )
             .ok_or(PoseFault::Unsettled)?;
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
@@ -576,7 +599,8 @@ impl PoseFitter {
         })
     }
 
-    /// Levenberg–Marquardt on the free parameters: the state, and the sums within a fiftieth of an sd of it.
+    /// Levenberg–Marquardt on the free parameters, in so many steps at most and so near to the end:
+    /// the state, and the sums that near to it.
     #[allow(clippy::too_many_arguments)]
     fn settle(
         &self,
@@ -587,7 +611,7 @@ impl PoseFitter {
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
         doubts: &mut Doubts,
-        iterations: usize,
+        (iterations, settled): (usize, f64),
     ) -> Option<(State, Sums)> {
         let mut state = start;
         let mut sums = model.compare(plan, &image.pixels, &state, weighting, doubts, true);
@@ -603,18 +627,18 @@ impl PoseFitter {
             }
             // Twice the cost that a full step would still gain = the squared way to go, in sds.
             let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
-            if expected < SETTLED {
+            if expected < settled {
                 // So little is left that the step need not be looked at.
                 state = next;
                 break;
             }
             let tried = model.compare(plan, &image.pixels, &next, weighting, doubts, true);
-            if tried.cost <= sums.cost + 1e-9 * sums.cost.abs() {
+            if tried.cost <= sums.cost * (1.0 + 1e-7) {
                 state = next;
                 sums = tried;
                 damping = (damping * 0.1).max(1e-12);
             } else {
-                if damping > 1e3 {
+                if damping > 1e3 || expected < KINKS {
                     break;
                 }
                 damping *= 30.0;

@@ -16,6 +16,7 @@ mod bulk;
 mod passing;
 mod plan;
 mod sums;
+mod torn;
 mod turned;
 
 pub(super) use plan::{Choice, Plan};
@@ -26,10 +27,11 @@ use super::outline::Surfaces;
 use super::sheet::SheetTable;
 use hydroline_calib::Pose;
 use nalgebra::{SMatrix, SVector};
-use passing::{Doubt, Look, Stripe};
+use passing::{Doubt, Look};
 use plan::{Strip, groups};
 use std::sync::Arc;
 use sums::{ALL, BULK, Counter};
+use torn::Scratch;
 use turned::{Ray, Turned};
 
 /// x, y, z, φ, θ, ψ, brightness, thickness, background.
@@ -101,6 +103,13 @@ impl Photometric {
         }
     }
 
+    /// Pixels that share one deviation of an edge: what is wrong with its place, in the world or in
+    /// the forming of the image, comes through the same point spread as its light, so that
+    /// neighbours deviate together; a Gaussian of variance b² per axis has the area 4πb².
+    pub fn shared_px2(&self) -> f64 {
+        4.0 * std::f64::consts::PI * self.spread_px2
+    }
+
     /// The same camera and light over a bare floor.
     pub fn bare(&self) -> Self {
         Photometric {
@@ -132,22 +141,40 @@ impl Photometric {
         let mut doubted = doubts.of_pixels.iter();
         let mut found = Vec::new();
         let share = doubts.share.filter(|_| doubts.of_pixels.is_empty());
+        // Of one pixel after the other.
+        let mut doubt_sd = |doubt: &Doubt| match share {
+            Some(share) => {
+                let sd = (share * doubt.edge).hypot(doubt.corner) as f32;
+                found.push(sd);
+                f64::from(sd)
+            }
+            None => doubted.next().map_or(0.0, |sd| f64::from(*sd)),
+        };
+        let mut scratch = Scratch::default();
         for strips in groups(&plan.strips) {
             let cut = strips.iter().any(Strip::cut);
             if let ([strip], false) = (strips, cut) {
                 self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
                 continue;
             }
+            if strips.iter().all(|s| s.simple) {
+                self.compare_torn(
+                    &turned,
+                    plan,
+                    strips,
+                    pixels,
+                    state,
+                    derivatives,
+                    &mut counter,
+                    &mut scratch,
+                    &mut doubt_sd,
+                );
+                continue;
+            }
             self.each_row(&turned, plan, state, strips, |row, light| {
-                let doubt_sd = match share {
-                    Some(share) if cut => {
-                        let sd = light
-                            .as_ref()
-                            .map_or(0.0, |l| (share * l.doubt.edge).hypot(l.doubt.corner) as f32);
-                        found.push(sd);
-                        sd
-                    }
-                    None if cut => doubted.next().copied().unwrap_or(0.0),
+                let doubt_sd = match (cut, &light) {
+                    (true, Some(light)) => doubt_sd(&light.doubt),
+                    (true, None) => doubt_sd(&Doubt::default()),
                     _ => 0.0,
                 };
                 let (Some(light), Some(&grey)) = (
@@ -158,8 +185,7 @@ impl Photometric {
                 };
                 let judged = if cut {
                     let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
-                    let sd = f64::from(doubt_sd);
-                    counter.edge(grey, light.level, state.background, torn, sd)
+                    counter.edge(grey, light.level, state.background, torn, doubt_sd)
                 } else {
                     counter.bulk(grey, light.level, state.background)
                 };
@@ -252,16 +278,13 @@ impl Photometric {
 
     /// Laser light of one pixel.
     fn light(&self, look: &Look<'_>, state: &State, strips: &[Strip]) -> Option<Light> {
-        let lever = self.table.lever_m;
         let sigma = state.thickness_m;
         let mut out = Light::default();
         for strip in strips {
             let hit = self.hit(look.turned, look.ray, self.height(strip.level))?;
-            let s = lever * (hit.t - 1.0);
-            let s_slope = [lever * hit.t_slope[0], lever * hit.t_slope[1]];
-            let total2 = sigma * sigma
-                + self.spread_px2 * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]);
-            let of_total2 = 1.0 / total2;
+            let stripe = self.stripe(&hit, state);
+            let s = stripe.s;
+            let of_total2 = 1.0 / stripe.total2;
             let exponent = 0.5 * s * s * of_total2;
             if exponent.is_nan() {
                 return None;
@@ -271,18 +294,9 @@ impl Photometric {
             }
             let bare =
                 self.albedo(strip.level) * sigma * of_total2.sqrt() * look.tables.exp(exponent);
-            let ds = hit.dt.map(|d| lever * d);
             let mut share = 1.0;
             let full = state.brightness * bare;
             if strip.cut() {
-                let stripe = Stripe {
-                    s,
-                    s_slope,
-                    ds,
-                    total2,
-                    sigma,
-                    spread: self.spread_px2,
-                };
                 let passing = self.passing(look, strip, &hit, &stripe);
                 share = passing.share;
                 out.doubt.corner += full * passing.unsure;
@@ -300,7 +314,7 @@ impl Photometric {
             }
             let light = full * share;
             out.level += light;
-            for (k, ds) in ds.iter().enumerate() {
+            for (k, ds) in stripe.ds.iter().enumerate() {
                 out.j[2 + k] -= light * s * of_total2 * ds;
             }
             out.j[BRIGHTNESS] += bare * share;

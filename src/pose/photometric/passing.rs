@@ -3,7 +3,7 @@
 use super::Photometric;
 use super::plan::{Cut, Near, Plan, Strip};
 use super::turned::{EdgeTurned, Hit, Ray, Turned, dot};
-use crate::pose::normal::{Tables, cumulative2};
+use crate::pose::normal::{Pair, Tables};
 use crate::pose::outline::{Edge, Outline};
 
 /// How much of the light of a pixel passes, with what moves it.
@@ -81,13 +81,13 @@ pub(super) struct Stripe {
 }
 
 /// The distance from an edge in units of its spread, given the stripe's light.
-struct Standard {
-    x: f64,
+pub(super) struct Standard {
+    pub x: f64,
     sd: f64,
     slope: [f64; 2],
     mixed: f64,
-    dx: [f64; 6],
-    dx_thickness: f64,
+    pub dx: [f64; 6],
+    pub dx_thickness: f64,
 }
 
 /// All that a pixel's shares are found from.
@@ -108,7 +108,7 @@ impl Photometric {
         stripe: &Stripe,
     ) -> Passing {
         let mut passing = Passing::ALL;
-        for cut in &look.plan.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize] {
+        for cut in look.plan.cuts(strip) {
             if passing.share == 0.0 {
                 break;
             }
@@ -234,7 +234,7 @@ impl Photometric {
     }
 }
 
-fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe) -> Standard {
+pub(super) fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe) -> Standard {
     // What a body direction adds to the distance.
     let row = &edge.row;
     let toward = dot(row, &ray.sight);
@@ -287,7 +287,7 @@ impl Standard {
 }
 
 /// An edge this many spreads away decides nothing at a corner.
-const FAR: f64 = 5.5;
+pub(super) const FAR: f64 = 5.5;
 
 /// Two edges at a corner: inside both (convex) or either (concave).
 fn corner(
@@ -307,28 +307,27 @@ fn corner(
     if idle(h) {
         return second.alone(tables);
     }
-    let across =
-        stripe.spread * (first.slope[0] * second.slope[0] + first.slope[1] * second.slope[1]);
-    let rho = ((across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd))
-        .clamp(-0.97, 0.97);
-    let both = cumulative2(h, k, rho);
-    let across_sd = (1.0 - rho * rho).sqrt();
-    let ((below_h, at_h), (below_k, at_k)) = (tables.normal(h), tables.normal(k));
-    let mut by_first = at_h * tables.normal((k - rho * h) / across_sd).0;
-    let mut by_second = at_k * tables.normal((h - rho * k) / across_sd).0;
-    let mut share = both;
-    if !convex {
-        share = (below_h + below_k - both).clamp(0.0, 1.0);
-        by_first = at_h - by_first;
-        by_second = at_k - by_second;
-    }
+    let pair = Pair::new(correlation(first, second, stripe));
+    let found = if convex {
+        pair.below(h, k, tables)
+    } else {
+        pair.either(h, k, tables)
+    };
+    let [a, b] = found.by;
     Passing {
-        share,
-        by_pose: std::array::from_fn(|i| by_first * first.dx[i] + by_second * second.dx[i]),
-        by_thickness: by_first * first.dx_thickness + by_second * second.dx_thickness,
+        share: found.share,
+        by_pose: std::array::from_fn(|i| a * first.dx[i] + b * second.dx[i]),
+        by_thickness: a * first.dx_thickness + b * second.dx_thickness,
         unsure: 0.0,
         torn: true,
     }
+}
+
+/// Of the distances from two edges, given the stripe's light.
+pub(super) fn correlation(first: &Standard, second: &Standard, stripe: &Stripe) -> f64 {
+    let across =
+        stripe.spread * (first.slope[0] * second.slope[0] + first.slope[1] * second.slope[1]);
+    (across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd)
 }
 
 /// The upright edge of a slab's silhouette nearest to where a ray passes, and the corner it stands
