@@ -554,10 +554,7 @@ impl PoseFitter {
         weighting.cut = CUT;
         weighting.redescending = true;
         let edge_doubt = sums.edge_doubt(weighting.noise_sd);
-        let factor = std::env::var("POSE_FACTOR")
-            .ok()
-            .and_then(|v| v.parse().ok());
-        doubts.share = Some(edge_doubt * factor.unwrap_or(model.shared_px2().sqrt()));
+        doubts.share = Some(edge_doubt);
         let plan = model.plan(&state, TO_FINISH);
         let (state, sums) = self
             .settle(

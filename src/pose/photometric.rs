@@ -103,13 +103,6 @@ impl Photometric {
         }
     }
 
-    /// Pixels that share one deviation of an edge: what is wrong with its place, in the world or in
-    /// the forming of the image, comes through the same point spread as its light, so that
-    /// neighbours deviate together; a Gaussian of variance b² per axis has the area 4πb².
-    pub fn shared_px2(&self) -> f64 {
-        4.0 * std::f64::consts::PI * self.spread_px2
-    }
-
     /// The same camera and light over a bare floor.
     pub fn bare(&self) -> Self {
         Photometric {
@@ -198,7 +191,8 @@ impl Photometric {
                     j = j.map(|d| d * judged.share);
                 }
                 if light.torn {
-                    counter.add(&ALL, &j, judged.weight, judged.residual);
+                    let at = [strips[0].column, row];
+                    counter.add_torn(at, &j, judged.weight, judged.residual);
                 } else {
                     counter.add(&BULK, &j, judged.weight, judged.residual);
                 }

@@ -9,6 +9,10 @@ const TORN: f64 = 20.0;
 const EXCESS_MOST: f64 = 0.15;
 /// Least and greatest doubt: what is found from a thousand pixels is uncertain itself.
 const DOUBT_RANGE: [f64; 2] = [0.005, 0.1];
+/// Pixels of a block: about the area 4πb² (b² = 0.57 px²) within which all that comes through one
+/// point spread deviates together, along and across the edge.
+const BLOCK_PX: usize = 4;
+
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
 
@@ -38,6 +42,11 @@ pub(in crate::pose) struct Sums {
     pub torn_square: f64,
     pub torn_light2: f64,
     pub torn_count: usize,
+    /// Of `information`, what pixels give that an edge tears.
+    pub torn_information: Square,
+    /// Σ g gᵀ over blocks of such pixels, g = Jᵀ W r of a block, and the number of blocks.
+    pub torn_scores: Square,
+    pub blocks: usize,
 }
 
 impl Sums {
@@ -110,6 +119,12 @@ pub(super) struct Counter<'a> {
     /// Lower triangle of the information.
     pub information: [[f64; PARAMETERS]; PARAMETERS],
     pub gradient: [f64; PARAMETERS],
+    torn_information: [[f64; PARAMETERS]; PARAMETERS],
+    torn_scores: [[f64; PARAMETERS]; PARAMETERS],
+    /// Scores of the blocks of the columns that are at hand, by row; those begun.
+    blocks: Vec<[f64; PARAMETERS]>,
+    begun: Vec<usize>,
+    block_column: usize,
 }
 
 impl<'a> Counter<'a> {
@@ -121,6 +136,11 @@ impl<'a> Counter<'a> {
             sums: Sums::default(),
             information: [[0.0; PARAMETERS]; PARAMETERS],
             gradient: [0.0; PARAMETERS],
+            torn_information: [[0.0; PARAMETERS]; PARAMETERS],
+            torn_scores: [[0.0; PARAMETERS]; PARAMETERS],
+            blocks: Vec::new(),
+            begun: Vec::new(),
+            block_column: 0,
         }
     }
 
@@ -210,9 +230,56 @@ impl<'a> Counter<'a> {
         }
     }
 
-    pub fn done(self) -> Sums {
+    /// Adds a pixel that an edge tears, at its column and row; columns come in ascending order.
+    pub fn add_torn(
+        &mut self,
+        [column, row]: [usize; 2],
+        j: &[f64; PARAMETERS],
+        weight: f64,
+        residual: f64,
+    ) {
+        if column / BLOCK_PX != self.block_column {
+            self.end_blocks();
+            self.block_column = column / BLOCK_PX;
+        }
+        let block = row / BLOCK_PX;
+        if self.blocks.len() <= block {
+            self.blocks.resize(block + 1, [0.0; PARAMETERS]);
+        }
+        if !self.begun.contains(&block) {
+            self.begun.push(block);
+        }
+        let score = &mut self.blocks[block];
+        for a in 0..PARAMETERS {
+            let wj = weight * j[a];
+            self.gradient[a] += wj * residual;
+            score[a] += wj * residual;
+            for b in 0..=a {
+                self.torn_information[a][b] += wj * j[b];
+            }
+        }
+    }
+
+    fn end_blocks(&mut self) {
+        for block in self.begun.drain(..) {
+            let score = std::mem::replace(&mut self.blocks[block], [0.0; PARAMETERS]);
+            for a in 0..PARAMETERS {
+                for b in 0..=a {
+                    self.torn_scores[a][b] += score[a] * score[b];
+                }
+            }
+            self.sums.blocks += 1;
+        }
+    }
+
+    pub fn done(mut self) -> Sums {
+        self.end_blocks();
+        let square =
+            |m: &[[f64; PARAMETERS]; PARAMETERS]| Square::from_fn(|a, b| m[a.max(b)][a.min(b)]);
         let mut sums = self.sums;
-        sums.information = Square::from_fn(|a, b| self.information[a.max(b)][a.min(b)]);
+        sums.torn_information = square(&self.torn_information);
+        sums.torn_scores = square(&self.torn_scores);
+        sums.information = square(&self.information) + sums.torn_information;
         sums.gradient = Column::from_column_slice(&self.gradient);
         sums
     }

@@ -176,7 +176,8 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
         for b in BULK {
             let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
             let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
-            assert!(off < 1e-4, "{a} {b}: {off}");
+            // A thousandth of the information is a two-thousandth of an sd.
+            assert!(off < 1e-3, "{a} {b}: {off}");
         }
         let sd = slow.information[(a, a)].sqrt();
         let off = (fast.gradient[a] - slow.gradient[a]).abs() / sd;
@@ -223,7 +224,12 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
             simple += usize::from(group.iter().all(|s| s.simple));
         }
         println!("x {x_m}: {simple} of {torn} groups are simple");
-        assert!(2 * simple > torn, "x {x_m}: {simple} of {torn}");
+        // Upright corners (widest points) go the slow way.
+        let flank = x_m == 0.13;
+        assert!(
+            !flank || 10 * simple > 9 * torn,
+            "x {x_m}: {simple} of {torn}"
+        );
         assert_eq!(fast.pixels, slow.pixels);
         assert!(
             (fast.cost / slow.cost - 1.0).abs() < 1e-4,
@@ -241,180 +247,6 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
             let sd = slow.information[(a, a)].sqrt();
             let off = (fast.gradient[a] - slow.gradient[a]).abs() / sd;
             assert!(off < 0.05, "x {x_m}: {a}: {off} sd");
-        }
-    }
-}
-
-#[test]
-#[ignore]
-fn residuals_of_independent_frames() {
-    use crate::log::{LogReader, Record};
-    let Ok(dir) = std::env::var("HYDROLINE_SHARED") else {
-        return;
-    };
-    let model = model();
-    for name in ["surge-4n", "yaw"] {
-        let path = std::path::PathBuf::from(&dir).join(format!("cases/images/{name}.mcap"));
-        let (mut images, mut truths) = (Vec::new(), Vec::new());
-        for message in LogReader::open(&path).unwrap() {
-            match message.unwrap().record {
-                Record::Frame(frame) => {
-                    images.push((frame.meta.mid_exposure_ns, frame.to_grey().unwrap()))
-                }
-                Record::Truth(t) => {
-                    let stamp = t
-                        .timestamp
-                        .as_ref()
-                        .map_or(0, crate::log::messages::unix_ns);
-                    let pose = [t.x_m, t.y_m, t.z_m, t.phi_rad, t.theta_rad, t.psi_rad]
-                        .map(Option::unwrap_or_default);
-                    truths.push((stamp, Pose::from_array(pose)));
-                }
-                _ => {}
-            }
-        }
-        let mut bulk: Vec<[f64; 9]> = vec![[0.0; 9]; 720];
-        for (frame, (stamp, image)) in images.iter().enumerate() {
-            let truth = truths
-                .iter()
-                .min_by_key(|(t, _)| t.abs_diff(*stamp))
-                .unwrap()
-                .1;
-            let mut at = State {
-                pose: truth,
-                brightness: 200.0,
-                thickness_m: 0.002,
-                background: 12.0,
-            };
-            let weighting = Weighting {
-                noise_sd: 1.6,
-                cut: 5.0,
-                redescending: false,
-                saturation: 254,
-            };
-            for _ in 0..6 {
-                let plan = model.plan(&at, Choice::ALL);
-                let sums = model.compare(
-                    &plan,
-                    &image.pixels,
-                    &at,
-                    &weighting,
-                    &mut Doubts::default(),
-                    true,
-                );
-                let h = nalgebra::Matrix3::from_fn(|i, k| sums.information[(6 + i, 6 + k)]);
-                let g = nalgebra::Vector3::from_fn(|i, _| sums.gradient[6 + i]);
-                let step = h.lu().solve(&g).unwrap();
-                at.brightness += step[0];
-                at.thickness_m += step[1];
-                at.background += step[2];
-            }
-            println!(
-                "{name} {frame}: light {:.2} {:.6} {:.3}",
-                at.brightness, at.thickness_m, at.background
-            );
-            let plan = model.plan(&at, Choice::ALL);
-            // (column, row) -> residual, jx, jy
-            let mut torn: Vec<(usize, usize, f64, [f64; 9])> = Vec::new();
-            let turned = Turned::new(&at.pose, &model.surfaces);
-            for strips in groups(&plan.strips) {
-                let column = strips[0].column;
-                model.each_row(&turned, &plan, &at, strips, |row, light| {
-                    let Some(l) = light else { return };
-                    let r = f64::from(image.pixels[row * 720 + column]) - l.level - at.background;
-                    if l.torn && l.doubt.corner < 0.5 {
-                        if l.j[1].abs() > 2000.0 {
-                            torn.push((column, row, r, l.j));
-                        }
-                    } else if strips.len() == 1 && !strips[0].cut() {
-                        let b = &mut bulk[column];
-                        let by_z = l.j[2];
-                        b[0] += by_z * r;
-                        b[1] += by_z * by_z;
-                        b[2] += l.j[6] * r;
-                        b[3] += l.j[6] * l.j[6];
-                        b[4] += l.j[7] * r;
-                        b[5] += l.j[7] * l.j[7];
-                        b[6] += r * r;
-                        b[7] += 1.0;
-                        b[8] += l.j[6] * l.j[7];
-                    }
-                });
-            }
-            torn.sort_by_key(|t| (t.0, t.1));
-            let mut from = 0;
-            for i in 1..=torn.len() {
-                if i < torn.len() && torn[i].0 - torn[i - 1].0 <= 3 {
-                    continue;
-                }
-                let cluster = &torn[from..i];
-                from = i;
-                let shift = |of: &mut dyn Iterator<Item = &(usize, usize, f64, [f64; 9])>| {
-                    let (mut a, mut b, mut n) = (0.0, 0.0, 0);
-                    for t in of {
-                        a += t.2 * t.3[1];
-                        b += t.3[1] * t.3[1];
-                        n += 1;
-                    }
-                    (1e3 * a / b, 1e3 * 1.6 / b.sqrt(), n)
-                };
-                let all = shift(&mut cluster.iter());
-                let chi: f64 =
-                    cluster.iter().map(|t| t.2 * t.2).sum::<f64>() / cluster.len() as f64;
-                println!(
-                    "  cols {}-{} rows {}..: dy {:.3} mm (sd {:.3}) n {} rms {:.2}",
-                    cluster[0].0,
-                    cluster[cluster.len() - 1].0,
-                    cluster.iter().map(|t| t.1).min().unwrap(),
-                    all.0,
-                    all.1,
-                    all.2,
-                    chi.sqrt()
-                );
-                if frame % 9 == 4 {
-                    let (low, high) = (
-                        cluster.iter().map(|t| t.1).min().unwrap(),
-                        cluster.iter().map(|t| t.1).max().unwrap(),
-                    );
-                    let mut text = String::new();
-                    for row in low..=high {
-                        let s = shift(&mut cluster.iter().filter(|t| t.1 == row));
-                        if s.1 < 0.2 {
-                            text += &format!(" {row}:{:.2}({:.2})", s.0, s.1);
-                        }
-                    }
-                    println!("    rows{text}");
-                }
-            }
-        }
-        for (c, b) in bulk
-            .iter()
-            .enumerate()
-            .step_by(1)
-            .collect::<Vec<_>>()
-            .chunks(20)
-            .map(|c| {
-                let mut sum = [0.0; 9];
-                for (_, b) in c {
-                    for k in 0..9 {
-                        sum[k] += b[k];
-                    }
-                }
-                (c[0].0, sum)
-            })
-        {
-            if b[7] > 0.0 {
-                println!(
-                    "bulk {c}: dz {:.4} mm (sd {:.4}) brightness {:.2} (sd {:.2}) thick {:.3} um (sd {:.3}) rms {:.3}",
-                    1e3 * b[0] / b[1],
-                    1.6e3 / b[1].sqrt(),
-                    b[2] / b[3],
-                    1.6 / b[3].sqrt(),
-                    1e6 * b[4] / b[5],
-                    1.6e6 / b[5].sqrt(),
-                    (b[6] / b[7]).sqrt()
-                );
-            }
         }
     }
 }
