@@ -19,11 +19,8 @@ const MATCH_RMS_M: f64 = 0.0025;
 /// Guesses that agree to this are one \[m\], \[rad\].
 const SAME_M: f64 = 0.003;
 const SAME_RAD: f64 = 0.01;
-/// A start that comes this near to a place that another has settled at will settle there too.
-const JOINED: f64 = 0.5;
-/// A start whose steps are still this far from their edges after some steps leads nowhere \[m\].
-const LOST_M: f64 = 0.02;
-const STEPS_TO_BE_LOST: usize = 4;
+/// A start this near to a place, as a share of that, has come to it.
+const JOINED: f64 = 0.1;
 
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +63,7 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     let middle_xi_m = 0.5 * (steps[0].0.xi_m + steps[steps.len() - 1].0.xi_m);
     let [first_m, last_m] = surfaces.span_m;
     let count = ((last_m - first_m) / GRID_X_M).ceil().clamp(1.0, 400.0) as usize;
-    let mut settled: Vec<Guess> = Vec::new();
+    let (mut found, mut refused): (Vec<Guess>, Vec<Guess>) = (Vec::new(), Vec::new());
     for i in 0..=count {
         let sheet_x_m = first_m + GRID_X_M * (i as f64 + 0.37);
         for psi_rad in GRID_PSI_RAD {
@@ -78,31 +75,40 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 psi_rad,
                 ..start
             };
-            let known = |p: &Pose| settled.iter().any(|g| same(&g.pose, p, JOINED));
+            let known = |p: &Pose| {
+                let mut both = found.iter().chain(&refused);
+                both.any(|g| joined(&g.pose, p))
+            };
             let Some(guess) = settle(pose, &steps, mounts, known) else {
                 continue;
             };
             if guess.rms_m > MATCH_RMS_M {
                 continue;
             }
-            match settled.iter_mut().find(|g| same(&g.pose, &guess.pose, 1.0)) {
+            if !agrees(&guess.pose, levels, surfaces, mounts) {
+                refused.push(guess);
+                continue;
+            }
+            let one = |g: &&mut Guess| {
+                (g.pose.x_m - guess.pose.x_m).abs() < SAME_M
+                    && (g.pose.psi_rad - guess.pose.psi_rad).abs() < SAME_RAD
+            };
+            match found.iter_mut().find(one) {
                 Some(old) if old.rms_m > guess.rms_m => *old = guess,
                 Some(_) => {}
-                None => settled.push(guess),
+                None => found.push(guess),
             }
         }
     }
-    let mut found = settled;
-    found.retain(|g| agrees(&g.pose, levels, surfaces, mounts));
     found.sort_by(|a, b| a.rms_m.total_cmp(&b.rms_m));
     found
 }
 
-/// Whether two places are one, to a share of what counts as the same.
-fn same(a: &Pose, b: &Pose, share: f64) -> bool {
-    (a.x_m - b.x_m).abs() < share * SAME_M
-        && (a.y_m - b.y_m).abs() < share * SAME_M
-        && (a.psi_rad - b.psi_rad).abs() < share * SAME_RAD
+/// Whether a start has come to a place that another has settled at: it will settle there too.
+fn joined(a: &Pose, b: &Pose) -> bool {
+    (a.x_m - b.x_m).abs() < JOINED * SAME_M
+        && (a.y_m - b.y_m).abs() < JOINED * SAME_M
+        && (a.psi_rad - b.psi_rad).abs() < JOINED * SAME_RAD
 }
 
 /// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
@@ -114,7 +120,7 @@ fn settle(
     known: impl Fn(&Pose) -> bool,
 ) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
-    for step in 0..8 {
+    for _ in 0..8 {
         let rotation = pose.body_to_tank_rotation();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
@@ -145,7 +151,7 @@ fn settle(
         if move_by.norm() < 1e-7 {
             break;
         }
-        if known(&pose) || (step >= STEPS_TO_BE_LOST && rms_m > LOST_M) {
+        if known(&pose) {
             return None;
         }
     }

@@ -55,6 +55,12 @@ const TO_CHOOSE: Choice = Choice {
     keep: 3,
     room_m: 0.003,
 };
+/// Tops far apart in height offer many places that differ little.
+const TO_CHOOSE_TALL: Choice = Choice {
+    step: 3,
+    keep: 4,
+    room_m: 0.003,
+};
 const TO_APPROACH: Choice = Choice {
     step: 3,
     keep: 2,
@@ -457,7 +463,11 @@ impl PoseFitter {
         let tall = heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M;
         let mut held = *free;
         held[4] = free[4] && tall;
-        let tries = if tall { 6 } else { 2 };
+        let (choice, tries) = if tall {
+            (TO_CHOOSE_TALL, (6, 0.01 * SETTLED))
+        } else {
+            (TO_CHOOSE, (2, SETTLED))
+        };
         let huber = Weighting {
             cut: 4.0,
             redescending: false,
@@ -466,7 +476,7 @@ impl PoseFitter {
         // A start is judged by the cost that it would come down to if the light were linear in what
         // is free: half the gradient's way (Gauss–Newton) below its own.
         let judged = |start: State| {
-            let plan = self.model.plan(&start, TO_CHOOSE);
+            let plan = self.model.plan(&start, choice);
             let none = &mut Doubts::default();
             let sums = self
                 .model
@@ -492,16 +502,8 @@ impl PoseFitter {
             .into_iter()
             .filter_map(|(_, start, plan)| {
                 let none = &mut Doubts::default();
-                let (state, _) = self.settle(
-                    &self.model,
-                    &plan,
-                    image,
-                    start,
-                    &held,
-                    &huber,
-                    none,
-                    (tries, SETTLED),
-                )?;
+                let (state, _) =
+                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
                 let sums =
                     self.model
                         .compare(&plan, &image.pixels, &state, &weighting, none, false);
@@ -512,7 +514,7 @@ impl PoseFitter {
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let [best, next, ..] = tried.as_slice() {
             let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            if other && (next.0 - best.0) * best.2 * (TO_CHOOSE.step as f64) < CLEAR_COST {
+            if other && (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }

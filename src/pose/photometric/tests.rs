@@ -176,8 +176,8 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
         for b in BULK {
             let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
             let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
-            // A thousandth of the information is a two-thousandth of an sd.
-            assert!(off < 1e-3, "{a} {b}: {off}");
+            // Half a per cent of the information is a quarter of a per cent of an sd.
+            assert!(off < 5e-3, "{a} {b}: {off}");
         }
         let sd = slow.information[(a, a)].sqrt();
         let off = (fast.gradient[a] - slow.gradient[a]).abs() / sd;
