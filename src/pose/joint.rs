@@ -41,6 +41,8 @@ const MISFIT: f64 = 4.0;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
+/// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
+const PLANS: usize = 4;
 /// The squared way to go, in sds, from which one more step is enough without looking at it again:
 /// a fit of grey levels comes nearer by a factor of ten at each. What is only a start for the next
 /// fit need not come as near.
@@ -537,12 +539,11 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let plan = model.plan(&start, TO_APPROACH);
         let mut doubts = Doubts::default();
         let (state, sums) = self
-            .settle(
+            .settle_where_planned(
                 model,
-                &plan,
+                TO_APPROACH,
                 image,
                 start,
                 &free,
@@ -557,11 +558,10 @@ impl PoseFitter {
         weighting.redescending = true;
         let edge_doubt = sums.edge_doubt(weighting.noise_sd);
         doubts.share = Some(edge_doubt);
-        let plan = model.plan(&state, TO_FINISH);
         let (state, sums) = self
-            .settle(
+            .settle_where_planned(
                 model,
-                &plan,
+                TO_FINISH,
                 image,
                 state,
                 &free,
@@ -596,6 +596,54 @@ impl PoseFitter {
             pixels: sums.pixels,
             caveats,
         })
+    }
+
+    /// [`Self::settle`] with the pixels that the state calls for, chosen anew as long as it leaves the room that they
+    /// were chosen for: beyond it edges cut light that the plan takes for whole.
+    #[allow(clippy::too_many_arguments)]
+    fn settle_where_planned(
+        &self,
+        model: &Photometric,
+        choice: Choice,
+        image: &GreyImage,
+        start: State,
+        free: &[bool; PARAMETERS],
+        weighting: &Weighting,
+        doubts: &mut Doubts,
+        limits: (usize, f64),
+    ) -> Option<(State, Sums)> {
+        let mut from = start;
+        for again in (0..PLANS).rev() {
+            let plan = model.plan(&from, choice);
+            let (state, sums) =
+                self.settle(model, &plan, image, from, free, weighting, doubts, limits)?;
+            if again == 0 || self.shift_m(&from.pose, &state.pose) <= choice.room_m {
+                return Some((state, sums));
+            }
+            from = state;
+        }
+        None
+    }
+
+    /// How far the sheet's line on the floor has moved over the target between two poses, at most \[m\].
+    fn shift_m(&self, a: &Pose, b: &Pose) -> f64 {
+        // η of the floor, θ and φ small: η₀ = h_centre − (l sin θ − z).
+        let eta_m =
+            |p: &Pose| self.mounts.h_centre_m - self.mounts.l_laser_m * p.theta_rad.sin() + p.z_m;
+        [-0.5, 0.0, 0.5]
+            .map(|xi_m| {
+                let at = |p: &Pose| {
+                    p.body_to_tank(&hydroline_calib::frames::plane_to_body(
+                        &self.mounts,
+                        xi_m,
+                        eta_m(p),
+                    ))
+                };
+                let (a, b) = (at(a), at(b));
+                (a.x - b.x).hypot(a.y - b.y)
+            })
+            .into_iter()
+            .fold(0.0, f64::max)
     }
 
     /// Levenberg–Marquardt on the free parameters, in so many steps at most and so near to the end:
