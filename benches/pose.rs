@@ -19,8 +19,8 @@ fn main() {
     divan::main();
 }
 
-/// On a flank, and at a joint, where four places have to be told apart.
-const PLACES_M: [f64; 2] = [-0.17, -0.0622];
+/// On a flank, at a widest point, and at a joint, where four places have to be told apart.
+const PLACES_M: [f64; 3] = [-0.115, -0.17, -0.0622];
 
 struct Case {
     rig: Rig,

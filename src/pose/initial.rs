@@ -4,7 +4,7 @@
 //! from a grid of starts all such places are found, mirror images and repetitions included. The
 //! grid lies fixed on the target, so a guess does not depend on the hint that picks it.
 
-use super::outline::{Surfaces, Top};
+use super::outline::{Edge, Outline, Surfaces, Top};
 use super::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
@@ -19,6 +19,8 @@ const MATCH_RMS_M: f64 = 0.0025;
 /// Guesses that agree to this are one \[m\], \[rad\].
 const SAME_M: f64 = 0.003;
 const SAME_RAD: f64 = 0.01;
+/// A start this near to a place, as a share of that, has come to it.
+const JOINED: f64 = 0.1;
 
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +63,7 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     let middle_xi_m = 0.5 * (steps[0].0.xi_m + steps[steps.len() - 1].0.xi_m);
     let [first_m, last_m] = surfaces.span_m;
     let count = ((last_m - first_m) / GRID_X_M).ceil().clamp(1.0, 400.0) as usize;
-    let mut found: Vec<Guess> = Vec::new();
+    let (mut found, mut refused): (Vec<Guess>, Vec<Guess>) = (Vec::new(), Vec::new());
     for i in 0..=count {
         let sheet_x_m = first_m + GRID_X_M * (i as f64 + 0.37);
         for psi_rad in GRID_PSI_RAD {
@@ -73,17 +75,25 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 psi_rad,
                 ..start
             };
-            let Some(guess) = settle(pose, &steps, mounts) else {
+            let known = |p: &Pose| {
+                let mut both = found.iter().chain(&refused);
+                both.any(|g| joined(&g.pose, p))
+            };
+            let Some(guess) = settle(pose, &steps, mounts, known) else {
                 continue;
             };
-            if guess.rms_m > MATCH_RMS_M || !agrees(&guess.pose, levels, surfaces, mounts) {
+            if guess.rms_m > MATCH_RMS_M {
                 continue;
             }
-            let same = |g: &&mut Guess| {
+            if !agrees(&guess.pose, levels, surfaces, mounts) {
+                refused.push(guess);
+                continue;
+            }
+            let one = |g: &&mut Guess| {
                 (g.pose.x_m - guess.pose.x_m).abs() < SAME_M
                     && (g.pose.psi_rad - guess.pose.psi_rad).abs() < SAME_RAD
             };
-            match found.iter_mut().find(same) {
+            match found.iter_mut().find(one) {
                 Some(old) if old.rms_m > guess.rms_m => *old = guess,
                 Some(_) => {}
                 None => found.push(guess),
@@ -94,37 +104,44 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     found
 }
 
+/// Whether a start has come to a place that another has settled at: it will settle there too.
+fn joined(a: &Pose, b: &Pose) -> bool {
+    (a.x_m - b.x_m).abs() < JOINED * SAME_M
+        && (a.y_m - b.y_m).abs() < JOINED * SAME_M
+        && (a.psi_rad - b.psi_rad).abs() < JOINED * SAME_RAD
+}
+
 /// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
-/// ends on the right side.
-fn settle(mut pose: Pose, steps: &[(&Step, &Top)], mounts: &Mounts) -> Option<Guess> {
+/// ends on the right side. `None` where there is no such place, or a `known` one.
+fn settle(
+    mut pose: Pose,
+    steps: &[(&Step, &Top)],
+    mounts: &Mounts,
+    known: impl Fn(&Pose) -> bool,
+) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
     for _ in 0..8 {
         let rotation = pose.body_to_tank_rotation();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
-        let mut square = 0.0;
-        for (step, top) in steps {
-            let arm =
-                rotation * hydroline_calib::frames::plane_to_body(mounts, step.xi_m, step.eta_m);
+        let mut sum = 0.0;
+        for (measured, top) in steps {
+            let arm = rotation
+                * hydroline_calib::frames::plane_to_body(mounts, measured.xi_m, measured.eta_m);
             let p = [pose.x_m + arm.x, pose.y_m + arm.y];
             // To starboard of this step the top ends: the inward normal looks to port, −Y turned by ψ.
             let port = [pose.psi_rad.sin(), -pose.psi_rad.cos()];
-            let sign = if step.to_starboard { 1.0 } else { -1.0 };
-            let facing = top
-                .outline
-                .edges
-                .iter()
-                .filter(|e| sign * (e.inward[0] * port[0] + e.inward[1] * port[1]) > 0.1);
-            let edge = facing.min_by(|a, b| a.distance_m(p).total_cmp(&b.distance_m(p)))?;
+            let sign = if measured.to_starboard { 1.0 } else { -1.0 };
+            let (square, edge) = nearest_facing(&top.outline, p, port.map(|n| sign * n))?;
             let d = edge.inside_m(p);
             let [nx, ny] = edge.inward;
             let j = Vector3::new(nx, ny, -nx * arm.y + ny * arm.x);
             a += j * j.transpose();
             b -= j * d;
-            square += d * d + (edge.distance_m(p).powi(2) - d * d).max(0.0);
+            sum += square;
         }
-        rms_m = (square / steps.len() as f64).sqrt();
-        let move_by = a.lu().solve(&b)?;
+        rms_m = (sum / steps.len() as f64).sqrt();
+        let move_by = a.cholesky()?.solve(&b);
         let size = (move_by.x.hypot(move_by.y) / 0.03)
             .max(move_by.z.abs() / 0.15)
             .max(1.0);
@@ -134,8 +151,29 @@ fn settle(mut pose: Pose, steps: &[(&Step, &Top)], mounts: &Mounts) -> Option<Gu
         if move_by.norm() < 1e-7 {
             break;
         }
+        if known(&pose) {
+            return None;
+        }
     }
     (pose.psi_rad.abs() < 0.8 && rms_m.is_finite()).then_some(Guess { pose, rms_m })
+}
+
+/// Of the edges that look to a side the nearest, with its distance squared.
+fn nearest_facing(outline: &Outline, p: [f64; 2], side: [f64; 2]) -> Option<(f64, &Edge)> {
+    let mut best: Option<(f64, &Edge)> = None;
+    for e in &outline.edges {
+        let least = best.map_or(f64::INFINITY, |b| b.0);
+        let [low, high] = e.x_range_m();
+        let beside = (low - p[0]).max(p[0] - high).max(0.0);
+        if beside * beside >= least || side[0] * e.inward[0] + side[1] * e.inward[1] <= 0.1 {
+            continue;
+        }
+        let square = e.distance2_m2(p);
+        if square < least {
+            best = Some((square, e));
+        }
+    }
+    best
 }
 
 /// Whether the middle of each segment lies on a top of that height.

@@ -8,7 +8,8 @@
 use super::initial::{self, Guess};
 use super::outline::Surfaces;
 use super::photometric::{
-    self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
+    self, BACKGROUND, BRIGHTNESS, Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums,
+    THICKNESS, Weighting,
 };
 use super::segments::{self, Caveat, Levels, SegmentError};
 use super::sheet::SheetTable;
@@ -40,6 +41,38 @@ const MISFIT: f64 = 4.0;
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
 const ITERATIONS: usize = 14;
+/// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
+const PLANS: usize = 4;
+/// The squared way to go, in sds, from which one more step is enough without looking at it again:
+/// a fit of grey levels comes nearer by a factor of ten at each. What is only a start for the next
+/// fit need not come as near.
+const SETTLED: f64 = 0.04;
+const APPROACHED: f64 = 1.0;
+/// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
+/// is kinks of the light at corners.
+const KINKS: f64 = 0.1;
+/// Places are told apart, and a pose is first settled, on some of the columns.
+const TO_CHOOSE: Choice = Choice {
+    step: 5,
+    keep: 3,
+    room_m: 0.003,
+};
+/// Tops far apart in height offer many places that differ little.
+const TO_CHOOSE_TALL: Choice = Choice {
+    step: 3,
+    keep: 4,
+    room_m: 0.003,
+};
+const TO_APPROACH: Choice = Choice {
+    step: 3,
+    keep: 2,
+    room_m: 0.003,
+};
+/// After that it moves by its sd.
+const TO_FINISH: Choice = Choice {
+    room_m: 0.001,
+    ..Choice::ALL
+};
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
@@ -47,8 +80,6 @@ const GUESSES_NEAR: usize = 10;
 const GUESSES_ANYWHERE: usize = 60;
 /// Tops this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
-/// Places are told apart by every third column: each edge crosses several.
-const COLUMNS_TO_CHOOSE: usize = 3;
 
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
@@ -434,13 +465,29 @@ impl PoseFitter {
         let tall = heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M;
         let mut held = *free;
         held[4] = free[4] && tall;
-        let tries = if tall { 6 } else { 2 };
+        let (choice, tries) = if tall {
+            (TO_CHOOSE_TALL, (6, 0.01 * SETTLED))
+        } else {
+            (TO_CHOOSE, (2, SETTLED))
+        };
+        let huber = Weighting {
+            cut: 4.0,
+            redescending: false,
+            ..weighting
+        };
+        // A start is judged by the cost that it would come down to if the light were linear in what
+        // is free: half the gradient's way (Gauss–Newton) below its own.
         let judged = |start: State| {
-            let plan = self.model.plan_every(&start, COLUMNS_TO_CHOOSE).thinned(4);
+            let plan = self.model.plan(&start, choice);
+            let none = &mut Doubts::default();
             let sums = self
                 .model
-                .compare(&plan, &image.pixels, &start, &weighting, false);
-            (sums.cost / sums.pixels.max(1) as f64, start, plan)
+                .compare(&plan, &image.pixels, &start, &huber, none, true);
+            let turned = Valley::new(&start.pose, &self.mounts).turn(&sums);
+            let gain = solve(&turned, &held, 1e-9).map_or(0.0, |s| 0.5 * s.dot(&turned.gradient));
+            let least = 0.1 * sums.cost;
+            let pixels = sums.pixels.max(1) as f64;
+            ((sums.cost - gain).max(least) / pixels, start, plan)
         };
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -449,20 +496,19 @@ impl PoseFitter {
         let limit = first
             .first()
             .map_or(0.0, |f| if tall { f64::INFINITY } else { 3.0 * f.0 });
-        let huber = Weighting {
-            cut: 4.0,
-            redescending: false,
-            ..weighting
-        };
+        first.retain(|f| f.0 <= limit);
+        if let [(_, only, _)] = first.as_slice() {
+            return Some(*only);
+        }
         let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
-            .filter(|f| f.0 <= limit)
             .filter_map(|(_, start, plan)| {
+                let none = &mut Doubts::default();
                 let (state, _) =
-                    self.settle(&self.model, &plan, image, start, &held, &huber, tries)?;
-                let sums = self
-                    .model
-                    .compare(&plan, &image.pixels, &state, &weighting, false);
+                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
+                let sums =
+                    self.model
+                        .compare(&plan, &image.pixels, &state, &weighting, none, false);
                 let pixels = sums.pixels.max(1) as f64;
                 Some((sums.cost / pixels, state, pixels))
             })
@@ -470,7 +516,7 @@ impl PoseFitter {
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let [best, next, ..] = tried.as_slice() {
             let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            if other && (next.0 - best.0) * best.2 * (COLUMNS_TO_CHOOSE as f64) < CLEAR_COST {
+            if other && (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }
@@ -493,18 +539,36 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let plan = model.plan_every(&start, 2).thinned(3);
+        let mut doubts = Doubts::default();
         let (state, sums) = self
-            .settle(model, &plan, image, start, &free, &weighting, 4)
+            .settle_where_planned(
+                model,
+                TO_APPROACH,
+                image,
+                start,
+                &free,
+                &weighting,
+                &mut doubts,
+                (6, APPROACHED),
+            )
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
         weighting.cut = CUT;
         weighting.redescending = true;
-        let mut plan = model.plan(&state);
-        let edge_doubt = model.doubt_edges(&mut plan, &image.pixels, &state, weighting.noise_sd);
+        let edge_doubt = sums.edge_doubt(weighting.noise_sd);
+        doubts.share = Some(edge_doubt);
         let (state, sums) = self
-            .settle(model, &plan, image, state, &free, &weighting, ITERATIONS)
+            .settle_where_planned(
+                model,
+                TO_FINISH,
+                image,
+                state,
+                &free,
+                &weighting,
+                &mut doubts,
+                (ITERATIONS, SETTLED),
+            )
             .ok_or(PoseFault::Unsettled)?;
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
@@ -534,7 +598,56 @@ impl PoseFitter {
         })
     }
 
-    /// Levenberg–Marquardt on the free parameters.
+    /// [`Self::settle`] with the pixels that the state calls for, chosen anew as long as it leaves the room that they
+    /// were chosen for: beyond it edges cut light that the plan takes for whole.
+    #[allow(clippy::too_many_arguments)]
+    fn settle_where_planned(
+        &self,
+        model: &Photometric,
+        choice: Choice,
+        image: &GreyImage,
+        start: State,
+        free: &[bool; PARAMETERS],
+        weighting: &Weighting,
+        doubts: &mut Doubts,
+        limits: (usize, f64),
+    ) -> Option<(State, Sums)> {
+        let mut from = start;
+        for again in (0..PLANS).rev() {
+            let plan = model.plan(&from, choice);
+            let (state, sums) =
+                self.settle(model, &plan, image, from, free, weighting, doubts, limits)?;
+            if again == 0 || self.shift_m(&from.pose, &state.pose) <= choice.room_m {
+                return Some((state, sums));
+            }
+            from = state;
+        }
+        None
+    }
+
+    /// How far the sheet's line on the floor has moved over the target between two poses, at most \[m\].
+    fn shift_m(&self, a: &Pose, b: &Pose) -> f64 {
+        // η of the floor, θ and φ small: η₀ = h_centre − (l sin θ − z).
+        let eta_m =
+            |p: &Pose| self.mounts.h_centre_m - self.mounts.l_laser_m * p.theta_rad.sin() + p.z_m;
+        [-0.5, 0.0, 0.5]
+            .map(|xi_m| {
+                let at = |p: &Pose| {
+                    p.body_to_tank(&hydroline_calib::frames::plane_to_body(
+                        &self.mounts,
+                        xi_m,
+                        eta_m(p),
+                    ))
+                };
+                let (a, b) = (at(a), at(b));
+                (a.x - b.x).hypot(a.y - b.y)
+            })
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+
+    /// Levenberg–Marquardt on the free parameters, in so many steps at most and so near to the end:
+    /// the state, and the sums that near to it.
     #[allow(clippy::too_many_arguments)]
     fn settle(
         &self,
@@ -544,10 +657,11 @@ impl PoseFitter {
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
-        iterations: usize,
+        doubts: &mut Doubts,
+        (iterations, settled): (usize, f64),
     ) -> Option<(State, Sums)> {
         let mut state = start;
-        let mut sums = model.compare(plan, &image.pixels, &state, weighting, true);
+        let mut sums = model.compare(plan, &image.pixels, &state, weighting, doubts, true);
         let mut damping = 1e-9;
         for _ in 0..iterations {
             let valley = Valley::new(&state.pose, &self.mounts);
@@ -558,25 +672,23 @@ impl PoseFitter {
                 damping *= 100.0;
                 continue;
             }
-            let tried = model.compare(plan, &image.pixels, &next, weighting, true);
             // Twice the cost that a full step would still gain = the squared way to go, in sds.
             let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
-            if tried.cost <= sums.cost + 1e-9 * sums.cost.abs() {
+            if expected < settled {
+                // So little is left that the step need not be looked at.
+                state = next;
+                break;
+            }
+            let tried = model.compare(plan, &image.pixels, &next, weighting, doubts, true);
+            if tried.cost <= sums.cost * (1.0 + 1e-7) {
                 state = next;
                 sums = tried;
                 damping = (damping * 0.1).max(1e-12);
-                // 4e-4 = a fiftieth of an sd.
-                if expected < 4e-4 {
-                    break;
-                }
             } else {
-                if damping > 1e3 {
+                if damping > 1e3 || expected < KINKS {
                     break;
                 }
                 damping *= 30.0;
-                if expected < 4e-4 {
-                    break;
-                }
             }
         }
         (sums.pixels > 200).then_some((state, sums))

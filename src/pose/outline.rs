@@ -30,11 +30,46 @@ impl Edge {
         self.along[0] * (p[0] - self.from_m[0]) + self.along[1] * (p[1] - self.from_m[1])
     }
 
-    /// Distance of a point from the edge itself \[m\].
-    pub fn distance_m(&self, p: [f64; 2]) -> f64 {
+    /// Distance of a point from the edge itself, squared \[m²\].
+    pub fn distance2_m2(&self, p: [f64; 2]) -> f64 {
         let along = self.along_m(p);
         let beyond = (-along).max(along - self.length_m).max(0.0);
-        self.inside_m(p).hypot(beyond)
+        let inside = self.inside_m(p);
+        inside * inside + beyond * beyond
+    }
+
+    /// Least and greatest X \[m\].
+    pub fn x_range_m(&self) -> [f64; 2] {
+        let (a, b) = (self.from_m[0], self.to_m[0]);
+        [a.min(b), a.max(b)]
+    }
+
+    /// Distance of the line between two points from the edge, squared \[m²\]: zero where they cross.
+    pub fn distance2_to_line_m2(&self, [a, b]: [[f64; 2]; 2]) -> f64 {
+        let (inside_a, inside_b) = (self.inside_m(a), self.inside_m(b));
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let length2 = dx * dx + dy * dy;
+        if inside_a * inside_b < 0.0 {
+            let t = inside_a / (inside_a - inside_b);
+            let along = self.along_m([a[0] + t * dx, a[1] + t * dy]);
+            if along >= 0.0 && along <= self.length_m {
+                return 0.0;
+            }
+        }
+        let from_line = |p: [f64; 2]| {
+            let t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / length2.max(1e-18);
+            let t = t.clamp(0.0, 1.0);
+            (a[0] + t * dx - p[0]).powi(2) + (a[1] + t * dy - p[1]).powi(2)
+        };
+        self.distance2_m2(a)
+            .min(self.distance2_m2(b))
+            .min(from_line(self.from_m))
+            .min(from_line(self.to_m))
+    }
+
+    /// Distance of a point from the edge itself \[m\].
+    pub fn distance_m(&self, p: [f64; 2]) -> f64 {
+        self.distance2_m2(p).sqrt()
     }
 }
 
@@ -225,6 +260,30 @@ fn corners(slab: &Slab) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
     use hydroline_sim::fixture::hexagon_target;
+
+    #[test]
+    fn a_line_is_as_far_from_an_edge_as_its_nearest_point() {
+        let s = Surfaces::new(Some(&hexagon_target()));
+        let e = &s.tops[0].outline.edges[3];
+        let at =
+            |t: f64, off: f64| [0, 1].map(|i| e.from_m[i] + t * e.along[i] + off * e.inward[i]);
+        for (a, b) in [
+            (at(0.02, 0.01), at(0.05, -0.01)),
+            (at(0.02, 0.03), at(0.05, 0.01)),
+            (at(-0.02, 0.03), at(-0.01, -0.01)),
+            (at(-0.02, -0.02), at(0.4, -0.02)),
+        ] {
+            let least = (0..=2000)
+                .map(|k| f64::from(k) / 2000.0)
+                .map(|t| e.distance2_m2([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]))
+                .fold(f64::INFINITY, f64::min);
+            let found = e.distance2_to_line_m2([a, b]);
+            assert!(
+                (found.sqrt() - least.sqrt()).abs() < 1e-4,
+                "{found} {least}"
+            );
+        }
+    }
 
     #[test]
     fn hexagons_are_as_wide_as_the_paper_says() {

@@ -12,21 +12,27 @@
 //! perspective within one point spread; no sampling, so derivatives along the weak direction
 //! (δz = l δθ, δx = −H δθ) are those of the image and not of a lattice.
 
+mod bulk;
 mod passing;
 mod plan;
+mod sums;
+mod torn;
 mod turned;
 
-pub(super) use plan::Plan;
+pub(super) use plan::{Choice, Plan};
+pub(super) use sums::{Sums, Weighting};
 
-use super::normal::{cumulative, density};
+use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
 use super::sheet::SheetTable;
 use hydroline_calib::Pose;
 use nalgebra::{SMatrix, SVector};
-use passing::{Doubt, Stripe};
+use passing::{Doubt, Look};
 use plan::{Strip, groups};
 use std::sync::Arc;
-use turned::Turned;
+use sums::{ALL, BULK, Counter};
+use torn::Scratch;
+use turned::{Ray, Turned};
 
 /// x, y, z, φ, θ, ψ, brightness, thickness, background.
 pub(super) const PARAMETERS: usize = 9;
@@ -65,39 +71,6 @@ impl State {
     }
 }
 
-/// Sums over the pixels.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Sums {
-    /// Jᵀ W J.
-    pub information: Square,
-    /// Jᵀ W r.
-    pub gradient: Column,
-    /// Σ ρ(r / noise).
-    pub cost: f64,
-    /// Pixels.
-    pub pixels: usize,
-    /// Squared residuals of lit pixels away from edges, robustly cut, and their number.
-    pub bright_square: f64,
-    pub bright_count: usize,
-    /// Σ ρ over edge pixels and their number.
-    pub edge_cost: f64,
-    pub edge_count: usize,
-    /// Share of the edge pixels whose weight is below one half.
-    pub rejected: usize,
-}
-
-/// How residuals count.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Weighting {
-    /// Pixel noise \[grey levels\].
-    pub noise_sd: f64,
-    /// Beyond this many noise sds a residual counts less and less (Tukey) or linearly (Huber).
-    pub cut: f64,
-    pub redescending: bool,
-    /// Level from which a pixel counts as clipped.
-    pub saturation: u8,
-}
-
 /// The forward model of one rig.
 #[derive(Debug, Clone)]
 pub(super) struct Photometric {
@@ -106,6 +79,16 @@ pub(super) struct Photometric {
     /// Variance of point spread and pixel box per axis \[px²\].
     spread_px2: f64,
     tan_half_fan: f64,
+}
+
+/// Standard deviations of pixels beyond their noise.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Doubts {
+    /// Of a pixel cut in half, as share of its light; `None` = none.
+    pub share: Option<f64>,
+    /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
+    /// state looked at and held fixed after that, or the fit would flee into doubtful pixels.
+    of_pixels: Vec<f32>,
 }
 
 impl Photometric {
@@ -143,224 +126,209 @@ impl Photometric {
         pixels: &[u8],
         state: &State,
         weighting: &Weighting,
+        doubts: &mut Doubts,
         derivatives: bool,
     ) -> Sums {
-        let mut sums = Sums::default();
-        let turned = Turned::new(&state.pose);
-        let width = self.table.width_px;
-        let bright = 0.15 * state.brightness;
-        let noise = weighting.noise_sd;
-        let mut index = 0;
+        let turned = Turned::new(&state.pose, &self.surfaces);
+        let mut counter = Counter::new(weighting, Tables::get(), state.brightness);
+        let mut doubted = doubts.of_pixels.iter();
+        let mut found = Vec::new();
+        let share = doubts.share.filter(|_| doubts.of_pixels.is_empty());
+        // Of one pixel after the other.
+        let mut doubt_sd = |doubt: &Doubt| match share {
+            Some(share) => {
+                let sd = (share * doubt.edge).hypot(doubt.corner) as f32;
+                found.push(sd);
+                f64::from(sd)
+            }
+            None => doubted.next().map_or(0.0, |sd| f64::from(*sd)),
+        };
+        let mut scratch = Scratch::default();
         for strips in groups(&plan.strips) {
-            let cut = strips.iter().any(|s| s.cuts.0 != s.cuts.1);
-            let Some(strip) = strips.first() else {
+            let cut = strips.iter().any(Strip::cut);
+            if let ([strip], false) = (strips, cut) {
+                self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
                 continue;
-            };
-            for row in strip.first_row..strip.end_row {
-                let doubt = plan.doubts.get(index).map_or(0.0, |d| f64::from(*d));
-                index += 1;
-                let Some(&grey) = pixels.get(row * width + strip.column) else {
-                    continue;
-                };
-                if grey >= weighting.saturation {
-                    continue;
-                }
-                let mut j = Column::zeros();
-                let Some(light) = self.light(
+            }
+            if strips.iter().all(|s| s.simple) {
+                self.compare_torn(
                     &turned,
-                    state,
                     plan,
                     strips,
-                    row,
-                    &mut j,
-                    &mut Doubt::default(),
-                ) else {
-                    continue;
-                };
-                // A sensor gives no negative level: E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ).
-                let level = light + state.background;
-                j[BACKGROUND] = 1.0;
-                let mut expected = level;
-                if level < 4.0 * noise {
-                    let x = level / noise;
-                    let share = cumulative(x);
-                    expected = level * share + noise * density(x);
-                    j *= share;
-                }
-                let residual = f64::from(grey) - expected;
-                let noise = noise.hypot(doubt);
-                let (cost, weight) = weigh(residual / noise, weighting);
-                sums.cost += cost;
-                sums.pixels += 1;
-                if cut {
-                    sums.edge_cost += cost;
-                    sums.edge_count += 1;
-                    sums.rejected += usize::from(weight < 0.5);
-                } else if light > bright {
-                    sums.bright_square += weight * residual * residual;
-                    sums.bright_count += 1;
-                    sums.rejected += usize::from(weight < 0.5);
-                }
-                if derivatives {
-                    let w = weight / (noise * noise);
-                    // x, y and ψ move edges only.
-                    if cut {
-                        add::<PARAMETERS>(&mut sums, &ALL, &j, w, residual)
-                    } else {
-                        add::<6>(&mut sums, &BULK, &j, w, residual)
-                    }
-                }
+                    pixels,
+                    state,
+                    derivatives,
+                    &mut counter,
+                    &mut scratch,
+                    &mut doubt_sd,
+                );
+                continue;
             }
+            self.each_row(&turned, plan, state, strips, |row, light| {
+                let doubt_sd = match (cut, &light) {
+                    (true, Some(light)) => doubt_sd(&light.doubt),
+                    (true, None) => doubt_sd(&Doubt::default()),
+                    _ => 0.0,
+                };
+                let (Some(light), Some(&grey)) = (
+                    light,
+                    pixels.get(row * self.table.width_px + strips[0].column),
+                ) else {
+                    return;
+                };
+                let judged = if cut {
+                    let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
+                    counter.edge(grey, light.level, state.background, torn, doubt_sd)
+                } else {
+                    counter.bulk(grey, light.level, state.background)
+                };
+                let Some(judged) = judged.filter(|_| derivatives) else {
+                    return;
+                };
+                let mut j = light.j;
+                j[BACKGROUND] = 1.0;
+                if judged.share != 1.0 {
+                    j = j.map(|d| d * judged.share);
+                }
+                if light.torn {
+                    let at = [strips[0].column, row];
+                    counter.add_torn(at, &j, judged.weight, judged.residual);
+                } else {
+                    counter.add(&BULK, &j, judged.weight, judged.residual);
+                }
+            });
         }
-        mirror(&mut sums.information);
-        sums
+        if share.is_some() {
+            doubts.of_pixels = found;
+        }
+        counter.done()
     }
 
     /// Fisher's information of a frame's pixels about pose and light at a state.
     pub fn information(&self, plan: &Plan, state: &State, noise_sd: f64) -> Square {
-        let turned = Turned::new(&state.pose);
-        let mut sums = Sums::default();
+        let turned = Turned::new(&state.pose, &self.surfaces);
+        let weighting = Weighting {
+            noise_sd,
+            cut: f64::INFINITY,
+            redescending: false,
+            saturation: u8::MAX,
+        };
+        let mut counter = Counter::new(&weighting, Tables::get(), state.brightness);
         for strips in groups(&plan.strips) {
-            let Some(strip) = strips.first() else {
-                continue;
-            };
-            for row in strip.first_row..strip.end_row {
-                let (mut j, mut doubt) = (Column::zeros(), Doubt::default());
-                let light = self.light(&turned, state, plan, strips, row, &mut j, &mut doubt);
-                let Some(light) = light.filter(|_| doubt.corner < 0.1) else {
-                    continue;
+            self.each_row(&turned, plan, state, strips, |_, light| {
+                let Some(light) = light.filter(|l| l.doubt.corner < 0.1) else {
+                    return;
                 };
+                let mut j = light.j;
                 j[BACKGROUND] = 1.0;
                 // A level cut off at zero: I = (Φ − xφ + φ²/Φ(−x)) / σ² of a censored normal.
-                let x = (light + state.background) / noise_sd;
+                let x = (light.level + state.background) / noise_sd;
                 let share = if x > 5.0 {
                     1.0
                 } else {
                     let (p, d) = (cumulative(x), density(x));
                     p - x * d + d * d / cumulative(-x).max(1e-12)
                 };
-                add::<PARAMETERS>(&mut sums, &ALL, &j, share / (noise_sd * noise_sd), 0.0);
-            }
+                counter.add(&ALL, &j, share / (noise_sd * noise_sd), 0.0);
+            });
         }
-        mirror(&mut sums.information);
-        sums.information
+        counter.done().information
     }
 
-    /// Laser light of one pixel, its derivatives added to `j`, and to `doubt` how much of it hangs on edges.
-    #[allow(clippy::too_many_arguments)]
-    fn light(
+    /// The light of each row that some strips share; `None` where a row sees none of their levels.
+    fn each_row(
         &self,
         turned: &Turned,
-        state: &State,
         plan: &Plan,
+        state: &State,
         strips: &[Strip],
-        row: usize,
-        j: &mut Column,
-        doubt: &mut Doubt,
-    ) -> Option<f64> {
-        let column = strips.first()?.column;
-        let sight = self.table.sight_with_slopes(column, row);
-        let lever = self.table.l_laser_m - self.table.eye_m.x;
+        mut then: impl FnMut(usize, Option<Light>),
+    ) {
+        let Some(strip) = strips.first() else {
+            return;
+        };
+        let slopes = self
+            .table
+            .slopes_over(strip.column, strip.first_row, strip.end_row);
+        for row in strip.first_row..strip.end_row {
+            let light = slopes.as_ref().and_then(|slopes| {
+                let [y, z] = self.table.sight(strip.column, row);
+                let ray = Ray {
+                    sight: [self.table.lever_m, y, z],
+                    slopes: slopes.at(row),
+                };
+                let tables = Tables::get();
+                let look = Look {
+                    turned,
+                    plan,
+                    ray: &ray,
+                    tables,
+                };
+                self.light(&look, state, strips)
+            });
+            then(row, light);
+        }
+    }
+
+    /// Laser light of one pixel.
+    fn light(&self, look: &Look<'_>, state: &State, strips: &[Strip]) -> Option<Light> {
         let sigma = state.thickness_m;
-        let mut sum = 0.0;
+        let mut out = Light::default();
         for strip in strips {
-            let hit = self.hit(turned, &sight, self.height(strip.level))?;
-            let s = lever * (hit.t - 1.0);
-            let s_slope = [lever * hit.t_slope[0], lever * hit.t_slope[1]];
-            let total2 = sigma * sigma
-                + self.spread_px2 * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]);
-            let exponent = 0.5 * s * s / total2;
+            let hit = self.hit(look.turned, look.ray, self.height(strip.level))?;
+            let stripe = self.stripe(&hit, state);
+            let s = stripe.s;
+            let of_total2 = 1.0 / stripe.total2;
+            let exponent = 0.5 * s * s * of_total2;
             if exponent.is_nan() {
                 return None;
             }
             if exponent > 14.0 {
                 continue;
             }
-            let bare = self.albedo(strip.level) * sigma / total2.sqrt() * (-exponent).exp();
-            let ds = hit.dt.map(|d| lever * d);
+            let bare =
+                self.albedo(strip.level) * sigma * of_total2.sqrt() * look.tables.exp(exponent);
             let mut share = 1.0;
-            if strip.cuts.0 != strip.cuts.1 {
-                let stripe = Stripe {
-                    s,
-                    s_slope,
-                    ds,
-                    total2,
-                    sigma,
-                    spread: self.spread_px2,
-                };
-                let passing = self.passing(turned, &sight, plan, strip, &hit, &stripe);
+            let full = state.brightness * bare;
+            if strip.cut() {
+                let passing = self.passing(look, strip, &hit, &stripe);
                 share = passing.share;
-                doubt.corner += state.brightness * bare * passing.unsure;
+                out.doubt.corner += full * passing.unsure;
                 if share == 0.0 {
                     continue;
                 }
-                doubt.edge += state.brightness * bare * 4.0 * share * (1.0 - share);
-                for (k, d) in passing.by_pose.iter().enumerate() {
-                    j[k] += state.brightness * bare * d;
+                if passing.torn {
+                    out.torn = true;
+                    out.doubt.edge += full * 4.0 * share * (1.0 - share);
+                    for (k, d) in passing.by_pose.iter().enumerate() {
+                        out.j[k] += full * d;
+                    }
+                    out.j[THICKNESS] += full * passing.by_thickness;
                 }
-                j[THICKNESS] += state.brightness * bare * passing.by_thickness;
             }
-            let light = state.brightness * bare * share;
-            sum += light;
-            for (k, ds) in ds.iter().enumerate() {
-                j[2 + k] -= light * s / total2 * ds;
+            let light = full * share;
+            out.level += light;
+            for (k, ds) in stripe.ds.iter().enumerate() {
+                out.j[2 + k] -= light * s * of_total2 * ds;
             }
-            j[BRIGHTNESS] += bare * share;
-            j[THICKNESS] +=
-                light * (1.0 / sigma - sigma / total2 + s * s * sigma / (total2 * total2));
+            out.j[BRIGHTNESS] += bare * share;
+            out.j[THICKNESS] += light * (1.0 / sigma - sigma * of_total2 * (1.0 - 2.0 * exponent));
         }
-        Some(sum)
+        Some(out)
     }
 }
 
-/// Cost and weight of a residual in units of the noise.
-fn weigh(scaled: f64, weighting: &Weighting) -> (f64, f64) {
-    let c = weighting.cut;
-    if weighting.redescending {
-        // Tukey's biweight, scaled so that ρ = r²/2 near zero.
-        let u = (scaled / c).powi(2);
-        if u >= 1.0 {
-            (c * c / 6.0, 0.0)
-        } else {
-            (c * c / 6.0 * (1.0 - (1.0 - u).powi(3)), (1.0 - u).powi(2))
-        }
-    } else {
-        let a = scaled.abs();
-        if a <= c {
-            (0.5 * a * a, 1.0)
-        } else {
-            (c * a - 0.5 * c * c, c / a)
-        }
-    }
-}
-
-const ALL: [usize; PARAMETERS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND];
-
-/// Fills the upper triangle from the lower.
-fn mirror(information: &mut Square) {
-    for a in 0..PARAMETERS {
-        for b in a + 1..PARAMETERS {
-            information[(a, b)] = information[(b, a)];
-        }
-    }
-}
-
-/// Adds one pixel to the lower triangle of the normal equations, for the parameters in `which`.
-fn add<const N: usize>(
-    sums: &mut Sums,
-    which: &[usize; N],
-    j: &Column,
-    weight: f64,
-    residual: f64,
-) {
-    for (n, &a) in which.iter().enumerate() {
-        let wj = weight * j[a];
-        sums.gradient[a] += wj * residual;
-        for &b in &which[n..] {
-            sums.information[(b, a)] += wj * j[b];
-        }
-    }
+/// Laser light of one pixel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Light {
+    /// \[grey levels\].
+    level: f64,
+    /// Derivatives but that by the background.
+    j: [f64; PARAMETERS],
+    /// How much of it hangs on edges.
+    doubt: Doubt,
+    /// An edge cuts it: x, y and ψ move it.
+    torn: bool,
 }
 
 #[cfg(test)]

@@ -82,6 +82,19 @@ impl Bench {
             .collect()
     }
 
+    /// The paper's images, from OpenGL, hold no noise; nor do those that are read as in the paper.
+    fn pixels(&self, pose: &Pose6, index: u64, reading: Reading) -> Vec<u8> {
+        match reading {
+            Reading::WholePixel => {
+                let ambient = self.rig.camera.noise.ambient;
+                let level = |light: f32| (f64::from(light) + ambient).round().clamp(0.0, 255.0);
+                let light = self.renderer.render_clean(pose);
+                light.into_iter().map(|v| level(v) as u8).collect()
+            }
+            Reading::SubPixel => self.renderer.render(pose, index).0,
+        }
+    }
+
     fn see_one(
         &self,
         extractor: &mut Extractor,
@@ -93,7 +106,7 @@ impl Bench {
         let image = GreyImage {
             width_px: self.renderer.width_px(),
             height_px: self.renderer.height_px(),
-            pixels: self.renderer.render(&Pose6::from(pose.to_array()), index).0,
+            pixels: self.pixels(&Pose6::from(pose.to_array()), index, reading),
         };
         let profile = extractor.extract(&image);
         let points = segments::plane_points(&profile, self.fitter.map());

@@ -1,6 +1,6 @@
 //! What a frame of a target can tell at best: the Cramér–Rao bound.
 
-use super::super::photometric::{PARAMETERS, State, Sums};
+use super::super::photometric::{Choice, PARAMETERS, State, Sums};
 use super::{Matrix7, PoseFitter, THICKNESS, covariance};
 use hydroline_calib::Pose;
 
@@ -30,7 +30,7 @@ impl PoseFitter {
             thickness_m: light.thickness_m,
             background: light.background,
         };
-        let plan = self.model.plan(&state);
+        let plan = self.model.plan(&state, Choice::ALL);
         // Rounding: a uniform error of one level, variance 1/12.
         let noise_sd = (light.noise_sd * light.noise_sd + 1.0 / 12.0).sqrt();
         let information = self.model.information(&plan, &state, noise_sd);

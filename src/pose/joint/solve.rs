@@ -6,18 +6,18 @@ use super::Matrix7;
 /// Scales of the parameters, for a well-conditioned solve.
 const SCALES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
 
-fn scaled(sums: &Sums, free: &[bool; PARAMETERS]) -> Square {
+fn scaled(information: &Square, free: &[bool; PARAMETERS]) -> Square {
     let mut a = Square::identity();
     for i in (0..PARAMETERS).filter(|i| free[*i]) {
         for j in (0..PARAMETERS).filter(|j| free[*j]) {
-            a[(i, j)] = sums.information[(i, j)] * SCALES[i] * SCALES[j];
+            a[(i, j)] = information[(i, j)] * SCALES[i] * SCALES[j];
         }
     }
     a
 }
 
 pub(super) fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Option<Column> {
-    let mut a = scaled(sums, free);
+    let mut a = scaled(&sums.information, free);
     let mut g = Column::zeros();
     for i in (0..PARAMETERS).filter(|i| free[*i]) {
         a[(i, i)] *= 1.0 + damping;
@@ -32,14 +32,33 @@ pub(super) fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Opt
 
 /// Covariance of pose and thickness with brightness and background marginalised; zero where held.
 pub(super) fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix7> {
-    let inverse = scaled(sums, free).cholesky()?.inverse();
+    let inverse = scaled(&sums.information, free).cholesky()?.inverse();
+    // What pixels at edges leave over is alike among neighbours, so they tell less than as many
+    // pixels by themselves: by how much is seen in the scores of blocks of them (White's covariance
+    // for clusters, as one factor for all directions, since a frame has a hundred blocks only).
+    let torn = only(&scaled(&sums.torn_information, free), free);
+    let scores = only(&scaled(&sums.torn_scores, free), free);
+    let count = sums.blocks as f64;
+    let expected = (inverse * torn).trace();
+    let factor = if count > 2.0 * PARAMETERS as f64 && expected > 0.0 {
+        let fitted = count / (count - PARAMETERS as f64);
+        ((inverse * scores).trace() / expected * fitted).max(1.0)
+    } else {
+        1.0
+    };
+    let inverse = inverse + inverse * torn * inverse * (factor - 1.0);
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some(Matrix7::from_fn(|i, j| {
         let (i, j) = (place(i), place(j));
         if free[i] && free[j] {
-            inverse[(i, j)] * SCALES[i] * SCALES[j]
+            0.5 * (inverse[(i, j)] + inverse[(j, i)]) * SCALES[i] * SCALES[j]
         } else {
             0.0
         }
     }))
+}
+
+/// Zero where held.
+fn only(m: &Square, free: &[bool; PARAMETERS]) -> Square {
+    Square::from_fn(|i, j| if free[i] && free[j] { m[(i, j)] } else { 0.0 })
 }

@@ -2,10 +2,9 @@
 
 use super::Photometric;
 use super::plan::{Cut, Near, Plan, Strip};
-use super::turned::{Hit, Turned};
-use crate::pose::normal::{cumulative, cumulative2, density};
+use super::turned::{EdgeTurned, Hit, Ray, Turned, dot};
+use crate::pose::normal::{Pair, Tables};
 use crate::pose::outline::{Edge, Outline};
-use nalgebra::Vector3;
 
 /// How much of the light of a pixel passes, with what moves it.
 #[derive(Clone, Copy)]
@@ -17,6 +16,8 @@ pub(super) struct Passing {
     pub by_thickness: f64,
     /// How far the share hangs on what stands at an upright corner.
     pub unsure: f64,
+    /// An edge is near enough to cut the light.
+    pub torn: bool,
 }
 
 impl Passing {
@@ -25,6 +26,7 @@ impl Passing {
         by_pose: [0.0; 6],
         by_thickness: 0.0,
         unsure: 0.0,
+        torn: false,
     };
     const NONE: Passing = Passing {
         share: 0.0,
@@ -36,11 +38,17 @@ impl Passing {
             share: 1.0 - self.share,
             by_pose: self.by_pose.map(|d| -d),
             by_thickness: -self.by_thickness,
-            unsure: self.unsure,
+            ..self
         }
     }
 
     fn and(self, other: Passing) -> Passing {
+        if !other.torn && other.share == 1.0 {
+            return self;
+        }
+        if !self.torn && self.share == 1.0 {
+            return other;
+        }
         Passing {
             share: self.share * other.share,
             by_pose: std::array::from_fn(|i| {
@@ -48,6 +56,7 @@ impl Passing {
             }),
             by_thickness: self.by_thickness * other.share + self.share * other.by_thickness,
             unsure: self.unsure * other.share + self.share * other.unsure,
+            torn: self.torn || other.torn,
         }
     }
 }
@@ -72,49 +81,54 @@ pub(super) struct Stripe {
 }
 
 /// The distance from an edge in units of its spread, given the stripe's light.
-struct Standard {
-    x: f64,
+pub(super) struct Standard {
+    pub x: f64,
     sd: f64,
     slope: [f64; 2],
     mixed: f64,
-    dx: [f64; 6],
-    dx_thickness: f64,
+    pub dx: [f64; 6],
+    pub dx_thickness: f64,
+}
+
+/// All that a pixel's shares are found from.
+pub(super) struct Look<'a> {
+    pub turned: &'a Turned,
+    pub plan: &'a Plan,
+    pub ray: &'a Ray,
+    pub tables: &'static Tables,
 }
 
 impl Photometric {
     /// What passes of a strip's light: on its own top, and in front of nothing higher.
     pub(super) fn passing(
         &self,
-        turned: &Turned,
-        sight: &[Vector3<f64>; 3],
-        plan: &Plan,
+        look: &Look<'_>,
         strip: &Strip,
         hit: &Hit,
         stripe: &Stripe,
     ) -> Passing {
         let mut passing = Passing::ALL;
-        for cut in &plan.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize] {
+        for cut in look.plan.cuts(strip) {
             if passing.share == 0.0 {
                 break;
             }
             let top = &self.surfaces.tops[cut.top];
-            let foot = self.inside(turned, sight, plan, &cut.foot, &top.outline, hit, stripe);
+            let foot = self.inside(look, cut.top, &cut.foot, hit, stripe);
             if cut.own {
                 passing = passing.and(foot);
                 continue;
             }
             // The slab hides what lies under its top and, seen from the side, behind it: in the
             // image the union of its foot and its top, of which the one that reaches farther decides.
-            let hidden = match self.hit(turned, sight, top.height_m) {
+            let hidden = match self.hit(look.turned, look.ray, top.height_m) {
                 Some(above) if foot.share < 1.0 => {
-                    let head =
-                        self.inside(turned, sight, plan, &cut.head, &top.outline, &above, stripe);
+                    let head = self.inside(look, cut.top, &cut.head, &above, stripe);
                     let covered = if head.share > foot.share { head } else { foot };
                     // Past an upright corner light shows or not by how sharp the corner is: what
                     // the two answers differ by is not known, and is said to be not known.
                     let swept = cut
                         .upright
-                        .then(|| self.swept(turned, sight, plan, cut, [hit, &above], stripe))
+                        .then(|| self.swept(look, cut, [hit, &above], stripe))
                         .flatten();
                     match swept {
                         Some(swept) => Passing {
@@ -136,73 +150,74 @@ impl Photometric {
     /// the upright edge between them bound the dark. `None` where no such corner is near.
     fn swept(
         &self,
-        turned: &Turned,
-        sight: &[Vector3<f64>; 3],
-        plan: &Plan,
+        look: &Look<'_>,
         cut: &Cut,
         [foot, head]: [&Hit; 2],
         stripe: &Stripe,
     ) -> Option<Passing> {
         let outline = &self.surfaces.tops[cut.top].outline;
         let n = outline.edges.len();
-        let near = plan.near(&cut.foot).iter().chain(plan.near(&cut.head));
-        let reach_m = 1.5 * plan.edge_reach_m;
+        let near = look.plan.near(&cut.foot).iter();
+        let near = near.chain(look.plan.near(&cut.head));
+        let reach_m = 1.5 * look.plan.edge_reach_m;
         let (k, upright) = upright_corner(outline, near.copied(), foot.p, head.p, reach_m)?;
         let along = upright.along;
         let toward = |e: &Edge| e.inward[0] * along[0] + e.inward[1] * along[1];
-        let (before, after) = (&outline.edges[(k + n - 1) % n], &outline.edges[k]);
-        let (facing, averted) = if toward(before) > 0.0 {
+        let (before, after) = ((k + n - 1) % n, k);
+        let (facing, averted) = if toward(&outline.edges[before]) > 0.0 {
             (before, after)
         } else {
             (after, before)
         };
+        let own = |k: usize| look.turned.edge(cut.top, k);
+        let upright = look.turned.edge_of(upright.from_m, upright.inward);
         let mut sides = [
-            self.standard(turned, sight, facing, foot, stripe),
-            self.standard(turned, sight, averted, head, stripe),
-            self.standard(turned, sight, &upright, foot, stripe),
+            standard(look.ray, own(facing), foot, stripe),
+            standard(look.ray, own(averted), head, stripe),
+            standard(look.ray, &upright, foot, stripe),
         ];
         sides.sort_by(|a, b| a.x.total_cmp(&b.x));
         let [first, second, third] = &sides;
-        Some(corner(first, second, true, stripe).and(third.alone()))
+        let tables = look.tables;
+        Some(corner(first, second, true, stripe, tables).and(third.alone(tables)))
     }
 
-    /// Share of the light that falls inside an outline.
-    #[allow(clippy::too_many_arguments)]
+    /// Share of the light that falls inside a top's outline.
     fn inside(
         &self,
-        turned: &Turned,
-        sight: &[Vector3<f64>; 3],
-        plan: &Plan,
+        look: &Look<'_>,
+        top: usize,
         near: &Near,
-        outline: &Outline,
         hit: &Hit,
         stripe: &Stripe,
     ) -> Passing {
         let wholly = |inside: bool| if inside { Passing::ALL } else { Passing::NONE };
-        let candidates = plan.near(near).iter().map(|k| {
-            (
-                usize::from(*k),
-                outline.edges[usize::from(*k)].distance_m(hit.p),
-            )
-        });
-        let Some((nearest, distance)) = candidates.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        let outline = &self.surfaces.tops[top].outline;
+        let mut nearest: Option<(f64, usize, f64, f64)> = None;
+        for k in look.plan.near(near).iter().map(|k| usize::from(*k)) {
+            let edge = &outline.edges[k];
+            let (along, inside) = (edge.along_m(hit.p), edge.inside_m(hit.p));
+            let beyond = (-along).max(along - edge.length_m).max(0.0);
+            let square = inside * inside + beyond * beyond;
+            if nearest.is_none_or(|n| square < n.0) {
+                nearest = Some((square, k, along, inside));
+            }
+        }
+        let Some((square, nearest, along, inside)) = nearest else {
             return wholly(near.inside);
         };
-        let reach_m = plan.edge_reach_m;
-        if distance > reach_m {
+        let reach_m = look.plan.edge_reach_m;
+        let edge = &outline.edges[nearest];
+        if square > reach_m * reach_m {
             // Beside the nearest edge its side decides; beyond its ends the whole outline.
-            let edge = &outline.edges[nearest];
-            let along = edge.along_m(hit.p);
             return wholly(if along > 0.0 && along < edge.length_m {
-                edge.inside_m(hit.p) > 0.0
+                inside > 0.0
             } else {
                 outline.contains(hit.p)
             });
         }
         let n = outline.edges.len();
-        let edge = &outline.edges[nearest];
-        let along = edge.along_m(hit.p);
-        let first = self.standard(turned, sight, edge, hit, stripe);
+        let first = standard(look.ray, look.turned.edge(top, nearest), hit, stripe);
         let neighbour = if along < reach_m && along < 0.5 * edge.length_m {
             Some(((nearest + n - 1) % n, edge.convex_at_start))
         } else if edge.length_m - along < reach_m {
@@ -212,99 +227,107 @@ impl Photometric {
             None
         };
         let Some((other, convex)) = neighbour else {
-            return first.alone();
+            return first.alone(look.tables);
         };
-        let second = self.standard(turned, sight, &outline.edges[other], hit, stripe);
-        corner(&first, &second, convex, stripe)
+        let second = standard(look.ray, look.turned.edge(top, other), hit, stripe);
+        corner(&first, &second, convex, stripe, look.tables)
     }
+}
 
-    fn standard(
-        &self,
-        turned: &Turned,
-        sight: &[Vector3<f64>; 3],
-        edge: &Edge,
-        hit: &Hit,
-        stripe: &Stripe,
-    ) -> Standard {
-        let [d, du, dv] = sight;
-        let [nx, ny] = edge.inward;
-        let n = Vector3::new(nx, ny, 0.0);
-        // n·R as a row: what a body direction adds to the distance.
-        let row = n.transpose() * turned.r;
-        let toward = (row * d)[0];
-        let slope = [
-            hit.t * (row * du)[0] + toward * hit.t_slope[0],
-            hit.t * (row * dv)[0] + toward * hit.t_slope[1],
-        ];
-        let x = self.table.eye_m + hit.t * d;
-        let turn = |k: usize| (n.transpose() * turned.by[k] * x)[0];
-        let de = [
-            nx,
-            ny,
-            toward * hit.dt[0],
-            turn(0) + toward * hit.dt[1],
-            turn(1) + toward * hit.dt[2],
-            turn(2),
-        ];
-        let mixed = stripe.spread * (slope[0] * stripe.s_slope[0] + slope[1] * stripe.s_slope[1]);
-        let of_s = mixed / stripe.total2;
-        let variance = stripe.spread * (slope[0] * slope[0] + slope[1] * slope[1]) - mixed * of_s;
-        let variance = variance.max(1e-12);
-        let sd = variance.sqrt();
-        let mut dx = de;
-        for (k, ds) in stripe.ds.iter().enumerate() {
-            dx[2 + k] -= of_s * ds;
-        }
-        let x = (edge.inside_m(hit.p) - stripe.s * of_s) / sd;
-        Standard {
-            x,
-            sd,
-            slope,
-            mixed,
-            dx: dx.map(|v| v / sd),
-            // Of e' and of τ.
-            dx_thickness: 2.0 * stripe.s * of_s * stripe.sigma / stripe.total2 / sd
-                - x * of_s * of_s * stripe.sigma / variance,
-        }
+pub(super) fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe) -> Standard {
+    // What a body direction adds to the distance.
+    let row = &edge.row;
+    let toward = dot(row, &ray.sight);
+    let slope: [f64; 2] = std::array::from_fn(|k| {
+        let [y, z] = ray.slopes[k];
+        hit.t * (row[1] * y + row[2] * z) + toward * hit.t_slope[k]
+    });
+    let [nx, ny] = edge.inward;
+    let mixed = stripe.spread * (slope[0] * stripe.s_slope[0] + slope[1] * stripe.s_slope[1]);
+    let of_s = mixed / stripe.total2;
+    let variance = stripe.spread * (slope[0] * slope[0] + slope[1] * slope[1]) - mixed * of_s;
+    let variance = variance.max(1e-12);
+    let sd = variance.sqrt();
+    let inverse = 1.0 / sd;
+    let [dz, dphi, dtheta]: [f64; 3] =
+        std::array::from_fn(|k| toward * hit.dt[k] - of_s * stripe.ds[k]);
+    let x = (edge.offset_m + dot(row, &hit.x) - stripe.s * of_s) * inverse;
+    Standard {
+        x,
+        sd,
+        slope,
+        mixed,
+        dx: [
+            nx * inverse,
+            ny * inverse,
+            dz * inverse,
+            (dot(&edge.by[0], &hit.x) + dphi) * inverse,
+            (dot(&edge.by[1], &hit.x) + dtheta) * inverse,
+            dot(&edge.by[2], &hit.x) * inverse,
+        ],
+        // Of e' and of τ.
+        dx_thickness: of_s
+            * stripe.sigma
+            * (2.0 * stripe.s / stripe.total2 * inverse - x * of_s * inverse * inverse),
     }
 }
 
 impl Standard {
     /// Share inside this edge alone.
-    fn alone(&self) -> Passing {
-        let slope = density(self.x);
+    fn alone(&self, tables: &Tables) -> Passing {
+        let (share, slope) = tables.normal(self.x);
         Passing {
-            share: cumulative(self.x),
+            share,
             by_pose: self.dx.map(|d| slope * d),
             by_thickness: slope * self.dx_thickness,
             unsure: 0.0,
+            torn: true,
         }
     }
 }
 
+/// An edge this many spreads away decides nothing at a corner.
+pub(super) const FAR: f64 = 5.5;
+
 /// Two edges at a corner: inside both (convex) or either (concave).
-fn corner(first: &Standard, second: &Standard, convex: bool, stripe: &Stripe) -> Passing {
+fn corner(
+    first: &Standard,
+    second: &Standard,
+    convex: bool,
+    stripe: &Stripe,
+    tables: &Tables,
+) -> Passing {
+    let (h, k) = (first.x, second.x);
+    // Far inside one of two that must both hold, or far outside one of two of which either will do:
+    // the other decides.
+    let idle = |x: f64| if convex { x > FAR } else { x < -FAR };
+    if idle(k) {
+        return first.alone(tables);
+    }
+    if idle(h) {
+        return second.alone(tables);
+    }
+    let pair = Pair::new(correlation(first, second, stripe));
+    let found = if convex {
+        pair.below(h, k, tables)
+    } else {
+        pair.either(h, k, tables)
+    };
+    let [a, b] = found.by;
+    Passing {
+        share: found.share,
+        by_pose: std::array::from_fn(|i| a * first.dx[i] + b * second.dx[i]),
+        by_thickness: a * first.dx_thickness + b * second.dx_thickness,
+        unsure: 0.0,
+        torn: true,
+    }
+}
+
+/// Of the distances from two edges, given the stripe's light.
+pub(super) fn correlation(first: &Standard, second: &Standard, stripe: &Stripe) -> f64 {
     let across =
         stripe.spread * (first.slope[0] * second.slope[0] + first.slope[1] * second.slope[1]);
-    let rho = ((across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd))
-        .clamp(-0.97, 0.97);
-    let (h, k) = (first.x, second.x);
-    let both = cumulative2(h, k, rho);
-    let across_sd = (1.0 - rho * rho).sqrt();
-    let mut by_first = density(h) * cumulative((k - rho * h) / across_sd);
-    let mut by_second = density(k) * cumulative((h - rho * k) / across_sd);
-    let mut share = both;
-    if !convex {
-        share = (cumulative(h) + cumulative(k) - both).clamp(0.0, 1.0);
-        by_first = density(h) - by_first;
-        by_second = density(k) - by_second;
-    }
-    Passing {
-        share,
-        by_pose: std::array::from_fn(|i| by_first * first.dx[i] + by_second * second.dx[i]),
-        by_thickness: by_first * first.dx_thickness + by_second * second.dx_thickness,
-        unsure: 0.0,
-    }
+    (across - first.mixed * second.mixed / stripe.total2) / (first.sd * second.sd)
 }
 
 /// The upright edge of a slab's silhouette nearest to where a ray passes, and the corner it stands

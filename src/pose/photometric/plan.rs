@@ -1,28 +1,20 @@
 //! Which pixels a frame is judged by, and which edges can cut their light.
 
-use super::passing::{Doubt, upright_corner};
-use super::turned::{Hit, Turned};
-use super::{Column, Photometric, State};
+use super::passing::upright_corner;
+use super::torn::CUTS_MOST;
+use super::turned::{Hit, Ray, Turned};
+use super::{Photometric, State};
 use crate::pose::outline::Outline;
-use nalgebra::Vector3;
 
 /// Reach of the light, standard deviations.
-const REACH: f64 = 4.0;
-/// Room for the pose to move after the pixels were chosen \[m\], \[px\].
-const MOVE_M: f64 = 0.003;
+const REACH: f64 = 3.7;
+/// Room for the pose to move after the pixels were chosen \[px\].
 const MOVE_PX: f64 = 1.0;
 /// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out.
-const EDGE_SPREADS: f64 = 5.0;
+const EDGE_SPREADS: f64 = 4.5;
 const EDGE_SHIFT_M: f64 = 0.0015;
 /// Points this near the ends of the fan are not used, as a tangent.
 const FAN_MARGIN: f64 = 0.012;
-
-/// Pixels with this much light torn by an edge say how good the edges are \[grey levels\].
-const TORN: f64 = 20.0;
-/// Residuals beyond this share of the torn light are particles, not edges.
-const EXCESS_MOST: f64 = 0.15;
-/// Least and greatest doubt: what is found from a thousand pixels is uncertain itself.
-const DOUBT_RANGE: [f64; 2] = [0.005, 0.1];
 
 /// Steps higher than this hide more of the lower level than one corner of the outline \[m\].
 const TALL_STEP_M: f64 = 0.05;
@@ -49,6 +41,8 @@ pub(super) struct Strip {
     pub cuts: (u32, u32),
     /// The next strip covers the same pixels: their light adds up.
     pub shares: bool,
+    /// Nothing but single edges and corners of two cuts it, and nothing upright.
+    pub simple: bool,
 }
 
 /// One thing that cuts a strip's light.
@@ -70,27 +64,24 @@ pub(super) struct Cut {
 #[derive(Debug, Clone, Default)]
 pub(in crate::pose) struct Plan {
     pub(super) strips: Vec<Strip>,
-    pub(super) cuts: Vec<Cut>,
+    cuts: Vec<Cut>,
     edges: Vec<u16>,
     /// Distance from an edge beyond which a hit is wholly in or out \[m\].
     pub edge_reach_m: f64,
-    /// Standard deviation of each pixel, in the order of [`Photometric::compare`], beyond its noise
-    /// \[grey levels\]; empty = none. Held fixed, or the fit would flee into doubtful pixels.
-    pub doubts: Vec<f32>,
+    room_m: f64,
+}
+
+impl Strip {
+    /// Whether something may cut its light.
+    pub fn cut(&self) -> bool {
+        self.cuts.0 != self.cuts.1
+    }
 }
 
 impl Plan {
-    /// The same with about every `keep`-th of the columns that no edge crosses.
-    pub fn thinned(&self, keep: usize) -> Plan {
-        // Half the column: plans of every second column have odd ones only.
-        let strips = self
-            .strips
-            .iter()
-            .filter(|s| s.cuts.0 != s.cuts.1 || s.shares || (s.column / 2) % keep == 0);
-        Plan {
-            strips: strips.copied().collect(),
-            ..self.clone()
-        }
+    /// What cuts a strip.
+    pub(super) fn cuts(&self, strip: &Strip) -> &[Cut] {
+        &self.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize]
     }
 
     pub(super) fn near(&self, near: &Near) -> &[u16] {
@@ -98,80 +89,71 @@ impl Plan {
     }
 }
 
+/// Which columns a plan takes, and how far the pose may still move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::pose) struct Choice {
+    /// Every so many columns.
+    pub step: usize,
+    /// Of those that no edge crosses, every so many.
+    pub keep: usize,
+    /// Room for the pose to move after the pixels were chosen \[m\].
+    pub room_m: f64,
+}
+
+impl Choice {
+    /// Every column.
+    pub const ALL: Choice = Choice {
+        step: 1,
+        keep: 1,
+        room_m: 0.003,
+    };
+}
+
+/// What was found of a level in a column before: it holds until the line has gone `slack_m` on.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    row: f64,
+    p: [f64; 2],
+    slack_m: f64,
+    lit: bool,
+}
+
+/// Where a column meets a level.
+struct Meeting {
+    hit: Hit,
+    row: f64,
+    ray: Ray,
+}
+
 impl Photometric {
     /// The pixels a state calls for: along each level where it could be lit.
-    pub fn plan(&self, state: &State) -> Plan {
-        self.plan_every(state, 1)
-    }
-
-    /// The same for every `step`-th column.
-    pub fn plan_every(&self, state: &State, step: usize) -> Plan {
-        let turned = Turned::new(&state.pose);
+    pub fn plan(&self, state: &State, choice: Choice) -> Plan {
+        let turned = Turned::new(&state.pose, &self.surfaces);
         let mut plan = Plan {
             edge_reach_m: self.edge_reach_m(&turned),
+            room_m: choice.room_m,
             ..Plan::default()
         };
-        for column in (1..self.table.width_px.saturating_sub(1)).step_by(step.max(1)) {
-            self.plan_column(&turned, state, column, &mut plan);
+        let mut found = vec![None; self.surfaces.tops.len() + 1];
+        let columns = (1..self.table.width_px.saturating_sub(1)).step_by(choice.step.max(1));
+        for (k, column) in columns.enumerate() {
+            let bulk = k % choice.keep.max(1) == 0;
+            self.plan_column(&turned, state, column, bulk, &mut found, &mut plan);
         }
         plan
-    }
-
-    /// Gives pixels that an edge cuts a standard deviation of their own, and returns it as a share
-    /// of the light of a pixel cut in half. No edge is machined, nor any image formed, to a
-    /// hundredth of a pixel: how well these are is seen in what the edges' pixels leave over at
-    /// `state` beyond the noise.
-    pub fn doubt_edges(&self, plan: &mut Plan, pixels: &[u8], state: &State, noise_sd: f64) -> f64 {
-        let turned = Turned::new(&state.pose);
-        let mut open: Vec<Doubt> = Vec::with_capacity(16384);
-        let (mut excess, mut weight) = (0.0, 0.0);
-        for strips in groups(&plan.strips) {
-            let cut = strips.iter().any(|s| s.cuts.0 != s.cuts.1);
-            let Some(strip) = strips.first() else {
-                continue;
-            };
-            for row in strip.first_row..strip.end_row {
-                let mut doubt = Doubt::default();
-                if cut {
-                    let mut j = Column::zeros();
-                    let light = self.light(&turned, state, plan, strips, row, &mut j, &mut doubt);
-                    let grey = pixels.get(row * self.table.width_px + strip.column);
-                    if let (Some(light), Some(grey)) = (light, grey)
-                        && doubt.edge > TORN
-                        && doubt.corner < 1.0
-                    {
-                        let residual = f64::from(*grey) - light - state.background;
-                        if residual.abs() < EXCESS_MOST * doubt.edge + 4.0 * noise_sd {
-                            excess += residual * residual - noise_sd * noise_sd;
-                            weight += doubt.edge * doubt.edge;
-                        }
-                    }
-                }
-                open.push(doubt);
-            }
-        }
-        let found = if weight > 0.0 {
-            (excess / weight).max(0.0).sqrt()
-        } else {
-            0.0
-        };
-        let share = found.clamp(DOUBT_RANGE[0], DOUBT_RANGE[1]);
-        plan.doubts = open
-            .iter()
-            .map(|d| (share * d.edge).hypot(d.corner) as f32)
-            .collect();
-        share
     }
 
     /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
     fn edge_reach_m(&self, turned: &Turned) -> f64 {
         let middle = self.table.width_px / 2;
-        let metres_per_px =
-            self.row_of_level(turned, middle, 0.0)
-                .map_or(0.0015, |(hit, _, sight)| {
-                    let across = hit.t * sight[1].norm();
-                    across.max(((self.table.l_laser_m - self.table.eye_m.x) * hit.t_slope[1]).abs())
-                });
+        let start = 0.5 * (self.table.height_px as f64 - 2.0);
+        let metres_per_px = self
+            .row_of_level(turned, middle, 0.0, start)
+            .map_or(0.0015, |m| {
+                let [y, z] = m.ray.slopes[0];
+                let across = m.hit.t * y.hypot(z);
+                across.max((self.table.lever_m * m.hit.t_slope[1]).abs())
+            });
         EDGE_SPREADS * self.spread_px2.sqrt() * metres_per_px.clamp(1e-5, 0.01) + EDGE_SHIFT_M
     }
 
@@ -181,21 +163,23 @@ impl Photometric {
         turned: &Turned,
         column: usize,
         height_m: f64,
-    ) -> Option<(Hit, f64, [Vector3<f64>; 3])> {
+        start_row: f64,
+    ) -> Option<Meeting> {
         let last = self.table.height_px as f64 - 2.0;
-        let mut row = 0.5 * last;
+        let mut row = start_row;
         let mut found = None;
         for _ in 0..8 {
-            let at = row.round().clamp(1.0, last);
-            let sight = self.table.sight_with_slopes(column, at as usize);
-            let hit = self.hit(turned, &sight, height_m)?;
-            let next = at - (hit.t - 1.0) / hit.t_slope[1];
+            let at = row.round().clamp(1.0, last) as usize;
+            let ray = self.ray(column, at);
+            let hit = self.hit(turned, &ray, height_m)?;
+            let next = at as f64 - (hit.t - 1.0) / hit.t_slope[1];
             if !next.is_finite() {
                 return None;
             }
-            let done = (next - row).abs() < 0.3;
+            // Newton's method: from within 4 rows it is right to a hundredth.
+            let done = (next - row).abs() < 4.0;
             row = next;
-            found = Some((hit, row, sight));
+            found = Some(Meeting { hit, row, ray });
             if done {
                 break;
             }
@@ -203,21 +187,30 @@ impl Photometric {
         found
     }
 
-    fn plan_column(&self, turned: &Turned, state: &State, column: usize, plan: &mut Plan) {
-        let lever = self.table.l_laser_m - self.table.eye_m.x;
+    fn plan_column(
+        &self,
+        turned: &Turned,
+        state: &State,
+        column: usize,
+        bulk: bool,
+        found: &mut [Option<Found>],
+        plan: &mut Plan,
+    ) {
         let first = plan.strips.len();
         for level in 0..=self.surfaces.tops.len() {
-            let Some((hit, row, sight)) = self.row_of_level(turned, column, self.height(level))
-            else {
+            let start_row = found[level].map_or(0.5 * self.table.height_px as f64, |f| f.row);
+            let Some(met) = self.row_of_level(turned, column, self.height(level), start_row) else {
+                found[level] = None;
                 continue;
             };
-            let body = self.table.eye_m + hit.t * sight[0];
+            let (hit, row) = (met.hit, met.row);
             // NaN (no map there) is outside too.
-            let in_fan = body.y.abs() <= (self.tan_half_fan - FAN_MARGIN) * body.z;
+            let in_fan = hit.x[1].abs() <= (self.tan_half_fan - FAN_MARGIN) * hit.x[2];
             if !in_fan {
+                found[level] = None;
                 continue;
             }
-            let metres_per_row = (lever * hit.t_slope[1]).abs();
+            let metres_per_row = (self.table.lever_m * hit.t_slope[1]).abs();
             let reach_m = REACH
                 * state
                     .thickness_m
@@ -228,9 +221,38 @@ impl Photometric {
                 (row + half).floor().min(self.table.height_px as f64 - 2.0),
             );
             if low > high {
+                found[level] = None;
                 continue;
             }
-            let Some(cuts) = self.cuts(turned, &sight, level, hit.p, reach_m, plan) else {
+            let cuts = match found[level] {
+                // Nothing cuts it as far as the line has come since.
+                Some(old) if distance2(old.p, hit.p) < old.slack_m * old.slack_m => {
+                    found[level] = Some(Found { row, ..old });
+                    old.lit.then_some(((0, 0), true))
+                }
+                _ => {
+                    let mut slack_m = f64::INFINITY;
+                    let span = Span {
+                        rays: [
+                            self.ray(column, low as usize),
+                            self.ray(column, high as usize),
+                        ],
+                        middle: met.ray,
+                        p: hit.p,
+                        reach_m,
+                    };
+                    let cuts = self.cuts(turned, &span, level, &mut slack_m, plan);
+                    found[level] = Some(Found {
+                        row,
+                        p: hit.p,
+                        // Higher levels move no faster than the floor; a tenth is for the perspective.
+                        slack_m: 0.9 * slack_m.max(0.0),
+                        lit: cuts.is_some(),
+                    });
+                    cuts
+                }
+            };
+            let Some((cuts, simple)) = cuts else {
                 continue;
             };
             plan.strips.push(Strip {
@@ -240,41 +262,78 @@ impl Photometric {
                 level,
                 cuts,
                 shares: false,
+                simple,
             });
         }
         join(&mut plan.strips, first);
+        if !bulk {
+            let plain = plan.strips[first..].iter().all(|s| !s.cut() && !s.shares);
+            if plain {
+                plan.strips.truncate(first);
+            }
+        }
     }
 
-    /// What may cut the light of a level about `p`; `None`: it is surely dark there.
+    /// What may cut the light of a level, and whether that is single edges only; `None`: it is
+    /// surely dark there. `slack_m` is lowered to how far the line may go before an edge comes near.
     fn cuts(
         &self,
         turned: &Turned,
-        sight: &[Vector3<f64>; 3],
+        span: &Span,
         level: usize,
-        p: [f64; 2],
-        reach_m: f64,
+        slack_m: &mut f64,
         plan: &mut Plan,
-    ) -> Option<(u32, u32)> {
+    ) -> Option<((u32, u32), bool)> {
         let start = (plan.cuts.len(), plan.edges.len());
-        let room_m = plan.edge_reach_m + MOVE_M;
-        let look = |outline: &Outline, p: [f64; 2], edges: &mut Vec<u16>| {
-            let from = edges.len() as u32;
+        let (p, reach_m) = (span.p, span.reach_m);
+        let room_m = plan.edge_reach_m + plan.room_m;
+        let mut simple = true;
+        // Where the strip's first and last pixels meet a height.
+        let ends = |height_m: f64| -> Option<[[f64; 2]; 2]> {
+            let [a, b] = &span.rays;
+            let (a, b) = (
+                self.hit(turned, a, height_m)?,
+                self.hit(turned, b, height_m)?,
+            );
+            Some([a.p, b.p])
+        };
+        let mut look = |outline: &Outline,
+                        p: [f64; 2],
+                        height_m: f64,
+                        edges: &mut Vec<u16>,
+                        slack_m: &mut f64| {
+            let from = edges.len();
+            let mut line = None;
             for (k, e) in outline.edges.iter().enumerate() {
-                let along = e.along_m(p);
-                let beside = e.inside_m(p).abs() < room_m + reach_m;
-                if beside && along > -room_m - reach_m && along < e.length_m + room_m + reach_m {
-                    edges.push(k as u16);
+                // Most edges are too far along X to matter to either answer.
+                let [low, high] = e.x_range_m();
+                let beside = (low - p[0]).max(p[0] - high);
+                if beside > room_m + reach_m + slack_m.max(0.0) {
+                    continue;
                 }
+                let along = e.along_m(p);
+                // Distance from a box about the edge.
+                let beyond = (-along).max(along - e.length_m).max(e.inside_m(p).abs());
+                *slack_m = slack_m.min(beyond - room_m - reach_m);
+                if beyond > room_m + reach_m {
+                    continue;
+                }
+                let line = *line.get_or_insert_with(|| ends(height_m).unwrap_or([p; 2]));
+                if e.distance2_to_line_m2(line) > room_m * room_m {
+                    continue;
+                }
+                edges.push(k as u16);
             }
+            simple &= at_most_a_corner(outline, &edges[from..], line, room_m);
             Near {
-                from,
+                from: from as u32,
                 to: edges.len() as u32,
-                inside: outline.contains(p),
+                inside: from == edges.len() && outline.contains(p),
             }
         };
-        let mut dark = false;
+        let own_m = self.height(level);
         if let Some(top) = self.surfaces.tops.get(level) {
-            let foot = look(&top.outline, p, &mut plan.edges);
+            let foot = look(&top.outline, p, own_m, &mut plan.edges, slack_m);
             if foot.from != foot.to {
                 plan.cuts.push(Cut {
                     top: level,
@@ -283,39 +342,45 @@ impl Photometric {
                     head: Near::default(),
                     upright: false,
                 });
-            } else {
-                dark = !foot.inside;
+            } else if !foot.inside {
+                *slack_m = slack_m.max(0.0);
+                return None;
             }
         }
+        let mut dark = false;
+        let mut uprights = false;
         let higher = self
             .surfaces
             .tops
             .iter()
             .enumerate()
             .take(level)
-            .filter(|(_, t)| t.height_m > self.height(level));
+            .filter(|(_, t)| t.height_m > own_m);
         for (k, top) in higher {
-            let above = self.hit(turned, sight, top.height_m)?.p;
-            if top.height_m - self.height(level) > TALL_STEP_M {
+            let above = self.hit(turned, &span.middle, top.height_m)?.p;
+            if top.height_m - own_m > TALL_STEP_M {
                 // Between its foot and its top a tall slab may hide the line with corners in
                 // between: where it can, the level is not looked at at all.
                 let between = |t: f64| [p[0] + t * (above[0] - p[0]), p[1] + t * (above[1] - p[1])];
                 dark |= (0..=8).any(|i| {
                     let q = between(f64::from(i) / 8.0);
                     let room_m = room_m + reach_m;
-                    top.outline.contains(q) || top.outline.nearest(q).is_some_and(|n| n.1 < room_m)
+                    let edge_m = top.outline.nearest(q).map_or(f64::INFINITY, |n| n.1);
+                    *slack_m = slack_m.min((edge_m - room_m).abs());
+                    top.outline.contains(q) || edge_m < room_m
                 });
                 continue;
             }
-            let foot = look(&top.outline, p, &mut plan.edges);
-            let head = look(&top.outline, above, &mut plan.edges);
+            let foot = look(&top.outline, p, own_m, &mut plan.edges, slack_m);
+            let head = look(&top.outline, above, top.height_m, &mut plan.edges, slack_m);
             if foot.from == foot.to && head.from == head.to {
                 dark |= foot.inside || head.inside;
             } else {
                 let near = plan.near(&foot).iter().chain(plan.near(&head));
-                let room_m = 1.5 * plan.edge_reach_m + MOVE_M + reach_m;
+                let room_m = 1.5 * plan.edge_reach_m + plan.room_m + reach_m;
                 let upright =
                     upright_corner(&top.outline, near.copied(), p, above, room_m).is_some();
+                uprights |= upright;
                 plan.cuts.push(Cut {
                     top: k,
                     own: false,
@@ -330,8 +395,72 @@ impl Photometric {
             plan.edges.truncate(start.1);
             return None;
         }
-        Some((start.0 as u32, plan.cuts.len() as u32))
+        let cuts = (start.0 as u32, plan.cuts.len() as u32);
+        // More cuts than the fast way provides for do not occur on flat targets of a few levels.
+        let simple = simple && !uprights && cuts.1 - cuts.0 <= CUTS_MOST as u32;
+        Some((cuts, simple))
     }
+
+    pub(super) fn ray(&self, column: usize, row: usize) -> Ray {
+        let [y, z] = self.table.sight(column, row);
+        Ray {
+            sight: [self.table.lever_m, y, z],
+            slopes: self.table.slopes(column, row),
+        }
+    }
+}
+
+/// A strip on its level before it is known what cuts it.
+struct Span {
+    /// Of its first and last pixel.
+    rays: [Ray; 2],
+    /// Where the sheet's middle meets the level.
+    middle: Ray,
+    p: [f64; 2],
+    /// How far its light reaches from there.
+    reach_m: f64,
+}
+
+/// Whether the edges near a line are one, or two that meet at a corner, and no other corner is near.
+fn at_most_a_corner(
+    outline: &Outline,
+    near: &[u16],
+    line: Option<[[f64; 2]; 2]>,
+    room_m: f64,
+) -> bool {
+    let n = outline.edges.len();
+    // Whether a line's end comes near the edge's start, or its end.
+    let ends = |k: usize| {
+        let e = &outline.edges[k];
+        let along = line.into_iter().flatten().map(|p| e.along_m(p));
+        along.fold((false, false), |(start, end), along| {
+            (
+                start | (along < room_m),
+                end | (along > e.length_m - room_m),
+            )
+        })
+    };
+    match near {
+        [] => true,
+        [one] => ends(usize::from(*one)) == (false, false),
+        [one, other] => {
+            let (one, other) = (usize::from(*one), usize::from(*other));
+            // The earlier of the two ends where the later begins.
+            let (earlier, later) = if (one + 1) % n == other {
+                (one, other)
+            } else if (other + 1) % n == one {
+                (other, one)
+            } else {
+                return false;
+            };
+            !ends(earlier).0 && !ends(later).1
+        }
+        _ => false,
+    }
+}
+
+fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
 }
 
 /// Strips that share their pixels, together.

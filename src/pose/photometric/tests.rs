@@ -1,6 +1,5 @@
 //! The closed form against the renderer, and its derivatives against differences of itself.
 
-use super::passing::Doubt;
 use super::plan::groups;
 use super::turned::Turned;
 use super::*;
@@ -36,38 +35,45 @@ fn state(x_m: f64) -> State {
     }
 }
 
+fn at_row(
+    model: &Photometric,
+    plan: &Plan,
+    state: &State,
+    strips: &[Strip],
+    row: usize,
+) -> Option<Light> {
+    let turned = Turned::new(&state.pose, &model.surfaces);
+    let mut found = None;
+    model.each_row(&turned, plan, state, strips, |at, light| {
+        if at == row {
+            found = light;
+        }
+    });
+    found
+}
+
 #[test]
 fn derivatives_are_those_of_the_light() {
     let model = model();
     let at = state(0.13);
-    let plan = model.plan(&at);
+    let plan = model.plan(&at, Choice::ALL);
     let steps = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-7];
     let mut compared = 0;
     for strips in groups(&plan.strips).step_by(3) {
         for row in strips[0].first_row..strips[0].end_row {
-            let light = |s: &State, j: &mut Column| {
-                model.light(
-                    &Turned::new(&s.pose),
-                    s,
-                    &plan,
-                    strips,
-                    row,
-                    j,
-                    &mut Doubt::default(),
-                )
-            };
-            let mut exact = Column::zeros();
-            let Some(value) = light(&at, &mut exact) else {
+            let light = |s: &State| at_row(&model, &plan, s, strips, row);
+            let Some(here) = light(&at) else {
                 continue;
             };
-            if value < 1.0 {
+            let exact = here.j;
+            if here.level < 1.0 {
                 continue;
             }
             for (k, h) in steps.iter().enumerate() {
                 let moved = |by: f64| {
                     let mut step = Column::zeros();
                     step[k] = by;
-                    light(&at.moved(&step), &mut Column::zeros()).unwrap()
+                    light(&at.moved(&step)).unwrap().level
                 };
                 let difference = (moved(*h) - moved(-h)) / (2.0 * h);
                 // Slopes of edge and stripe within one point spread are held: a hundredth.
@@ -96,22 +102,13 @@ fn light_is_the_renderers() {
     for x_m in [0.13, 0.1457, 0.2496, 0.243, 0.256, 0.262] {
         let at = state(x_m);
         let picture = renderer.render_clean(&Pose6::from(at.pose.to_array()));
-        let plan = model.plan(&at);
-        let turned = Turned::new(&at.pose);
+        let plan = model.plan(&at, Choice::ALL);
         let (mut square, mut count, mut worst) = (0.0, 0.0, 0.0f64);
         for strips in groups(&plan.strips) {
             for row in strips[0].first_row..strips[0].end_row {
-                let light = model.light(
-                    &turned,
-                    &at,
-                    &plan,
-                    strips,
-                    row,
-                    &mut Column::zeros(),
-                    &mut Doubt::default(),
-                );
+                let light = at_row(&model, &plan, &at, strips, row).unwrap().level;
                 let seen = f64::from(picture[row * model.table.width_px + strips[0].column]);
-                let difference = light.unwrap() - seen;
+                let difference = light - seen;
                 square += difference * difference;
                 count += 1.0;
                 worst = worst.max(difference.abs());
@@ -120,5 +117,136 @@ fn light_is_the_renderers() {
         let rms = (square / count).sqrt();
         println!("x {x_m}: rms {rms:.3} grey levels of 200, worst {worst:.2}, {count} pixels");
         assert!(rms < 0.6, "x {x_m}: {rms}");
+    }
+}
+
+#[test]
+fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
+    let model = model();
+    let rig = lshpi_rig();
+    let at = State {
+        background: rig.camera.noise.ambient,
+        ..state(0.13)
+    };
+    let renderer = Renderer::new(&rig).unwrap();
+    let picture = renderer
+        .render(&Pose6::from(state(0.1301).pose.to_array()), 1)
+        .0;
+    let weighting = Weighting {
+        noise_sd: 2.0,
+        cut: 4.0,
+        redescending: false,
+        saturation: 254,
+    };
+    let mut plan = model.plan(&at, Choice::ALL);
+    let alone = |g: &[Strip]| g.len() == 1 && !g[0].cut();
+    plan.strips = groups(&plan.strips)
+        .filter(|g| alone(g))
+        .map(|g| g[0])
+        .collect();
+    let fast = model.compare(
+        &plan,
+        &picture,
+        &at,
+        &weighting,
+        &mut Doubts::default(),
+        true,
+    );
+    let mut counter = Counter::new(&weighting, Tables::get(), at.brightness);
+    for strips in groups(&plan.strips) {
+        for row in strips[0].first_row..strips[0].end_row {
+            let light = at_row(&model, &plan, &at, strips, row).unwrap();
+            let grey = picture[row * model.table.width_px + strips[0].column];
+            let judged = counter.bulk(grey, light.level, at.background).unwrap();
+            let mut j = light.j;
+            j[BACKGROUND] = 1.0;
+            let j = j.map(|d| d * judged.share);
+            counter.add(&BULK, &j, judged.weight, judged.residual);
+        }
+    }
+    let slow = counter.done();
+    assert_eq!(fast.pixels, slow.pixels);
+    assert!(
+        (fast.cost / slow.cost - 1.0).abs() < 1e-5,
+        "{} {}",
+        fast.cost,
+        slow.cost
+    );
+    for a in BULK {
+        for b in BULK {
+            let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
+            let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
+            // Half a per cent of the information is a quarter of a per cent of an sd.
+            assert!(off < 5e-3, "{a} {b}: {off}");
+        }
+        let sd = slow.information[(a, a)].sqrt();
+        let off = (fast.gradient[a] - slow.gradient[a]).abs() / sd;
+        assert!(off < 0.05, "{a}: {off} sd");
+    }
+}
+
+#[test]
+fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
+    let model = model();
+    let rig = lshpi_rig();
+    let renderer = Renderer::new(&rig).unwrap();
+    let weighting = Weighting {
+        noise_sd: 2.0,
+        cut: 4.0,
+        redescending: false,
+        saturation: 254,
+    };
+    // Flanks, joints, widest points.
+    for x_m in [0.13, 0.1457, 0.2496, 0.243, 0.31] {
+        let at = State {
+            background: rig.camera.noise.ambient,
+            ..state(x_m)
+        };
+        let truth = Pose6::from(state(x_m + 2e-4).pose.to_array());
+        let picture = renderer.render(&truth, 1).0;
+        let plan = model.plan(&at, Choice::ALL);
+        let mut slow = plan.clone();
+        slow.strips.iter_mut().for_each(|s| s.simple = false);
+        let sums = |plan: &Plan| {
+            let mut doubts = Doubts {
+                share: Some(0.03),
+                ..Doubts::default()
+            };
+            let once = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
+            let again = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
+            assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
+            again
+        };
+        let (fast, slow) = (sums(&plan), sums(&slow));
+        let (mut torn, mut simple) = (0, 0);
+        for group in groups(&plan.strips).filter(|g| g.iter().any(Strip::cut)) {
+            torn += 1;
+            simple += usize::from(group.iter().all(|s| s.simple));
+        }
+        println!("x {x_m}: {simple} of {torn} groups are simple");
+        // Upright corners (widest points) go the slow way.
+        let flank = x_m == 0.13;
+        assert!(
+            !flank || 10 * simple > 9 * torn,
+            "x {x_m}: {simple} of {torn}"
+        );
+        assert_eq!(fast.pixels, slow.pixels);
+        assert!(
+            (fast.cost / slow.cost - 1.0).abs() < 1e-4,
+            "{} {}",
+            fast.cost,
+            slow.cost
+        );
+        for a in ALL {
+            for b in ALL {
+                let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
+                let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
+                // Half a per cent of the information is a quarter of a per cent of an sd.
+                assert!(off < 5e-3, "x {x_m}: {a} {b}: {off}");
+            }
+            let sd = slow.information[(a, a)].sqrt();
+            let off = (fast.gradient[a] - slow.gradient[a]).abs() / sd;
+            assert!(off < 0.05, "x {x_m}: {a}: {off} sd");
+        }
     }
 }

@@ -1,18 +1,60 @@
-//! A ray against a level, with its derivatives by the pose.
+//! A ray against a level, with its derivatives by the pose; and all that depends on the pose alone.
 
 use super::Photometric;
+use crate::pose::outline::Surfaces;
 use hydroline_calib::Pose;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-/// Rotation with its derivatives.
+type Rows = [[f64; 3]; 3];
+
+/// Rotation with its derivatives, and the edges of all tops as the body sees them.
 pub(super) struct Turned {
-    pub r: Matrix3<f64>,
-    pub by: [Matrix3<f64>; 3],
-    pub position: Vector3<f64>,
+    /// Body to tank.
+    pub r: Rows,
+    /// d r / d(φ, θ, ψ).
+    pub by: [Rows; 3],
+    pub position: [f64; 3],
+    /// Edges of all tops, one top after the other.
+    edges: Vec<EdgeTurned>,
+    /// First edge of each top.
+    first: Vec<usize>,
+}
+
+/// An edge: its distance from the body point x is `offset_m` + `row`·x, positive inside.
+#[derive(Clone, Copy)]
+pub(super) struct EdgeTurned {
+    pub offset_m: f64,
+    pub row: [f64; 3],
+    /// d row / d(φ, θ, ψ).
+    pub by: Rows,
+    pub inward: [f64; 2],
+}
+
+impl EdgeTurned {
+    fn new(
+        from_m: [f64; 2],
+        inward: [f64; 2],
+        r: &Rows,
+        by: &[Rows; 3],
+        position: &[f64; 3],
+    ) -> Self {
+        let [nx, ny] = inward;
+        let turn = |m: &Rows| std::array::from_fn(|i| nx * m[0][i] + ny * m[1][i]);
+        EdgeTurned {
+            offset_m: nx * (position[0] - from_m[0]) + ny * (position[1] - from_m[1]),
+            row: turn(r),
+            by: [turn(&by[0]), turn(&by[1]), turn(&by[2])],
+            inward,
+        }
+    }
+}
+
+pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Turned {
-    pub fn new(pose: &Pose) -> Self {
+    pub fn new(pose: &Pose, surfaces: &Surfaces) -> Self {
         let (sf, cf) = pose.phi_rad.sin_cos();
         let (st, ct) = pose.theta_rad.sin_cos();
         let (sp, cp) = pose.psi_rad.sin_cos();
@@ -22,12 +64,41 @@ impl Turned {
         let dz = Matrix3::new(-sp, -cp, 0.0, cp, -sp, 0.0, 0.0, 0.0, 0.0);
         let dy = Matrix3::new(-st, 0.0, ct, 0.0, 0.0, 0.0, -ct, 0.0, -st);
         let dx = Matrix3::new(0.0, 0.0, 0.0, 0.0, -sf, -cf, 0.0, cf, -sf);
-        Turned {
-            r: rz * ry * rx,
-            by: [rz * ry * dx, rz * dy * rx, dz * ry * rx],
-            position: pose.position_m(),
+        let rows = |m: Matrix3<f64>| -> Rows {
+            std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
+        };
+        let mut turned = Turned {
+            r: rows(rz * ry * rx),
+            by: [rows(rz * ry * dx), rows(rz * dy * rx), rows(dz * ry * rx)],
+            position: pose.position_m().into(),
+            edges: Vec::with_capacity(64),
+            first: Vec::with_capacity(surfaces.tops.len()),
+        };
+        for top in &surfaces.tops {
+            turned.first.push(turned.edges.len());
+            for e in &top.outline.edges {
+                let edge = turned.edge_of(e.from_m, e.inward);
+                turned.edges.push(edge);
+            }
         }
+        turned
     }
+
+    /// The `edge`-th edge of a top.
+    pub fn edge(&self, top: usize, edge: usize) -> &EdgeTurned {
+        &self.edges[self.first[top] + edge]
+    }
+
+    /// An edge that is none of a top's own.
+    pub fn edge_of(&self, from_m: [f64; 2], inward: [f64; 2]) -> EdgeTurned {
+        EdgeTurned::new(from_m, inward, &self.r, &self.by, &self.position)
+    }
+}
+
+/// A pixel's ray: the way to its sheet point, and d(y, z) of it along columns and rows \[m/px\].
+pub(super) struct Ray {
+    pub sight: [f64; 3],
+    pub slopes: [[f64; 2]; 2],
 }
 
 /// A ray at one height.
@@ -37,37 +108,39 @@ pub(super) struct Hit {
     pub t_slope: [f64; 2],
     /// dt/d(z, φ, θ).
     pub dt: [f64; 3],
+    /// Body point.
+    pub x: [f64; 3],
     /// Tank X, Y.
     pub p: [f64; 2],
 }
 
 impl Photometric {
-    /// Where a ray (sight, and its slopes) meets a height.
-    pub(super) fn hit(
-        &self,
-        turned: &Turned,
-        sight: &[Vector3<f64>; 3],
-        height_m: f64,
-    ) -> Option<Hit> {
-        let [d, du, dv] = sight;
-        let r3 = turned.r.row(2);
-        let down = (r3 * d)[0];
-        let eye = &self.table.eye_m;
-        let t = (-height_m - turned.position.z - (r3 * eye)[0]) / down;
+    /// Where a ray meets a height.
+    pub(super) fn hit(&self, turned: &Turned, ray: &Ray, height_m: f64) -> Option<Hit> {
+        let r3 = &turned.r[2];
+        let d = &ray.sight;
+        let eye: [f64; 3] = [self.table.eye_m.x, self.table.eye_m.y, self.table.eye_m.z];
+        let down = dot(r3, d);
+        let inverse = 1.0 / down;
+        let t = (-height_m - turned.position[2] - dot(r3, &eye)) * inverse;
         if !(t.is_finite() && t > 0.0 && down > 0.0) {
             return None;
         }
-        let x = eye + t * d;
-        let q = turned.r * x;
+        let x = [eye[0] + t * d[0], eye[1] + t * d[1], eye[2] + t * d[2]];
+        let slope = |s: &[f64; 2]| -t * (r3[1] * s[0] + r3[2] * s[1]) * inverse;
         Some(Hit {
             t,
-            t_slope: [-t * (r3 * du)[0] / down, -t * (r3 * dv)[0] / down],
+            t_slope: [slope(&ray.slopes[0]), slope(&ray.slopes[1])],
             dt: [
-                -1.0 / down,
-                -(turned.by[0].row(2) * x)[0] / down,
-                -(turned.by[1].row(2) * x)[0] / down,
+                -inverse,
+                -dot(&turned.by[0][2], &x) * inverse,
+                -dot(&turned.by[1][2], &x) * inverse,
             ],
-            p: [turned.position.x + q.x, turned.position.y + q.y],
+            x,
+            p: [
+                turned.position[0] + dot(&turned.r[0], &x),
+                turned.position[1] + dot(&turned.r[1], &x),
+            ],
         })
     }
 }

@@ -1,0 +1,141 @@
+//! Strips that no edge cuts: most of the pixels, and only z, φ, θ and the light move them.
+//!
+//! Along the rows of a strip ds/d(z, φ, θ) and S² are straight to 1e-4 (they bend by the square of
+//! the share that a stripe's width has of the focal length), so a pixel needs one division and one
+//! exponential, and its derivatives are sums of five functions that all parameters share.
+
+use super::plan::Strip;
+use super::sums::{BULK, Counter};
+use super::turned::{Ray, Turned, dot};
+use super::{Photometric, State};
+use crate::pose::normal::Tables;
+
+/// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
+struct End {
+    total2: f64,
+    inverse: f64,
+    ds: [f64; 3],
+}
+
+impl Photometric {
+    fn end(&self, turned: &Turned, strip: &Strip, row: usize, sigma_m: f64) -> Option<End> {
+        let [y, z] = self.table.sight(strip.column, row);
+        let ray = Ray {
+            sight: [self.table.lever_m, y, z],
+            slopes: self.table.slopes(strip.column, row),
+        };
+        let hit = self.hit(turned, &ray, self.height(strip.level))?;
+        let lever = self.table.lever_m;
+        let [a, b] = hit.t_slope.map(|t| lever * t);
+        let total2 = sigma_m * sigma_m + self.spread_px2 * (a * a + b * b);
+        Some(End {
+            total2,
+            inverse: 1.0 / total2.sqrt(),
+            ds: hit.dt.map(|d| lever * d),
+        })
+    }
+
+    /// Adds a strip that no edge cuts to the sums.
+    pub(super) fn compare_bulk(
+        &self,
+        turned: &Turned,
+        strip: &Strip,
+        pixels: &[u8],
+        state: &State,
+        derivatives: bool,
+        counter: &mut Counter<'_>,
+    ) {
+        let Some([first, last]) =
+            self.table
+                .sound_rows(strip.column, strip.first_row, strip.end_row)
+        else {
+            return;
+        };
+        let sigma = state.thickness_m;
+        let (Some(a), Some(b)) = (
+            self.end(turned, strip, first, sigma),
+            self.end(turned, strip, last, sigma),
+        ) else {
+            return;
+        };
+        let tables = Tables::get();
+        let width = self.table.width_px;
+        let middle = 0.5 * (last - first) as f64;
+        let per_row = 1.0 / (last - first).max(1) as f64;
+        let line = |a: f64, b: f64| (0.5 * (a + b), (b - a) * per_row);
+        let (total2, total2_slope) = line(a.total2, b.total2);
+        let full = self.albedo(strip.level) * sigma;
+        let (height, height_slope) = line(full * a.inverse, full * b.inverse);
+        let lever = self.table.lever_m;
+        let r3 = &turned.r[2];
+        let ahead = r3[0] * lever;
+        let eye = self.table.eye_m;
+        let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
+        let of_sigma = 1.0 / sigma;
+        // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1.
+        let mut products = [[0.0; 5]; 5];
+        let mut right = [0.0; 5];
+        let sights = self.table.sights(strip.column, first, last + 1);
+        let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
+        for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
+            let u = k as f64 - middle;
+            let down = ahead + r3[1] * y + r3[2] * z;
+            let seen = down > 0.0;
+            if !seen {
+                continue;
+            }
+            let total2 = total2 + total2_slope * u;
+            let both = 1.0 / (down * total2);
+            let of_total2 = both * down;
+            let s = lever * (over - down) * (both * total2);
+            let off = s * s * of_total2;
+            let bare = tables.exp(0.5 * off) * (height + height_slope * u);
+            let light = state.brightness * bare;
+            let Some(judged) = counter.bulk(*grey, light, state.background) else {
+                continue;
+            };
+            if !derivatives {
+                continue;
+            }
+            let by_s = -light * s * of_total2 * judged.share;
+            let j = [
+                by_s,
+                by_s * u,
+                bare * judged.share,
+                light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share,
+                judged.share,
+            ];
+            for a in 0..5 {
+                let wj = judged.weight * j[a];
+                right[a] += wj * judged.residual;
+                for b in 0..=a {
+                    products[a][b] += wj * j[b];
+                }
+            }
+        }
+        if !derivatives {
+            return;
+        }
+        // Of each pose parameter: ds in the middle, and what it gains per row.
+        let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
+        for (n, &(m, g)) in pose.iter().enumerate() {
+            let row = &mut counter.information[BULK[n]];
+            for (k, &(mk, gk)) in pose[..=n].iter().enumerate() {
+                row[BULK[k]] += m * mk * products[0][0]
+                    + (m * gk + g * mk) * products[1][0]
+                    + g * gk * products[1][1];
+            }
+            counter.gradient[BULK[n]] += m * right[0] + g * right[1];
+            for light in 2..5 {
+                counter.information[BULK[light + 1]][BULK[n]] +=
+                    m * products[light][0] + g * products[light][1];
+            }
+        }
+        for a in 2..5 {
+            counter.gradient[BULK[a + 1]] += right[a];
+            for b in 2..=a {
+                counter.information[BULK[a + 1]][BULK[b + 1]] += products[a][b];
+            }
+        }
+    }
+}

@@ -1,0 +1,461 @@
+//! Strips that edges and their corners cut, upright ones apart.
+//!
+//! Over the rows of a strip the distance from an edge bends by the square of the share that the
+//! strip has of the focal length: a parabola through three rows holds it to a micrometre, and a
+//! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
+//! per pixel, and [`Photometric::light`] is left for upright corners.
+
+use super::passing::{FAR, Standard, Stripe, correlation, standard};
+use super::plan::{Near, Plan, Strip};
+use super::sums::{BULK, Counter};
+use super::turned::{Hit, Ray, Turned, dot};
+use super::{BACKGROUND, BRIGHTNESS, Doubt, PARAMETERS, Photometric, State, THICKNESS};
+use crate::pose::normal::{Pair, Tables};
+
+/// Value in the middle, and gain per row.
+type Line = [f64; 2];
+
+fn line(first: f64, last: f64, rows: f64) -> Line {
+    [0.5 * (first + last), (last - first) / rows]
+}
+
+fn at(line: &Line, u: f64) -> f64 {
+    line[0] + line[1] * u
+}
+
+/// An edge along a strip.
+struct Edge {
+    /// Distance in spreads: a + b u + c u².
+    x: [f64; 3],
+    /// Its derivatives by the pose and the thickness.
+    dx: [Line; 7],
+}
+
+/// The edges of one outline near a strip: one, or two that meet at a corner.
+struct Border {
+    first: Edge,
+    /// The second; how the two hang together; whether both must hold (convex) or either.
+    second: Option<(Edge, Pair, bool)>,
+}
+
+/// What passes, and its slopes by the distances of the edges that decide.
+struct Passed<'a> {
+    share: f64,
+    by: [(f64, Option<&'a Edge>); 2],
+}
+
+/// What cuts a strip.
+struct Cut {
+    own: bool,
+    /// At the level's own height, and for a higher slab also at its top's.
+    borders: [Option<Border>; 2],
+    /// A higher slab hides the strip wholly.
+    hidden: bool,
+}
+
+/// A strip made ready for its rows.
+struct Ready {
+    over: f64,
+    /// Albedo times σ/S.
+    height: Line,
+    total2: Line,
+    ds: [Line; 3],
+    /// In [`Scratch::cuts`].
+    cuts: (usize, usize),
+}
+
+/// Memory that is used again from strip to strip.
+#[derive(Default)]
+pub(super) struct Scratch {
+    strips: Vec<Ready>,
+    cuts: Vec<Cut>,
+}
+
+/// A strip at one row.
+struct Node {
+    hit: Hit,
+    stripe: Stripe,
+}
+
+/// Most cuts of a strip.
+pub(super) const CUTS_MOST: usize = 4;
+
+/// Three rows of a strip, their places about the middle, and the pose that sees them.
+struct Rows<'a> {
+    turned: &'a Turned,
+    plan: &'a Plan,
+    rays: [Ray; 3],
+    u: [f64; 3],
+}
+
+impl Photometric {
+    /// Adds strips that share their rows and that no upright corner cuts; `doubt_sd` says
+    /// for each row in turn by how much its pixel is doubted, from how much of its light is torn.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn compare_torn(
+        &self,
+        turned: &Turned,
+        plan: &Plan,
+        strips: &[Strip],
+        pixels: &[u8],
+        state: &State,
+        derivatives: bool,
+        counter: &mut Counter<'_>,
+        scratch: &mut Scratch,
+        mut doubt_sd: impl FnMut(&Doubt) -> f64,
+    ) {
+        let Some(strip) = strips.first() else {
+            return;
+        };
+        let (first, end) = (strip.first_row, strip.end_row);
+        let cut = strips.iter().any(Strip::cut);
+        let rows = self.table.sound_rows(strip.column, first, end);
+        let ready = |rows: &[usize; 2]| {
+            self.ready(turned, plan, strips, *rows, state, scratch)
+                .is_some()
+        };
+        let Some([from, to]) = rows.filter(ready) else {
+            (first..end).filter(|_| cut).for_each(|_| {
+                doubt_sd(&Doubt::default());
+            });
+            return;
+        };
+        let tables = Tables::get();
+        let lever = self.table.lever_m;
+        let r3 = &turned.r[2];
+        let ahead = r3[0] * lever;
+        let sigma = state.thickness_m;
+        let of_sigma = 1.0 / sigma;
+        let middle = 0.5 * (from + to) as f64;
+        let sights = self.table.sights(strip.column, first, end);
+        for (row, [y, z]) in (first..end).zip(sights) {
+            let u = row as f64 - middle;
+            let down = ahead + r3[1] * y + r3[2] * z;
+            let mut doubt = Doubt::default();
+            let mut j = [0.0; PARAMETERS];
+            let mut level = 0.0;
+            let mut torn = false;
+            for ready in &scratch.strips {
+                let total2 = at(&ready.total2, u);
+                let both = 1.0 / (down * total2);
+                let of_total2 = both * down;
+                let s = lever * (ready.over - down) * (both * total2);
+                let off = s * s * of_total2;
+                let bare = tables.exp(0.5 * off) * at(&ready.height, u);
+                if bare == 0.0 {
+                    continue;
+                }
+                let full = state.brightness * bare;
+                let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
+                let mut shares = [1.0; CUTS_MOST];
+                let mut share = 1.0;
+                for (cut, own) in cuts.iter().zip(&mut shares) {
+                    *own = cut.passing(u, tables).share;
+                    share *= *own;
+                }
+                if share == 0.0 {
+                    continue;
+                }
+                if share < 1.0 {
+                    torn = true;
+                    for (k, cut) in cuts.iter().enumerate() {
+                        let others: f64 = (0..cuts.len().min(CUTS_MOST))
+                            .filter(|i| *i != k)
+                            .map(|i| shares[i])
+                            .product();
+                        for (slope, edge) in cut.passing(u, tables).by {
+                            if let Some(edge) = edge.filter(|_| slope != 0.0) {
+                                edge.add(&mut j, full * others * slope, u);
+                            }
+                        }
+                    }
+                }
+                let light = full * share;
+                level += light;
+                doubt.edge += light * 4.0 * (1.0 - share);
+                let by_s = -light * s * of_total2;
+                for (j, ds) in j[2..5].iter_mut().zip(&ready.ds) {
+                    *j += by_s * at(ds, u);
+                }
+                j[BRIGHTNESS] += bare * share;
+                j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off));
+            }
+            let doubt_sd = if cut { doubt_sd(&doubt) } else { 0.0 };
+            let Some(&grey) = pixels.get(row * self.table.width_px + strip.column) else {
+                continue;
+            };
+            if row < from || row > to {
+                continue;
+            }
+            let judged = if cut {
+                counter.edge(grey, level, state.background, Some(doubt.edge), doubt_sd)
+            } else {
+                counter.bulk(grey, level, state.background)
+            };
+            let Some(judged) = judged.filter(|_| derivatives) else {
+                continue;
+            };
+            j[BACKGROUND] = 1.0;
+            if judged.share != 1.0 {
+                j = j.map(|d| d * judged.share);
+            }
+            if torn {
+                let at = [strip.column, row];
+                counter.add_torn(at, &j, judged.weight, judged.residual);
+            } else {
+                counter.add(&BULK, &j, judged.weight, judged.residual);
+            }
+        }
+    }
+
+    /// Makes strips ready; `None` where a ray of theirs does not meet its level.
+    fn ready(
+        &self,
+        turned: &Turned,
+        plan: &Plan,
+        strips: &[Strip],
+        [from, to]: [usize; 2],
+        state: &State,
+        scratch: &mut Scratch,
+    ) -> Option<()> {
+        scratch.strips.clear();
+        scratch.cuts.clear();
+        let column = strips.first()?.column;
+        let nodes = [from, (from + to) / 2, to];
+        let middle = 0.5 * (from + to) as f64;
+        let count = (to - from).max(1) as f64;
+        let rows = Rows {
+            turned,
+            plan,
+            rays: nodes.map(|row| self.ray(column, row)),
+            u: nodes.map(|row| row as f64 - middle),
+        };
+        let eye = self.table.eye_m;
+        let fallen = turned.position[2] + dot(&turned.r[2], &[eye.x, eye.y, eye.z]);
+        for strip in strips {
+            let own_m = self.height(strip.level);
+            let nodes = self.nodes(&rows, own_m, state)?;
+            let first_cut = scratch.cuts.len();
+            for cut in plan.cuts(strip) {
+                let mut borders = [None, None];
+                borders[0] = self.border(&rows, cut.top, &cut.foot, &nodes, &nodes);
+                if !cut.own && !plan.near(&cut.head).is_empty() {
+                    let above = self.nodes(&rows, self.surfaces.tops[cut.top].height_m, state)?;
+                    borders[1] = self.border(&rows, cut.top, &cut.head, &above, &nodes);
+                }
+                scratch.cuts.push(Cut {
+                    own: cut.own,
+                    borders,
+                    hidden: !cut.own && (cut.foot.inside || cut.head.inside),
+                });
+            }
+            let [a, _, c] = &nodes;
+            let (a, c) = (&a.stripe, &c.stripe);
+            let full = self.albedo(strip.level) * state.thickness_m;
+            scratch.strips.push(Ready {
+                over: -own_m - fallen,
+                height: line(full / a.total2.sqrt(), full / c.total2.sqrt(), count),
+                total2: line(a.total2, c.total2, count),
+                ds: std::array::from_fn(|i| line(a.ds[i], c.ds[i], count)),
+                cuts: (first_cut, scratch.cuts.len()),
+            });
+        }
+        Some(())
+    }
+
+    fn nodes(&self, rows: &Rows<'_>, height_m: f64, state: &State) -> Option<[Node; 3]> {
+        let node = |ray: &Ray| {
+            let hit = self.hit(rows.turned, ray, height_m)?;
+            let stripe = self.stripe(&hit, state);
+            Some(Node { hit, stripe })
+        };
+        let [a, b, c] = &rows.rays;
+        Some([node(a)?, node(b)?, node(c)?])
+    }
+
+    /// The edges of a top that are near, where the rays hit (`at`), under the stripe of a level (`of`).
+    fn border(
+        &self,
+        rows: &Rows<'_>,
+        top: usize,
+        near: &Near,
+        at: &[Node; 3],
+        of: &[Node; 3],
+    ) -> Option<Border> {
+        let near = rows.plan.near(near);
+        let standards = |k: usize| -> [Standard; 3] {
+            let edge = rows.turned.edge(top, k);
+            std::array::from_fn(|i| standard(&rows.rays[i], edge, &at[i].hit, &of[i].stripe))
+        };
+        let one = usize::from(*near.first()?);
+        let first = standards(one);
+        let second = near.get(1).map(|other| {
+            let other = usize::from(*other);
+            let second = standards(other);
+            let edges = &self.surfaces.tops[top].outline.edges;
+            // The later of two neighbours begins at the corner.
+            let later = if (one + 1) % edges.len() == other {
+                other
+            } else {
+                one
+            };
+            let rho = correlation(&first[1], &second[1], &of[1].stripe);
+            let convex = edges[later].convex_at_start;
+            (Edge::through(rows.u, &second), Pair::new(rho), convex)
+        });
+        Some(Border {
+            first: Edge::through(rows.u, &first),
+            second,
+        })
+    }
+
+    /// The stripe about a hit.
+    pub(super) fn stripe(&self, hit: &Hit, state: &State) -> Stripe {
+        let lever = self.table.lever_m;
+        let s_slope = hit.t_slope.map(|t| lever * t);
+        let sigma = state.thickness_m;
+        let spread = self.spread_px2;
+        Stripe {
+            s: lever * (hit.t - 1.0),
+            s_slope,
+            ds: hit.dt.map(|d| lever * d),
+            total2: sigma * sigma + spread * (s_slope[0] * s_slope[0] + s_slope[1] * s_slope[1]),
+            sigma,
+            spread,
+        }
+    }
+}
+
+impl Edge {
+    fn through(u: [f64; 3], [a, b, c]: &[Standard; 3]) -> Edge {
+        let rows = (u[2] - u[0]).max(1.0);
+        Edge {
+            x: parabola(u, [a.x, b.x, c.x]),
+            dx: std::array::from_fn(|i| {
+                if i < 6 {
+                    line(a.dx[i], c.dx[i], rows)
+                } else {
+                    line(a.dx_thickness, c.dx_thickness, rows)
+                }
+            }),
+        }
+    }
+
+    fn distance(&self, u: f64) -> f64 {
+        self.x[0] + u * (self.x[1] + u * self.x[2])
+    }
+
+    /// Adds `gain` times the distance's derivatives.
+    fn add(&self, j: &mut [f64; PARAMETERS], gain: f64, u: f64) {
+        let per_row = gain * u;
+        for (j, dx) in j.iter_mut().zip(&self.dx[..6]) {
+            *j += gain * dx[0] + per_row * dx[1];
+        }
+        j[THICKNESS] += gain * self.dx[6][0] + per_row * self.dx[6][1];
+    }
+}
+
+impl Border {
+    /// Share inside.
+    fn inside(&self, u: f64, tables: &Tables) -> Passed<'_> {
+        let h = self.first.distance(u);
+        let alone = |x: f64, edge| {
+            let (share, slope) = tables.normal(x);
+            Passed {
+                share,
+                by: [(slope, Some(edge)), (0.0, None)],
+            }
+        };
+        let Some((second, pair, convex)) = &self.second else {
+            return alone(h, &self.first);
+        };
+        let k = second.distance(u);
+        // As in `corner`: the other decides.
+        let idle = |x: f64| if *convex { x > FAR } else { x < -FAR };
+        if idle(k) {
+            return alone(h, &self.first);
+        }
+        if idle(h) {
+            return alone(k, second);
+        }
+        let found = if *convex {
+            pair.below(h, k, tables)
+        } else {
+            pair.either(h, k, tables)
+        };
+        Passed {
+            share: found.share,
+            by: [
+                (found.by[0], Some(&self.first)),
+                (found.by[1], Some(second)),
+            ],
+        }
+    }
+}
+
+impl Cut {
+    fn passing(&self, u: f64, tables: &Tables) -> Passed<'_> {
+        let nothing = |share: f64| Passed {
+            share,
+            by: [(0.0, None), (0.0, None)],
+        };
+        if self.hidden {
+            return nothing(0.0);
+        }
+        if self.own {
+            return self.borders[0]
+                .as_ref()
+                .map_or_else(|| nothing(1.0), |b| b.inside(u, tables));
+        }
+        let [foot, head] = self
+            .borders
+            .each_ref()
+            .map(|b| b.as_ref().map(|b| b.inside(u, tables)));
+        // Of the slab's foot and its top the one that reaches farther decides.
+        let covered = match (foot, head) {
+            (Some(foot), Some(head)) => {
+                if head.share > foot.share {
+                    head
+                } else {
+                    foot
+                }
+            }
+            (Some(one), None) | (None, Some(one)) => one,
+            (None, None) => return nothing(1.0),
+        };
+        Passed {
+            share: 1.0 - covered.share,
+            by: covered.by.map(|(slope, edge)| (-slope, edge)),
+        }
+    }
+}
+
+/// a, b, c of a + b u + c u² through three points.
+fn parabola(u: [f64; 3], x: [f64; 3]) -> [f64; 3] {
+    let [u0, u1, u2] = u;
+    if u1 == u0 || u2 == u1 {
+        let b = if u2 == u0 {
+            0.0
+        } else {
+            (x[2] - x[0]) / (u2 - u0)
+        };
+        return [x[0] - b * u0, b, 0.0];
+    }
+    let first = (x[1] - x[0]) / (u1 - u0);
+    let second = ((x[2] - x[1]) / (u2 - u1) - first) / (u2 - u0);
+    [
+        x[0] - first * u0 + second * u0 * u1,
+        first - second * (u0 + u1),
+        second,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_parabola_goes_through_its_points() {
+        let of = |u: f64| 0.3 - 0.2 * u + 0.05 * u * u;
+        let [a, b, c] = super::parabola([-7.5, 0.5, 7.5], [of(-7.5), of(0.5), of(7.5)]);
+        assert!((a - 0.3).abs() < 1e-12 && (b + 0.2).abs() < 1e-12 && (c - 0.05).abs() < 1e-12);
+    }
+}
