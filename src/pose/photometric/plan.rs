@@ -197,17 +197,17 @@ impl Photometric {
         plan: &mut Plan,
     ) {
         let first = plan.strips.len();
-        for level in 0..=self.surfaces.tops.len() {
-            let start_row = found[level].map_or(0.5 * self.table.height_px as f64, |f| f.row);
+        for (level, found) in found.iter_mut().enumerate() {
+            let start_row = found.map_or(0.5 * self.table.height_px as f64, |f| f.row);
             let Some(met) = self.row_of_level(turned, column, self.height(level), start_row) else {
-                found[level] = None;
+                *found = None;
                 continue;
             };
             let (hit, row) = (met.hit, met.row);
             // NaN (no map there) is outside too.
             let in_fan = hit.x[1].abs() <= (self.tan_half_fan - FAN_MARGIN) * hit.x[2];
             if !in_fan {
-                found[level] = None;
+                *found = None;
                 continue;
             }
             let metres_per_row = (self.table.lever_m * hit.t_slope[1]).abs();
@@ -221,13 +221,13 @@ impl Photometric {
                 (row + half).floor().min(self.table.height_px as f64 - 2.0),
             );
             if low > high {
-                found[level] = None;
+                *found = None;
                 continue;
             }
-            let cuts = match found[level] {
+            let cuts = match *found {
                 // Nothing cuts it as far as the line has come since.
                 Some(old) if distance2(old.p, hit.p) < old.slack_m * old.slack_m => {
-                    found[level] = Some(Found { row, ..old });
+                    *found = Some(Found { row, ..old });
                     old.lit.then_some(((0, 0), true))
                 }
                 _ => {
@@ -242,7 +242,7 @@ impl Photometric {
                         reach_m,
                     };
                     let cuts = self.cuts(turned, &span, level, &mut slack_m, plan);
-                    found[level] = Some(Found {
+                    *found = Some(Found {
                         row,
                         p: hit.p,
                         // Higher levels move no faster than the floor; a tenth is for the perspective.

@@ -254,8 +254,8 @@ impl<'a> Counter<'a> {
             let wj = weight * j[a];
             self.gradient[a] += wj * residual;
             score[a] += wj * residual;
-            for b in 0..=a {
-                self.torn_information[a][b] += wj * j[b];
+            for (sum, j) in self.torn_information[a].iter_mut().zip(&j[..=a]) {
+                *sum += wj * j;
             }
         }
     }
