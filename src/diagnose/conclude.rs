@@ -386,7 +386,7 @@ fn one(
     } else {
         Word::None
     };
-    verdict.verdict = worst(verdict.verdict, word);
+    verdict.verdict = verdict.verdict.max(word);
     if groups.len() > 1 {
         verdict.equivalent = groups.iter().map(|g| id(&g.matters)).collect();
     }
@@ -543,18 +543,6 @@ fn one(
     ));
     adopt(&mut made.rig, &setting, &first, &made.verdict.effects);
     Ok(())
-}
-
-/// Unknown beats ambiguous beats named beats none.
-fn worst(a: Word, b: Word) -> Word {
-    let rank = |w: Word| match w {
-        Word::None => 0,
-        Word::Named => 1,
-        Word::Ambiguous => 2,
-        Word::Unknown => 3,
-        Word::DataFault => 4,
-    };
-    if rank(b) > rank(a) { b } else { a }
 }
 
 /// How a mechanism that acts twice is told.

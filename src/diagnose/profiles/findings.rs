@@ -687,13 +687,6 @@ impl Findings {
 
     /// Adds to a verdict from the motion of the same logs.
     pub fn join(&self, v: &mut Verdict) {
-        let rank = |w: Word| match w {
-            Word::None => 0,
-            Word::Named => 1,
-            Word::Ambiguous => 2,
-            Word::Unknown => 3,
-            Word::DataFault => 4,
-        };
         if v.verdict == Word::DataFault {
             return;
         }
@@ -731,9 +724,7 @@ impl Findings {
                 .take(6)
                 .collect();
         }
-        if rank(self.word) > rank(v.verdict) {
-            v.verdict = self.word;
-        }
+        v.verdict = v.verdict.max(self.word);
         v.effects.extend(self.effects.clone());
         if says {
             if v.place.stage.is_none() {
