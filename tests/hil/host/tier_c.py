@@ -158,7 +158,8 @@ def uvc(report: Report, log: Log, done: dict[str, list[float]], truth: list[tupl
     number = {w: [n for _, x, n in truth if x == w] for w in ("error_bit", "truncated", "dropped", "late")}
     plugged = [t for t, w, _ in truth if w == "plugged"]
     first_life = [(f, i) for f, i in zip(log.frames, log.images) if stamp_s(f) < plugged[-1]]
-    by_number = {unwrap_jpeg(i)[0]: f for f, i in first_life}
+    # A JPEG that was cut before its number carries none; its frame is judged by the account, not by number.
+    by_number = {n: f for n, f in ((unwrap_jpeg(i)[0], f) for f, i in first_life) if n is not None}
     fault_of = lambda n: by_number[n].fault if n in by_number else "not in the log"
     report.equal("c-uvc: frames with the error bit", [fault_of(n) for n in number["error_bit"]], ["driver_error"])
     # The driver does not flag a JPEG that was cut: only its missing end shows it.
