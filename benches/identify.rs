@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use hydroline::identify::axis::Axis;
 use hydroline::identify::cmaes::Cmaes;
-use hydroline::identify::data::{Command, Run, Sample};
+use hydroline::identify::data::{Command, Run, Sample, Start};
 use hydroline::identify::forward::Forward;
 use hydroline::identify::ga::Genetic;
 use hydroline::identify::lm::LevenbergMarquardt;
@@ -41,10 +41,10 @@ fn run(rig: &Rig, commands: Vec<Command>, length_s: f64, seed: u64) -> Run {
         &rig.vehicle,
         Dof::Surge,
         &[],
-        true,
+        Start::AtRestFromZero,
     );
     let mut truth = Vec::new();
-    axis.values(0, &[0.0], &mut truth)
+    axis.values(0, &[], &mut truth)
         .expect("the rig's own motion");
     let normal = Normal::new(0.0, NOISE_M).expect("a standard deviation");
     let mut rng = StdRng::seed_from_u64(seed);
@@ -72,10 +72,9 @@ fn main() {
         &rig.vehicle,
         Dof::Surge,
         &Coefficient::of(Dof::Surge),
-        true,
+        Start::AtRestFromZero,
     );
     axis.set_ranges(&TABLE9);
-    axis.know_start();
     let problem = Problem::new(&axis, &[NOISE_M]);
     let repeats = std::env::var("GA_REPEATS")
         .ok()

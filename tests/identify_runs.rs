@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hydroline::identify::data::{Command, Run, Sample, load};
+use hydroline::identify::data::{Command, Run, Sample, Start, load};
 use hydroline::identify::lm::LevenbergMarquardt;
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
@@ -351,7 +351,7 @@ fn all_eighteen_from_two_mixed_runs_and_what_is_not_excited_is_named() {
     let options = Options {
         method: &method,
         cross_validate: false,
-        from_rest: true,
+        start: Start::AtRest,
         ..Options::default()
     };
     let found = identify(&runs, &rig, &options).unwrap();

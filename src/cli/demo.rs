@@ -4,7 +4,7 @@ use super::print::outln;
 use super::record::Recording;
 use super::{CliError, Outcome, progress};
 use crate::diagnose::{Source, diagnose, read};
-use crate::identify::data::{Run, load};
+use crate::identify::data::{Run, Start, load};
 use crate::identify::lm::LevenbergMarquardt;
 use crate::identify::problem::Objective;
 use crate::identify::report::significant;
@@ -91,7 +91,7 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
         method: &LevenbergMarquardt::default(),
         objective: Objective::LeastSquares,
         fixed: Vec::new(),
-        from_rest: false,
+        start: Start::Free,
         cross_validate: false,
         seed: 1,
     };

@@ -9,7 +9,7 @@ use super::{CliError, Outcome, inputs};
 use crate::identify::bollard::{self, Bollard};
 use crate::identify::cmaes::Cmaes;
 use crate::identify::curve;
-use crate::identify::data::{Run, STILL_MIN_S, is_still, load};
+use crate::identify::data::{Run, STILL_MIN_S, Start, is_still, load};
 use crate::identify::ga::Genetic;
 use crate::identify::lm::LevenbergMarquardt;
 use crate::identify::method::Method;
@@ -150,7 +150,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             Loss::L1 => Objective::SumOfAbsolute,
         },
         fixed: fixed?,
-        from_rest: args.from_rest,
+        start: if args.from_rest {
+            Start::AtRest
+        } else {
+            Start::Free
+        },
         cross_validate: true,
         seed: args.seed,
     };
@@ -254,7 +258,7 @@ fn thrust_scale(
                 method: &quick,
                 objective: options.objective,
                 fixed: options.fixed.clone(),
-                from_rest: options.from_rest,
+                start: options.start,
                 cross_validate: false,
                 seed: options.seed,
             },

@@ -8,7 +8,7 @@ use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 
-use super::data::{CHANNELS, Run};
+use super::data::{CHANNELS, Run, Start};
 use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::parameter::{Coefficient, Free, free};
 
@@ -74,7 +74,7 @@ struct AxisRun {
     at_start: bool,
     steps: Vec<Step>,
     locals: Vec<Free>,
-    from_rest: bool,
+    start: Start,
 }
 
 /// A one-DOF model of several runs.
@@ -101,7 +101,7 @@ impl Axis {
         vehicle: &Vehicle,
         dof: Dof,
         free_terms: &[Coefficient],
-        from_rest: bool,
+        start: Start,
     ) -> Axis {
         let i = dof.index();
         let rigid = if i < 3 {
@@ -122,7 +122,7 @@ impl Axis {
         }
         let runs = runs
             .iter()
-            .map(|r| AxisRun::new(r, i, with_rate, from_rest, restores))
+            .map(|r| AxisRun::new(r, i, with_rate, start, restores))
             .collect();
         let fixed = Coefficient::of(dof).map(|c| c.of_vehicle(vehicle));
         let terms: Vec<Coefficient> = free_terms
@@ -157,13 +157,6 @@ impl Axis {
         }
     }
 
-    /// Makes start positions and velocities known: no unknowns but the coefficients.
-    pub fn know_start(&mut self) {
-        for run in &mut self.runs {
-            run.locals.clear();
-        }
-    }
-
     fn model<T: Real>(&self, globals: &[T]) -> AxisModel<T> {
         let mut numbers = self.fixed.map(T::from_f64);
         for (c, value) in self.terms.iter().zip(globals) {
@@ -184,8 +177,14 @@ impl Axis {
         let model = self.model(globals);
         let mut local = locals.iter().copied();
         let mut next = || local.next().unwrap_or_else(T::zero);
-        let position = next();
-        let rate = if run.from_rest { T::zero() } else { next() };
+        let position = match run.start {
+            Start::AtRestFromZero => T::zero(),
+            _ => next(),
+        };
+        let rate = match run.start {
+            Start::Free => next(),
+            _ => T::zero(),
+        };
         let offset = next();
         let mut state = (position, rate);
         if run.at_start {
@@ -256,7 +255,7 @@ impl Axis {
 }
 
 impl AxisRun {
-    fn new(run: &Run, i: usize, with_rate: bool, from_rest: bool, restores: bool) -> AxisRun {
+    fn new(run: &Run, i: usize, with_rate: bool, start: Start, restores: bool) -> AxisRun {
         // Path at the median heading; pose channels 0 and 1 turn into the body axis.
         let psi = run.median(5).unwrap_or(0.0);
         let both = run.count(0) > 0 && run.count(1) > 0;
@@ -301,8 +300,11 @@ impl AxisRun {
             .iter()
             .step_by(1 + usize::from(with_rate))
             .fold(0.1_f64, |m, v| m.max((v - seen).abs()));
-        let mut locals = vec![any(&format!("{}.start", CHANNELS[i]), seen, 2.0 * spread)];
-        if !from_rest {
+        let mut locals = Vec::new();
+        if start != Start::AtRestFromZero {
+            locals.push(any(&format!("{}.start", CHANNELS[i]), seen, 2.0 * spread));
+        }
+        if start == Start::Free {
             locals.push(any(
                 &format!("{}.start", CHANNELS[6 + i]),
                 0.0,
@@ -319,7 +321,7 @@ impl AxisRun {
             at_start,
             steps,
             locals,
-            from_rest,
+            start,
         }
     }
 }
@@ -494,7 +496,7 @@ mod tests {
                 &vehicle,
                 dof,
                 &Coefficient::of(dof),
-                true,
+                Start::AtRest,
             );
             let truth = Coefficient::of(dof).map(|c| c.of_vehicle(&vehicle));
             let mut parameters = truth.to_vec();
@@ -536,7 +538,7 @@ mod tests {
             &vehicle,
             Dof::Roll,
             &Coefficient::of(Dof::Roll),
-            false,
+            Start::Free,
         );
         let at = [-4.2, -1.4, -5.5, 0.1, -0.05, 0.02];
         let mut out = Vec::new();

@@ -9,7 +9,7 @@ use hydroline_sim::{Dual, Real, Trajectory};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::data::{CHANNELS, Run};
+use super::data::{CHANNELS, Run, Start};
 use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::parameter::{Coefficient, Free, Term, free};
 
@@ -61,7 +61,7 @@ impl Coupled {
         runs: &[Run],
         rig: &Rig,
         free_terms: &[Coefficient],
-        from_rest: bool,
+        start: Start,
     ) -> Result<Coupled, EffectError> {
         let effects = check(&rig.physics)?;
         let measured_channels: Vec<usize> = (0..12)
@@ -89,7 +89,7 @@ impl Coupled {
         };
         let built = runs
             .iter()
-            .map(|r| CoupledRun::new(r, &measured_channels, from_rest, with_covariance))
+            .map(|r| CoupledRun::new(r, &measured_channels, start, with_covariance))
             .collect();
         let globals = free_terms.iter().map(|c| free(*c, &rig.vehicle)).collect();
         Ok(Coupled {
@@ -192,7 +192,7 @@ impl Coupled {
 }
 
 impl CoupledRun {
-    fn new(run: &Run, channels: &[usize], from_rest: bool, with_covariance: bool) -> CoupledRun {
+    fn new(run: &Run, channels: &[usize], start: Start, with_covariance: bool) -> CoupledRun {
         let times_s: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
         let first_s = times_s.first().copied().unwrap_or(0.0);
         let start_s = if first_s > START_SLACK_S {
@@ -228,7 +228,7 @@ impl CoupledRun {
                 local(c, first, 1.0);
             }
         }
-        if !from_rest {
+        if start == Start::Free {
             for c in 0..6 {
                 if run.count(c) > 0 || run.count(6 + c) > 0 {
                     local(6 + c, 0.0, 2.0);

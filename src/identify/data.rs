@@ -63,6 +63,19 @@ pub struct Run {
     pub notes: Vec<String>,
 }
 
+/// What is known of every run's start before it is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Start {
+    /// Nothing: place and velocity are free in each run.
+    #[default]
+    Free,
+    /// At rest: the velocity is 0, the place is free.
+    AtRest,
+    /// At rest, and positions count from the first frame as the paper's x_i = (X_S,i − X_S,1) cos ψ_S do:
+    /// place and velocity are 0. One-DOF models; the coupled one keeps its places free.
+    AtRestFromZero,
+}
+
 impl Run {
     /// Samples in which this channel is measured.
     pub fn count(&self, channel: usize) -> usize {

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use super::axis::Axis;
 use super::blind::blind_spots;
 use super::coupled::Coupled;
-use super::data::{CHANNELS, Run, is_still};
+use super::data::{CHANNELS, Run, Start, is_still};
 use super::forward::{Forward, ForwardError};
 use super::lm::{self, LevenbergMarquardt};
 use super::method::{Method, MethodError};
@@ -43,8 +43,8 @@ pub struct Options<'a> {
     pub objective: Objective,
     /// Coefficients kept as the rig has them.
     pub fixed: Vec<Coefficient>,
-    /// Every run starts at rest: initial velocities are known to be 0.
-    pub from_rest: bool,
+    /// What is known of every run's start.
+    pub start: Start,
     /// Leave-one-run-out.
     pub cross_validate: bool,
     /// Seed of random starts and searches.
@@ -58,7 +58,7 @@ impl Default for Options<'_> {
             method: &LevenbergMarquardt { starts: 6 },
             objective: Objective::LeastSquares,
             fixed: Vec::new(),
-            from_rest: false,
+            start: Start::Free,
             cross_validate: true,
             seed: 1,
         }
@@ -134,9 +134,9 @@ pub fn identify(
     let make = |runs: &[Run], free: &[Coefficient]| -> Result<Box<dyn Forward>, IdentifyError> {
         Ok(match choice {
             ModelChoice::Axis(dof) if rig.physics.is_empty() => {
-                Box::new(Axis::new(runs, &rig.vehicle, dof, free, options.from_rest))
+                Box::new(Axis::new(runs, &rig.vehicle, dof, free, options.start))
             }
-            _ => Box::new(Coupled::new(runs, rig, free, options.from_rest)?),
+            _ => Box::new(Coupled::new(runs, rig, free, options.start)?),
         })
     };
     let forward = make(&moving, &coefficients)?;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, guess_of};
-use crate::identify::data::Run;
+use crate::identify::data::{Run, Start};
 use crate::identify::lm::LevenbergMarquardt;
 use crate::identify::parameter::Coefficient;
 use crate::identify::{ModelChoice, Options, identify};
@@ -155,7 +155,7 @@ fn fit(
         &Options {
             model: ModelChoice::Axis(dof),
             method: &LevenbergMarquardt { starts: 3 },
-            from_rest: true,
+            start: Start::AtRest,
             cross_validate: false,
             ..Options::default()
         },
