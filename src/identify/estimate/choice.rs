@@ -1,0 +1,106 @@
+//! Which equations these runs call for, and which of their coefficients are free.
+
+use super::{ModelChoice, Options};
+use crate::identify::data::Run;
+use crate::identify::parameter::Coefficient;
+use crate::identify::statistics::{difference_sd, median, robust_sd};
+use hydroline_rigs::{Dof, Rig, VehicleModel};
+
+/// One DOF if only one is driven; without commands the one that moves most for its noise.
+pub(super) fn choose(runs: &[Run], rig: &Rig) -> ModelChoice {
+    let driven: Vec<Dof> = Dof::ALL
+        .into_iter()
+        .filter(|d| {
+            let all = runs.iter().fold([0.0_f64; 6], |m, r| {
+                std::array::from_fn(|i| m[i].max(r.largest_wrench()[i]))
+            });
+            // Rounding of pulses leaves traces in the other components.
+            all[d.index()] > 0.01 * all.iter().copied().fold(0.0, f64::max)
+        })
+        .collect();
+    match driven.as_slice() {
+        [one] => ModelChoice::Axis(*one),
+        [] => {
+            let moved = |i: usize| -> f64 {
+                runs.iter()
+                    .map(|r| {
+                        let v: Vec<f64> = r
+                            .samples
+                            .iter()
+                            .map(|s| s.values[i])
+                            .filter(|v| v.is_finite())
+                            .collect();
+                        let (low, high) = v
+                            .iter()
+                            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
+                                (l.min(*x), h.max(*x))
+                            });
+                        let unit = if i < 3 {
+                            rig.tolerance.position_m
+                        } else {
+                            rig.tolerance.attitude_rad
+                        };
+                        if v.len() > 8 {
+                            (high - low) / unit
+                        } else {
+                            0.0
+                        }
+                    })
+                    .fold(0.0, f64::max)
+            };
+            let best = Dof::ALL
+                .into_iter()
+                .max_by(|a, b| moved(a.index()).total_cmp(&moved(b.index())));
+            ModelChoice::Axis(best.unwrap_or(Dof::Surge))
+        }
+        _ => ModelChoice::Coupled,
+    }
+}
+
+/// Coefficients that are free, the DOFs they belong to, and the model's name.
+pub(super) fn what_is_free(
+    choice: ModelChoice,
+    runs: &[Run],
+    rig: &Rig,
+    options: &Options<'_>,
+) -> (Vec<Coefficient>, Vec<Dof>, String) {
+    let dofs: Vec<Dof> = match choice {
+        ModelChoice::Axis(dof) => vec![dof],
+        _ => Dof::ALL
+            .into_iter()
+            .filter(|d| {
+                runs.iter()
+                    .any(|r| r.count(d.index()) + r.count(6 + d.index()) > 0)
+            })
+            .collect(),
+    };
+    let name = match choice {
+        ModelChoice::Axis(dof) => dof.name().to_owned(),
+        _ if rig.vehicle.model == VehicleModel::Eq1 => "eq1".to_owned(),
+        _ => "decoupled".to_owned(),
+    };
+    let all = dofs
+        .iter()
+        .flat_map(|d| Coefficient::of(*d))
+        .filter(|c| !options.fixed.contains(c))
+        .collect();
+    (all, dofs, name)
+}
+
+/// Whether a DOF neither is driven nor moves in any run beyond its noise: sinusoids fitted to noise
+/// would pass for a well determined period. Slow noise may be three times what differences show.
+pub(super) fn rests(runs: &[Run], dof: Dof) -> bool {
+    let i = dof.index();
+    runs.iter().all(|r| {
+        let values: Vec<f64> = r
+            .samples
+            .iter()
+            .map(|s| s.values[i])
+            .filter(|v| v.is_finite())
+            .collect();
+        let middle = median(&mut values.clone()).unwrap_or(0.0);
+        let away: Vec<f64> = values.iter().map(|v| v - middle).collect();
+        let quiet = robust_sd(&away) < 3.0 * difference_sd(&values);
+        r.largest_wrench()[i] == 0.0 && (values.is_empty() || quiet) && r.count(6 + i) == 0
+    })
+}

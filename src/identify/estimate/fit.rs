@@ -1,0 +1,203 @@
+//! Parameters, noise and outliers in turns until none of them moves the others.
+
+use super::{IdentifyError, Options};
+use crate::identify::forward::Forward;
+use crate::identify::lm;
+use crate::identify::noise::{Noise, Series, mask};
+use crate::identify::problem::{Objective, Problem};
+use crate::identify::statistics::difference_sd;
+use crate::identify::uncertainty::covariance;
+
+/// A fit under way: parameters, noise and outliers in turns.
+pub(super) struct Fit<'f> {
+    pub(super) forward: &'f dyn Forward,
+    pub(super) problem: Problem<'f>,
+    pub(super) measured_noise: Option<Vec<Option<(Noise, f64)>>>,
+    pub(super) name: String,
+    pub(super) noises: Vec<Noise>,
+    pub(super) outliers: Vec<f64>,
+    pub(super) at: Vec<f64>,
+    pub(super) held: Vec<bool>,
+    pub(super) objective_value: f64,
+    pub(super) evaluations: usize,
+    pub(super) converged: bool,
+    pub(super) notes: Vec<String>,
+}
+
+impl<'f> Fit<'f> {
+    pub(super) fn new(
+        forward: &'f dyn Forward,
+        measured_noise: Option<Vec<Option<(Noise, f64)>>>,
+        name: String,
+    ) -> Result<Self, IdentifyError> {
+        let slots = forward.slots().len();
+        let first_sd = |slot: usize| -> f64 {
+            let sds: Vec<f64> = (0..forward.runs())
+                .map(|run| {
+                    let v: Vec<f64> = forward
+                        .measured(run)
+                        .iter()
+                        .skip(slot)
+                        .step_by(slots)
+                        .copied()
+                        .filter(|v| v.is_finite())
+                        .collect();
+                    difference_sd(&v)
+                })
+                .filter(|sd| *sd > 0.0)
+                .collect();
+            let largest = sds.iter().copied().fold(0.0, f64::max);
+            if largest > 0.0 { largest } else { 1e-6 }
+        };
+        let sds: Vec<f64> = (0..slots).map(first_sd).collect();
+        let problem = Problem::new(forward, &sds);
+        let free = problem.free().len();
+        if problem.samples() < 2 * free {
+            return Err(IdentifyError::TooFew {
+                samples: problem.samples(),
+                free,
+                dof: name,
+            });
+        }
+        let at = problem.start();
+        let noises = sds.into_iter().map(Noise::white).collect();
+        Ok(Fit {
+            forward,
+            held: vec![false; at.len()],
+            problem,
+            measured_noise,
+            name,
+            noises,
+            outliers: vec![0.0; slots],
+            at,
+            objective_value: f64::NAN,
+            evaluations: 0,
+            converged: false,
+            notes: Vec::new(),
+        })
+    }
+
+    /// Search with white weights, then noise and parameters in turns.
+    pub(super) fn search(&mut self, options: &Options<'_>) -> Result<(), IdentifyError> {
+        let found = options
+            .method
+            .minimise(&self.problem, options.objective, options.seed)?;
+        (
+            self.at,
+            self.objective_value,
+            self.evaluations,
+            self.converged,
+        ) = (
+            found.parameters,
+            found.objective,
+            found.evaluations,
+            found.converged,
+        );
+        self.reweigh()?;
+        if options.objective != Objective::LeastSquares || options.method.name() != "lm" {
+            // The estimate is the method's own; only its spread comes from the least squares.
+            return Ok(());
+        }
+        self.hold_unexcited()?;
+        for _ in 0..5 {
+            let found = lm::least_squares(&self.problem, self.at.clone(), &self.held)?;
+            self.evaluations += found.evaluations;
+            let sds = self.sds()?;
+            let moved = found
+                .parameters
+                .iter()
+                .zip(&self.at)
+                .zip(&sds)
+                .any(|((a, b), sd)| (a - b).abs() > 0.02 * sd);
+            self.at = found.parameters;
+            self.converged = found.converged;
+            self.objective_value = found.objective;
+            if !moved {
+                break;
+            }
+            self.reweigh()?;
+        }
+        Ok(())
+    }
+
+    /// Noise and outliers from the residuals, or from rest with outliers from the residuals.
+    fn reweigh(&mut self) -> Result<(), IdentifyError> {
+        let (found, mut used) = self.problem.noise_of_residuals(&self.at)?;
+        let slots = self.forward.slots().len();
+        for slot in 0..slots {
+            let at_rest = self
+                .measured_noise
+                .as_ref()
+                .and_then(|m| m.get(slot).copied().flatten());
+            if let Some((noise, _)) = at_rest {
+                self.noises[slot] = noise;
+                let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
+                    .map(|r| self.problem.raw_residuals(r, &self.at))
+                    .collect();
+                let residuals = residuals?;
+                let views: Vec<Series<'_>> = residuals
+                    .iter()
+                    .enumerate()
+                    .map(|(r, v)| Series {
+                        times_s: self.forward.times_s(r),
+                        values: &v[slot],
+                        jacobian: None,
+                    })
+                    .collect();
+                for (run, flags) in mask(&views, noise).into_iter().enumerate() {
+                    used[run][slot] = flags;
+                }
+            } else if let Some(noise) = found[slot] {
+                self.noises[slot] = noise;
+            }
+            let (mut kept, mut present) = (0usize, 0usize);
+            for (run, used) in used.iter().enumerate() {
+                kept += used[slot].iter().filter(|u| **u).count();
+                present += self
+                    .forward
+                    .measured(run)
+                    .iter()
+                    .skip(slot)
+                    .step_by(slots)
+                    .filter(|v| v.is_finite())
+                    .count();
+            }
+            self.outliers[slot] = 1.0 - kept as f64 / present.max(1) as f64;
+        }
+        self.problem
+            .set_noise(&self.noises, |run, slot, k| used[run][slot][k]);
+        Ok(())
+    }
+
+    fn sds(&self) -> Result<Vec<f64>, IdentifyError> {
+        let normal = self.problem.normal(&self.at)?;
+        Ok(covariance(&normal.hessian)
+            .diagonal()
+            .iter()
+            .map(|v| v.sqrt())
+            .collect())
+    }
+
+    /// Coefficients that the runs do not move go back to the rig's value and stay there.
+    fn hold_unexcited(&mut self) -> Result<(), IdentifyError> {
+        let sds = self.sds()?;
+        for (i, free) in self.forward.globals().iter().enumerate() {
+            let size = free.start.abs().max(1e-9);
+            if self.held[i] || sds[i].is_nan() || sds[i] > 2.0 * size {
+                self.held[i] = true;
+                self.at[i] = free.start;
+                self.notes.push(format!(
+                    "{}: these runs do not move it; kept at the rig's {:.4}",
+                    free.name, free.start
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Residual variance per degree of freedom of the whitened residuals.
+    pub(super) fn variance(&self) -> Result<(f64, f64), IdentifyError> {
+        let freedom = (self.problem.samples() as f64 - self.problem.free().len() as f64).max(1.0);
+        Ok((2.0 * self.problem.normal(&self.at)?.cost / freedom, freedom))
+    }
+}

@@ -1,0 +1,67 @@
+//! Leave-one-run-out.
+
+use super::IdentifyError;
+use super::fit::Fit;
+use crate::identify::data::Run;
+use crate::identify::forward::Forward;
+use crate::identify::lm;
+use crate::identify::outcome::{CrossValidation, Identification};
+use crate::identify::parameter::Coefficient;
+use crate::identify::problem::Problem;
+
+/// Makes the equations of some runs with some coefficients free.
+pub(super) type Make<'a> =
+    dyn Fn(&[Run], &[Coefficient]) -> Result<Box<dyn Forward>, IdentifyError> + 'a;
+
+/// Each run predicted with coefficients fitted to the others; only its own start is fitted to it.
+pub(super) fn cross_validate(
+    runs: &[Run],
+    full: &Identification,
+    fit: &Fit<'_>,
+    make: &Make<'_>,
+    coefficients: &[Coefficient],
+) -> Result<Vec<CrossValidation>, IdentifyError> {
+    let globals = coefficients.len();
+    let mut out = Vec::new();
+    for left in 0..runs.len() {
+        let others: Vec<Run> = runs
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != left)
+            .map(|(_, r)| r.clone())
+            .collect();
+        let training = make(&others, coefficients)?;
+        let mut problem = Problem::new(training.as_ref(), &vec![1.0; training.slots().len()]);
+        problem.set_noise(&fit.noises, |run, slot, k| {
+            let original = run + usize::from(run >= left);
+            fit.problem.whiteners()[original][slot].counts(k)
+        });
+        let mut start: Vec<f64> = fit.at[..globals].to_vec();
+        for run in (0..runs.len()).filter(|r| *r != left) {
+            start.extend(fit.problem.of_run(run, &fit.at).into_iter().skip(globals));
+        }
+        let mut held = vec![false; start.len()];
+        held[..globals].copy_from_slice(&fit.held[..globals]);
+        let trained = lm::least_squares(&problem, start, &held)?;
+        let alone = make(std::slice::from_ref(&runs[left]), coefficients)?;
+        let mut own = Problem::new(alone.as_ref(), &vec![1.0; alone.slots().len()]);
+        own.set_noise(&fit.noises, |_, slot, k| {
+            fit.problem.whiteners()[left][slot].counts(k)
+        });
+        let mut start = trained.parameters[..globals].to_vec();
+        start.extend(fit.problem.of_run(left, &fit.at).into_iter().skip(globals));
+        let held: Vec<bool> = (0..start.len()).map(|i| i < globals).collect();
+        let predicted = lm::least_squares(&own, start, &held)?;
+        let channels = alone.channels(0, &predicted.parameters)?;
+        out.push(CrossValidation {
+            run: runs[left].name.clone(),
+            left_out: channels.iter().map(|c| (c.name.clone(), c.rms())).collect(),
+            fitted: full
+                .runs
+                .get(left)
+                .map(|r| r.rms.clone())
+                .unwrap_or_default(),
+        });
+    }
+    Ok(out)
+}
