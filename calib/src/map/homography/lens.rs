@@ -60,9 +60,8 @@ fn bend(x: &[f64; PARAMETERS], u: Vector2<f64>, nearness: f64) -> Bent {
     }
 }
 
-/// The scaled pixel of the scaled sheet point (a, b); `None` behind the camera.
-#[inline]
-pub(super) fn project(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<[f64; 2]> {
+/// The plane's point by the homography alone, and its depth over the origin's; `None` behind the camera.
+fn flat(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<(Vector2<f64>, f64)> {
     let w = x[6] * a + x[7] * b + 1.0;
     if w < 1e-6 {
         return None;
@@ -71,20 +70,20 @@ pub(super) fn project(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<[f64; 2
         (x[0] * a + x[1] * b + x[2]) / w,
         (x[3] * a + x[4] * b + x[5]) / w,
     );
+    Some((u, w))
+}
+
+/// The scaled pixel of the scaled sheet point (a, b); `None` behind the camera.
+#[inline]
+pub(super) fn project(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<[f64; 2]> {
+    let (u, w) = flat(x, [a, b])?;
     let at = bend(x, u, 1.0 / w - 1.0).at;
     Some([at[0], at[1]])
 }
 
 /// Derivatives of [`project`].
 pub(super) fn see(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<Seen> {
-    let w = x[6] * a + x[7] * b + 1.0;
-    if w < 1e-6 {
-        return None;
-    }
-    let u = Vector2::new(
-        (x[0] * a + x[1] * b + x[2]) / w,
-        (x[3] * a + x[4] * b + x[5]) / w,
-    );
+    let (u, w) = flat(x, [a, b])?;
     let nearness = 1.0 / w - 1.0;
     let Bent { d, r2, by_d, .. } = bend(x, u, nearness);
     // What κ moves per change of 1/w.
