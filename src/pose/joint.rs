@@ -76,8 +76,12 @@ const TO_FINISH: Choice = Choice {
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
+/// Of those with pitch, where tops lie far apart in height.
+const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
+/// A start whose cost is this many times the best one's is none.
+const BEHIND: f64 = 3.0;
 /// Tops this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
@@ -330,14 +334,23 @@ impl PoseFitter {
             pose: rounded(&g.pose, theta_rad, levels, &self.mounts),
             ..light
         };
+        let mut starts: Vec<State> = guesses.iter().map(started).collect();
+        if free[4] && self.tall() {
+            let near = hint.x_m.map(|x_m| (x_m, NEAR_M));
+            let with_pitch =
+                initial::assigned::guesses(levels, &self.model.surfaces, &self.mounts, near);
+            starts.extend(
+                with_pitch
+                    .into_iter()
+                    .take(GUESSES_ASSIGNED)
+                    .map(|g| State {
+                        pose: to_grid(&g.pose),
+                        ..light
+                    }),
+            );
+        }
         let state = self
-            .choose(
-                image,
-                profile,
-                guesses.iter().map(started),
-                &free,
-                &mut caveats,
-            )
+            .choose(image, profile, starts, &free, &mut caveats)
             .ok_or(PoseFault::Unsettled)?;
         let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
         let shown =
@@ -440,16 +453,21 @@ impl PoseFitter {
         Ok(near.into_iter().take(GUESSES_NEAR).collect())
     }
 
+    /// Whether the tops lie so far apart in height that edges alone show θ.
+    fn tall(&self) -> bool {
+        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
+        heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M
+    }
+
     /// Settles every start a little and keeps the best.
     fn choose(
         &self,
         image: &GreyImage,
         profile: &Profile,
-        starts: impl Iterator<Item = State>,
+        mut starts: Vec<State>,
         free: &[bool; PARAMETERS],
         caveats: &mut Vec<PoseCaveat>,
     ) -> Option<State> {
-        let mut starts: Vec<State> = starts.collect();
         if starts.len() == 1 {
             return starts.pop();
         }
@@ -461,8 +479,7 @@ impl PoseFitter {
         };
         // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
         // height that a degree moves their edges by millimetres against each other.
-        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
-        let tall = heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M;
+        let tall = self.tall();
         let mut held = *free;
         held[4] = free[4] && tall;
         let (choice, tries) = if tall {
@@ -493,9 +510,7 @@ impl PoseFitter {
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
         // guesses: those that do not fall far behind are settled a little before they are compared.
-        let limit = first
-            .first()
-            .map_or(0.0, |f| if tall { f64::INFINITY } else { 3.0 * f.0 });
+        let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {
             return Some(*only);
@@ -719,6 +734,11 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
         psi_rad: round(guess.psi_rad),
         ..level
     }
+}
+
+/// A pose on the grid that starts are rounded to.
+fn to_grid(pose: &Pose) -> Pose {
+    Pose::from_array(pose.to_array().map(|v| (v / ROUND).round() * ROUND))
 }
 
 /// Noise of the lit pixels away from edges \[grey levels\].

@@ -125,6 +125,32 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
     }
 }
 
+/// Poses at which a place found with pitch taken for zero was wrong by centimetres.
+#[test]
+fn pitch_does_not_hide_the_right_place_on_the_two_level_target() {
+    let mut rig = lshpi_rig();
+    rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
+    for truth in [
+        [
+            0.1951024, 0.0001395, -0.8376701, -0.0159067, -0.0068046, 0.0748400,
+        ],
+        [
+            0.5658584, -0.0085163, -0.8377487, -0.0094630, 0.0047497, 0.0802213,
+        ],
+    ] {
+        let truth = Pose::from_array(truth);
+        let image = frame(&rig, &truth);
+        for hint in [Some(truth.x_m), Some(truth.x_m - 0.03), None] {
+            let fit = fitted(&rig, &image, hint).unwrap();
+            for i in 0..6 {
+                let error = (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
+                let sd = fit.covariance[(i, i)].sqrt();
+                assert!(error < 5.0 * sd, "{i} off by {error}, sd {sd}, {hint:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_bound_is_that_of_an_independent_study() {
     // geometry.md: 0.54 mm, 0.18 mm, 0.037 deg with thickness and brightness fitted, 0.25, 0.08,
