@@ -554,7 +554,6 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let mut doubts = Doubts::default();
         let (state, sums) = self
             .settle_where_planned(
                 model,
@@ -563,16 +562,21 @@ impl PoseFitter {
                 start,
                 &free,
                 &weighting,
-                &mut doubts,
+                &mut Doubts::default(),
                 (6, APPROACHED),
             )
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
+        // How good the edges are, on all of their pixels.
+        let plan = model.plan(&state, TO_FINISH);
+        let none = &mut Doubts::default();
+        let seen = model.compare(&plan, &image.pixels, &state, &weighting, none, false);
+        weighting.noise_sd = lit_noise(&seen).unwrap_or(weighting.noise_sd).max(0.3);
+        let edge_doubt = seen.edges.doubt(weighting.noise_sd);
         weighting.cut = CUT;
         weighting.redescending = true;
-        let edge_doubt = sums.edge_doubt(weighting.noise_sd);
-        doubts.share = Some(edge_doubt);
+        let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
         let (state, sums) = self
             .settle_where_planned(
                 model,
@@ -630,6 +634,7 @@ impl PoseFitter {
         let mut from = start;
         for again in (0..PLANS).rev() {
             let plan = model.plan(&from, choice);
+            doubts.forget_pixels();
             let (state, sums) =
                 self.settle(model, &plan, image, from, free, weighting, doubts, limits)?;
             if again == 0 || self.shift_m(&from.pose, &state.pose) <= choice.room_m {

@@ -1,5 +1,6 @@
 //! Which pixels a frame is judged by, and which edges can cut their light.
 
+use super::doubts::EdgeName;
 use super::passing::upright_corner;
 use super::torn::CUTS_MOST;
 use super::turned::{Hit, Ray, Turned};
@@ -82,6 +83,17 @@ impl Plan {
     /// What cuts a strip.
     pub(super) fn cuts(&self, strip: &Strip) -> &[Cut] {
         &self.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize]
+    }
+
+    /// The edge that cuts a strip, the first where there are several.
+    pub(super) fn edge(&self, strip: &Strip) -> Option<EdgeName> {
+        let near = |c: &Cut| {
+            let head = self.near(&c.head).iter();
+            let edge = self.near(&c.foot).iter().chain(head).next();
+            edge.map(|e| (c.top as u16, *e))
+        };
+        let (top, edge) = self.cuts(strip).iter().find_map(near)?;
+        Some(EdgeName { top, edge })
     }
 
     pub(super) fn near(&self, near: &Near) -> &[u16] {

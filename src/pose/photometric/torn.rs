@@ -7,7 +7,7 @@
 
 use super::passing::{FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
-use super::sums::{BULK, Counter};
+use super::sums::{ALL, BULK, Counter};
 use super::turned::{Hit, Ray, Turned, dot};
 use super::{BACKGROUND, BRIGHTNESS, Doubt, PARAMETERS, Photometric, State, THICKNESS};
 use crate::pose::normal::{Pair, Tables};
@@ -200,8 +200,7 @@ impl Photometric {
                 j = j.map(|d| d * judged.share);
             }
             if torn {
-                let at = [strip.column, row];
-                counter.add_torn(at, &j, judged.weight, judged.residual);
+                counter.add(&ALL, &j, judged.weight, judged.residual);
             } else {
                 counter.add(&BULK, &j, judged.weight, judged.residual);
             }
