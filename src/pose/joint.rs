@@ -46,8 +46,11 @@ const PLANS: usize = 4;
 /// The squared way to go, in sds, from which one more step is enough without looking at it again:
 /// a fit of grey levels comes nearer by a factor of ten at each. What is only a start for the next
 /// fit need not come as near.
-const SETTLED: f64 = 0.04;
-const APPROACHED: f64 = 1.0;
+const SETTLED: f64 = 4.0;
+const NEARLY: f64 = 100.0;
+const APPROACHED: f64 = 60.0;
+/// Of the columns without edges every so many, until the last look.
+const FEW: usize = 2;
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.
 const KINKS: f64 = 0.1;
@@ -483,9 +486,9 @@ impl PoseFitter {
         let mut held = *free;
         held[4] = free[4] && tall;
         let (choice, tries) = if tall {
-            (TO_CHOOSE_TALL, (6, 0.01 * SETTLED))
+            (TO_CHOOSE_TALL, (6, 4e-4))
         } else {
-            (TO_CHOOSE, (2, SETTLED))
+            (TO_CHOOSE, (2, 0.04))
         };
         let huber = Weighting {
             cut: 4.0,
@@ -568,27 +571,36 @@ impl PoseFitter {
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
-        // How good the edges are, on all of their pixels.
-        let plan = model.plan(&state, TO_FINISH);
-        let none = &mut Doubts::default();
-        let seen = model.compare(&plan, &image.pixels, &state, &weighting, none, false);
-        weighting.noise_sd = lit_noise(&seen).unwrap_or(weighting.noise_sd).max(0.3);
-        let edge_doubt = seen.edges.doubt(weighting.noise_sd);
-        weighting.cut = CUT;
-        weighting.redescending = true;
-        let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-        let (state, sums) = self
-            .settle_where_planned(
-                model,
-                TO_FINISH,
-                image,
-                state,
-                &free,
-                &weighting,
-                &mut doubts,
-                (ITERATIONS, SETTLED),
-            )
-            .ok_or(PoseFault::Unsettled)?;
+        let huber = weighting;
+        let mut from = state;
+        let mut again = PLANS;
+        let (state, sums, edge_doubt) = loop {
+            again -= 1;
+            let plan = model.plan(&from, TO_FINISH);
+            let few = plan.thinned(FEW);
+            // How good the edges are, on all of their pixels.
+            let none = &mut Doubts::default();
+            let seen = model.compare(&few, &image.pixels, &from, &huber, none, false);
+            weighting = Weighting {
+                noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
+                cut: CUT,
+                redescending: true,
+                ..huber
+            };
+            let edge_doubt = seen.edges.doubt(weighting.noise_sd);
+            let doubts = &mut Doubts::found(&seen.edges, weighting.noise_sd);
+            let mut settle = |plan: &Plan, from: State, settled: f64| {
+                let limits = (ITERATIONS, settled);
+                self.settle(model, plan, image, from, &free, &weighting, doubts, limits)
+                    .ok_or(PoseFault::Unsettled)
+            };
+            let (near, _) = settle(&few, from, NEARLY)?;
+            let (state, sums) = settle(&plan, near, SETTLED)?;
+            if again == 0 || self.shift_m(&from.pose, &state.pose) <= TO_FINISH.room_m {
+                break (state, sums, edge_doubt);
+            }
+            from = state;
+        };
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
         let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);

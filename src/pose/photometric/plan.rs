@@ -80,6 +80,21 @@ impl Strip {
 }
 
 impl Plan {
+    /// The same with every `keep`-th only of the columns that no edge crosses.
+    pub(in crate::pose) fn thinned(&self, keep: usize) -> Plan {
+        let columns = self.strips.chunk_by(|a, b| a.column == b.column);
+        let mut plain = 0;
+        let kept = columns.filter(|strips| {
+            let crossed = strips.iter().any(|s| s.cut() || s.shares);
+            plain += usize::from(!crossed);
+            crossed || plain % keep.max(1) == 0
+        });
+        Plan {
+            strips: kept.flatten().copied().collect(),
+            ..self.clone()
+        }
+    }
+
     /// What cuts a strip.
     pub(super) fn cuts(&self, strip: &Strip) -> &[Cut] {
         &self.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize]
