@@ -51,6 +51,8 @@ const NEARLY: f64 = 100.0;
 const APPROACHED: f64 = 60.0;
 /// Of the columns without edges every so many, until the last look.
 const FEW: usize = 2;
+/// And where only edges and noise are looked at.
+const FEWER: usize = 8;
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.
 const KINKS: f64 = 0.1;
@@ -580,7 +582,8 @@ impl PoseFitter {
             let few = plan.thinned(FEW);
             // How good the edges are, on all of their pixels.
             let none = &mut Doubts::default();
-            let seen = model.compare(&few, &image.pixels, &from, &huber, none, false);
+            let edges = plan.thinned(FEWER);
+            let seen = model.compare(&edges, &image.pixels, &from, &huber, none, false);
             weighting = Weighting {
                 noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
                 cut: CUT,

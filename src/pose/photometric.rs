@@ -130,7 +130,8 @@ impl Photometric {
         // Of one pixel after the other.
         let mut doubt_sd = |doubt: &Doubt, share: Option<f64>| match share {
             Some(share) => {
-                let sd = (share * doubt.edge).hypot(doubt.corner) as f32;
+                let edge = share * doubt.edge;
+                let sd = (edge * edge + doubt.corner * doubt.corner).sqrt() as f32;
                 found.push(sd);
                 f64::from(sd)
             }
