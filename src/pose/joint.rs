@@ -21,10 +21,12 @@ use hydroline_rigs::{Mounts, Rig};
 use nalgebra::Matrix6;
 use std::sync::Arc;
 
+mod ahead;
 mod bound;
 mod solve;
 mod valley;
 
+pub use ahead::Ahead;
 pub use bound::Light;
 use solve::{covariance, solve};
 use valley::Valley;
@@ -218,6 +220,15 @@ pub enum PoseFault {
     Unsettled,
 }
 
+/// Where a fit starts, and what was found on the way there.
+#[derive(Debug, Clone, PartialEq)]
+struct Starts {
+    states: Vec<State>,
+    /// No target in sight.
+    bare: bool,
+    caveats: Vec<PoseCaveat>,
+}
+
 /// Fits poses for one rig. Cheap to clone: the tables are shared.
 #[derive(Clone)]
 pub struct PoseFitter {
@@ -311,6 +322,20 @@ impl PoseFitter {
         levels: &Levels,
         hint: &Hint,
     ) -> Result<JointPose, PoseFault> {
+        let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
+        let starts = self.starts(image, profile, levels, &all, hint)?;
+        self.fit_from(image, profile, starts, hint)
+    }
+
+    /// Where the fit of a frame is to start, and what is to be minded of it: all that a hint decides.
+    fn starts(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        levels: &Levels,
+        all: &[Guess],
+        hint: &Hint,
+    ) -> Result<Starts, PoseFault> {
         let light = self.first_light(image, profile);
         let mut caveats: Vec<PoseCaveat> = levels
             .caveats
@@ -326,41 +351,62 @@ impl PoseFitter {
                 pose: initial::level_pose(levels, &self.mounts, theta_rad),
                 ..light
             };
+            return Ok(Starts {
+                states: vec![state],
+                bare: true,
+                caveats,
+            });
+        }
+        let with_pitch = if hint.held.theta_rad.is_none() && self.tall() {
+            let near = hint.x_m.map(|x_m| (x_m, NEAR_M));
+            initial::assigned::guesses(levels, &self.model.surfaces, &self.mounts, near)
+        } else {
+            Vec::new()
+        };
+        let level = match self.near_hint(levels, all, hint, &mut caveats) {
+            // With pitch taken for zero the steps may fit nowhere.
+            Err(_) if !with_pitch.is_empty() => Vec::new(),
+            found => found?,
+        };
+        let level = level
+            .iter()
+            .map(|g| rounded(&g.pose, theta_rad, levels, &self.mounts));
+        let with_pitch = with_pitch.iter().take(GUESSES_ASSIGNED);
+        let states = level
+            .chain(with_pitch.map(|g| to_grid(&g.pose)))
+            .map(|pose| State { pose, ..light })
+            .collect();
+        Ok(Starts {
+            states,
+            bare: false,
+            caveats,
+        })
+    }
+
+    fn fit_from(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        starts: Starts,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
+        let Starts {
+            states,
+            bare,
+            mut caveats,
+        } = starts;
+        let theta = hint.held.theta_rad.is_none();
+        if let (true, Some(state)) = (bare, states.first()) {
             let free = self.free([false, false, true, true, false, false], hint);
             // On a bare floor the target's edges are not there to be compared.
-            return self.finish(&self.bare, image, profile, state, free, caveats);
+            return self.finish(&self.bare, image, profile, *state, free, caveats);
         }
-        let guesses = self.near_hint(levels, hint, &mut caveats)?;
-        let free = self.free(
-            [true, true, true, true, hint.held.theta_rad.is_none(), true],
-            hint,
-        );
-        let started = |g: &Guess| State {
-            pose: rounded(&g.pose, theta_rad, levels, &self.mounts),
-            ..light
-        };
-        let mut starts: Vec<State> = guesses.iter().map(started).collect();
-        if free[4] && self.tall() {
-            let near = hint.x_m.map(|x_m| (x_m, NEAR_M));
-            let with_pitch =
-                initial::assigned::guesses(levels, &self.model.surfaces, &self.mounts, near);
-            starts.extend(
-                with_pitch
-                    .into_iter()
-                    .take(GUESSES_ASSIGNED)
-                    .map(|g| State {
-                        pose: to_grid(&g.pose),
-                        ..light
-                    }),
-            );
-        }
+        let free = self.free([true, true, true, true, theta, true], hint);
         let state = self
-            .choose(image, profile, starts, &free, &mut caveats)
+            .choose(image, profile, states, &free, &mut caveats)
             .ok_or(PoseFault::Unsettled)?;
         let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
-        let shown =
-            hint.held.theta_rad.is_some() || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD;
-        if shown {
+        if !theta || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD {
             return Ok(fitted);
         }
         caveats.push(PoseCaveat::PitchHeld);
@@ -397,10 +443,10 @@ impl PoseFitter {
     fn near_hint(
         &self,
         levels: &Levels,
+        all: &[Guess],
         hint: &Hint,
         caveats: &mut Vec<PoseCaveat>,
     ) -> Result<Vec<Guess>, PoseFault> {
-        let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
         let Some(best) = all.first() else {
             return Err(PoseFault::Nowhere {
                 steps: levels.steps.len(),
@@ -443,9 +489,9 @@ impl PoseFitter {
     }
 
     /// Guesses on a target that is nowhere like elsewhere: near the hint, or anywhere.
-    fn one_of_a_kind(&self, all: Vec<Guess>, hint: &Hint) -> Result<Vec<Guess>, PoseFault> {
+    fn one_of_a_kind(&self, all: &[Guess], hint: &Hint) -> Result<Vec<Guess>, PoseFault> {
         let Some(hint_m) = hint.x_m else {
-            return Ok(all.into_iter().take(GUESSES_ANYWHERE).collect());
+            return Ok(all.iter().take(GUESSES_ANYWHERE).copied().collect());
         };
         let away = |g: &Guess| (g.pose.x_m - hint_m).abs();
         let near: Vec<Guess> = all.iter().copied().filter(|g| away(g) < NEAR_M).collect();
@@ -473,7 +519,7 @@ impl PoseFitter {
         free: &[bool; PARAMETERS],
         caveats: &mut Vec<PoseCaveat>,
     ) -> Option<State> {
-        if starts.len() == 1 {
+        if starts.len() < 2 {
             return starts.pop();
         }
         let weighting = Weighting {
