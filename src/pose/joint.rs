@@ -23,6 +23,7 @@ use std::sync::Arc;
 
 mod ahead;
 mod bound;
+pub mod refine;
 mod solve;
 mod valley;
 

@@ -95,6 +95,14 @@ impl Photometric {
         }
     }
 
+    /// The same light and target seen otherwise.
+    pub fn seen_by(&self, table: Arc<SheetTable>) -> Self {
+        Photometric {
+            table,
+            ..self.clone()
+        }
+    }
+
     /// The same camera and light over a bare floor.
     pub fn bare(&self) -> Self {
         Photometric {
