@@ -17,6 +17,7 @@ use crate::log::{
     Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
     SummaryInput, WriteSettings,
 };
+use crate::pose::joint::Ahead;
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::stripe::{ExtractorConfig, Profile};
 use hydroline_calib::Calibration;
@@ -278,8 +279,20 @@ struct Replay<'a> {
     posed: HashSet<u64>,
 }
 
-/// A frame's stripe: the message, and what a pose is fitted to.
-type Analysed = (StripeProfile, Option<(GreyImage, Profile)>);
+/// A frame's stripe, and its pose fitted ahead.
+type Posed = (GreyImage, Profile, Ahead);
+/// A frame's stripe: the message, and what its pose follows from.
+type Analysed = (StripeProfile, Option<Posed>);
+
+/// The stripe of a frame and its pose, fitted ahead of its turn.
+fn posed(analyst: &mut Analyst, run: &PoseRun, frame: &Frame) -> Analysed {
+    let (message, whole) = analyst.analyse_whole(frame);
+    let posed = whole.map(|(image, profile)| {
+        let ahead = run.ahead(frame.meta.mid_exposure_ns, &image, &profile);
+        (image, profile, ahead)
+    });
+    (message, posed)
+}
 
 impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
@@ -297,14 +310,16 @@ impl Replay<'_> {
         let pending = std::mem::take(&mut self.pending);
         self.frames_pending = 0;
         let options = self.options;
-        let wanted = self.run.is_some();
+        let run = self.run.as_ref();
         let profiles: Vec<Option<Analysed>> = pending
             .par_iter()
             .map_init(
                 || Analyst::new(options.extractor.clone(), options.map.clone()),
                 |analyst, message| match &message.record {
-                    Record::Frame(frame) if wanted => Some(analyst.analyse_whole(frame)),
-                    Record::Frame(frame) => Some((analyst.analyse(frame), None)),
+                    Record::Frame(frame) => Some(match run {
+                        Some(run) => posed(analyst, run, frame),
+                        None => (analyst.analyse(frame), None),
+                    }),
                     _ => None,
                 },
             )
@@ -428,18 +443,18 @@ impl Replay<'_> {
         &mut self,
         log_ns: u64,
         stamp_ns: u64,
-        pixels: Option<(GreyImage, Profile)>,
+        pixels: Option<Posed>,
     ) -> Result<(), ReplayError> {
         if let Some(motion) = self.bound.get(&stamp_ns).cloned() {
             self.posed.insert(stamp_ns);
             self.report.poses += 1;
             return self.write_motion(log_ns, &motion);
         }
-        let (Some(run), Some((image, profile))) = (&mut self.run, pixels) else {
+        let (Some(run), Some((image, profile, ahead))) = (&mut self.run, pixels) else {
             return Ok(());
         };
         self.posed.insert(stamp_ns);
-        let why = match run.pose(stamp_ns, &image, &profile) {
+        let why = match run.pose_ahead(stamp_ns, &image, &profile, ahead) {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
                 let motion = motion_message(stamp_ns, &fit);

@@ -174,9 +174,10 @@ fn target_rig() -> Rig {
 /// Asked for, rms: x, y, z [mm], φ, θ, ψ [°] with thickness and brightness fitted.
 const ASKED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 
-/// What is asked for is printed beside what is reached. The edges of these frames lie off by about a tenth of a pixel, row
-/// by row alike (found from the frames themselves: edge doubt), which the weak direction feels: x, z and θ stay up to
-/// 1.4 times above what is asked.
+/// What is asked for is printed beside what is reached. The edges of these frames are steps of a sampled image: where one
+/// lies along the pixels' columns its pixels are off by up to a tenth of a pixel's light, several rows alike (found from the
+/// frames themselves: the edges' doubts). The weak direction feels a fiftieth of a pixel there: x, z and θ stay up to 1.4
+/// times above what is asked.
 fn near_what_is_asked(name: &str, within: f64) -> Option<Score> {
     let score = score(name, &target_rig())?;
     assert_eq!(score.failed, 0, "{name}");
@@ -206,14 +207,7 @@ fn joint_pose_on_independent_frames() {
         };
         within_its_sd(name, &score);
     }
-    near_what_is_asked("yaw", 3.0);
-}
-
-/// `cargo test --test pose_cases -- --ignored`: not reached. One frame of nine lies 0.039° off in yaw with a reported sd of
-/// 0.0068°; before covariances were found from clusters of pixels it lay 0.044° off, 4.2 sd.
-#[test]
-#[ignore = "not reached: one frame of nine is 5.7 sd off in yaw, 4.5 asked"]
-fn yaw_of_the_independent_yaw_run_is_within_its_sd() {
+    // Nine frames, of which two lie within 2 mm of a joint or widest point of one side.
     if let Some(score) = near_what_is_asked("yaw", 3.0) {
         within_its_sd("yaw", &score);
     }

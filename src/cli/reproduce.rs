@@ -170,11 +170,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 .map_err(CliError::run)?;
             print(args.json, "joint_pose", &found, || print_joint(&found));
             csv_of(
-                "rms,reported_sd,bound",
+                "rms,reported_sd,bound,covered_95",
                 (0..6).map(|i| {
                     format!(
-                        "{},{},{}",
-                        found.rms[i], found.reported_sd[i], found.bound[i]
+                        "{},{},{},{}",
+                        found.rms[i],
+                        found.reported_sd[i],
+                        found.bound[i],
+                        found.covered_95_each[i]
                     )
                 }),
             )
@@ -401,14 +404,15 @@ fn print_joint(found: &JointAccuracy) {
         .enumerate()
     {
         outln!(
-            "  {name:9} rms {:.5}  reported sd {:.5}  bound {:.5}",
+            "  {name:9} rms {:.5}  reported sd {:.5}  bound {:.5}  95 % interval holds {:.1} %",
             found.rms[i],
             found.reported_sd[i],
-            found.bound[i]
+            found.bound[i],
+            100.0 * found.covered_95_each[i]
         );
     }
     outln!(
-        "  largest error {:.1} of its sd; {:.1} % inside the 95 % region",
+        "  largest error {:.1} of its sd; {:.1} % inside the 95 % region of all six together",
         found.worst_in_sd,
         100.0 * found.covered_95
     );

@@ -10,6 +10,8 @@ use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
 use nalgebra::{Matrix3, Vector3};
 
+pub(in crate::pose) mod assigned;
+
 /// Starts along X \[m\]: each flank of the hexagons (0.104 m) gets several.
 const GRID_X_M: f64 = 0.026;
 /// Starts in ψ \[rad\] (0, ±14°, ±28°).
@@ -25,7 +27,7 @@ const JOINED: f64 = 0.1;
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guess {
-    /// Pose with θ = 0.
+    /// Pose, with θ = 0 unless tops far apart in height show it.
     pub pose: Pose,
     /// Distance of the steps from the edges they were given to, rms \[m\].
     pub rms_m: f64,
@@ -45,17 +47,7 @@ pub fn level_pose(levels: &Levels, mounts: &Mounts, theta_rad: f64) -> Pose {
 
 /// All places where the steps fit, best first; empty without steps or where fewer than three are seen.
 pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Guess> {
-    let steps: Vec<(&Step, &Top)> = levels
-        .steps
-        .iter()
-        .filter_map(|s| {
-            surfaces
-                .tops
-                .iter()
-                .find(|t| (t.height_m - s.upper_m).abs() < 1e-6)
-                .map(|t| (s, t))
-        })
-        .collect();
+    let steps = steps_on_tops(levels, surfaces);
     if steps.len() < 3 {
         return Vec::new();
     }
@@ -102,6 +94,17 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     }
     found.sort_by(|a, b| a.rms_m.total_cmp(&b.rms_m));
     found
+}
+
+/// The steps with the tops that end there.
+fn steps_on_tops<'a>(levels: &'a Levels, surfaces: &'a Surfaces) -> Vec<(&'a Step, &'a Top)> {
+    let tops = &surfaces.tops;
+    let of = |s: &Step| tops.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6);
+    levels
+        .steps
+        .iter()
+        .filter_map(|s| of(s).map(|t| (s, t)))
+        .collect()
 }
 
 /// Whether a start has come to a place that another has settled at: it will settle there too.

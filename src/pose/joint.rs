@@ -21,10 +21,13 @@ use hydroline_rigs::{Mounts, Rig};
 use nalgebra::Matrix6;
 use std::sync::Arc;
 
+mod ahead;
 mod bound;
+pub mod refine;
 mod solve;
 mod valley;
 
+pub use ahead::Ahead;
 pub use bound::Light;
 use solve::{covariance, solve};
 use valley::Valley;
@@ -46,8 +49,13 @@ const PLANS: usize = 4;
 /// The squared way to go, in sds, from which one more step is enough without looking at it again:
 /// a fit of grey levels comes nearer by a factor of ten at each. What is only a start for the next
 /// fit need not come as near.
-const SETTLED: f64 = 0.04;
-const APPROACHED: f64 = 1.0;
+const SETTLED: f64 = 4.0;
+const NEARLY: f64 = 100.0;
+const APPROACHED: f64 = 60.0;
+/// Of the columns without edges every so many, until the last look.
+const FEW: usize = 2;
+/// And where only edges and noise are looked at.
+const FEWER: usize = 8;
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.
 const KINKS: f64 = 0.1;
@@ -76,8 +84,12 @@ const TO_FINISH: Choice = Choice {
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
+/// Of those with pitch, where tops lie far apart in height.
+const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
+/// A start whose cost is this many times the best one's is none.
+const BEHIND: f64 = 3.0;
 /// Tops this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
@@ -209,6 +221,15 @@ pub enum PoseFault {
     Unsettled,
 }
 
+/// Where a fit starts, and what was found on the way there.
+#[derive(Debug, Clone, PartialEq)]
+struct Starts {
+    states: Vec<State>,
+    /// No target in sight.
+    bare: bool,
+    caveats: Vec<PoseCaveat>,
+}
+
 /// Fits poses for one rig. Cheap to clone: the tables are shared.
 #[derive(Clone)]
 pub struct PoseFitter {
@@ -302,6 +323,20 @@ impl PoseFitter {
         levels: &Levels,
         hint: &Hint,
     ) -> Result<JointPose, PoseFault> {
+        let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
+        let starts = self.starts(image, profile, levels, &all, hint)?;
+        self.fit_from(image, profile, starts, hint)
+    }
+
+    /// Where the fit of a frame is to start, and what is to be minded of it: all that a hint decides.
+    fn starts(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        levels: &Levels,
+        all: &[Guess],
+        hint: &Hint,
+    ) -> Result<Starts, PoseFault> {
         let light = self.first_light(image, profile);
         let mut caveats: Vec<PoseCaveat> = levels
             .caveats
@@ -317,32 +352,62 @@ impl PoseFitter {
                 pose: initial::level_pose(levels, &self.mounts, theta_rad),
                 ..light
             };
+            return Ok(Starts {
+                states: vec![state],
+                bare: true,
+                caveats,
+            });
+        }
+        let with_pitch = if hint.held.theta_rad.is_none() && self.tall() {
+            let near = hint.x_m.map(|x_m| (x_m, NEAR_M));
+            initial::assigned::guesses(levels, &self.model.surfaces, &self.mounts, near)
+        } else {
+            Vec::new()
+        };
+        let level = match self.near_hint(levels, all, hint, &mut caveats) {
+            // With pitch taken for zero the steps may fit nowhere.
+            Err(_) if !with_pitch.is_empty() => Vec::new(),
+            found => found?,
+        };
+        let level = level
+            .iter()
+            .map(|g| rounded(&g.pose, theta_rad, levels, &self.mounts));
+        let with_pitch = with_pitch.iter().take(GUESSES_ASSIGNED);
+        let states = level
+            .chain(with_pitch.map(|g| to_grid(&g.pose)))
+            .map(|pose| State { pose, ..light })
+            .collect();
+        Ok(Starts {
+            states,
+            bare: false,
+            caveats,
+        })
+    }
+
+    fn fit_from(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        starts: Starts,
+        hint: &Hint,
+    ) -> Result<JointPose, PoseFault> {
+        let Starts {
+            states,
+            bare,
+            mut caveats,
+        } = starts;
+        let theta = hint.held.theta_rad.is_none();
+        if let (true, Some(state)) = (bare, states.first()) {
             let free = self.free([false, false, true, true, false, false], hint);
             // On a bare floor the target's edges are not there to be compared.
-            return self.finish(&self.bare, image, profile, state, free, caveats);
+            return self.finish(&self.bare, image, profile, *state, free, caveats);
         }
-        let guesses = self.near_hint(levels, hint, &mut caveats)?;
-        let free = self.free(
-            [true, true, true, true, hint.held.theta_rad.is_none(), true],
-            hint,
-        );
-        let started = |g: &Guess| State {
-            pose: rounded(&g.pose, theta_rad, levels, &self.mounts),
-            ..light
-        };
+        let free = self.free([true, true, true, true, theta, true], hint);
         let state = self
-            .choose(
-                image,
-                profile,
-                guesses.iter().map(started),
-                &free,
-                &mut caveats,
-            )
+            .choose(image, profile, states, &free, &mut caveats)
             .ok_or(PoseFault::Unsettled)?;
         let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
-        let shown =
-            hint.held.theta_rad.is_some() || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD;
-        if shown {
+        if !theta || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD {
             return Ok(fitted);
         }
         caveats.push(PoseCaveat::PitchHeld);
@@ -379,10 +444,10 @@ impl PoseFitter {
     fn near_hint(
         &self,
         levels: &Levels,
+        all: &[Guess],
         hint: &Hint,
         caveats: &mut Vec<PoseCaveat>,
     ) -> Result<Vec<Guess>, PoseFault> {
-        let all = initial::guesses(levels, &self.model.surfaces, &self.mounts);
         let Some(best) = all.first() else {
             return Err(PoseFault::Nowhere {
                 steps: levels.steps.len(),
@@ -425,9 +490,9 @@ impl PoseFitter {
     }
 
     /// Guesses on a target that is nowhere like elsewhere: near the hint, or anywhere.
-    fn one_of_a_kind(&self, all: Vec<Guess>, hint: &Hint) -> Result<Vec<Guess>, PoseFault> {
+    fn one_of_a_kind(&self, all: &[Guess], hint: &Hint) -> Result<Vec<Guess>, PoseFault> {
         let Some(hint_m) = hint.x_m else {
-            return Ok(all.into_iter().take(GUESSES_ANYWHERE).collect());
+            return Ok(all.iter().take(GUESSES_ANYWHERE).copied().collect());
         };
         let away = |g: &Guess| (g.pose.x_m - hint_m).abs();
         let near: Vec<Guess> = all.iter().copied().filter(|g| away(g) < NEAR_M).collect();
@@ -440,17 +505,22 @@ impl PoseFitter {
         Ok(near.into_iter().take(GUESSES_NEAR).collect())
     }
 
+    /// Whether the tops lie so far apart in height that edges alone show θ.
+    fn tall(&self) -> bool {
+        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
+        heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M
+    }
+
     /// Settles every start a little and keeps the best.
     fn choose(
         &self,
         image: &GreyImage,
         profile: &Profile,
-        starts: impl Iterator<Item = State>,
+        mut starts: Vec<State>,
         free: &[bool; PARAMETERS],
         caveats: &mut Vec<PoseCaveat>,
     ) -> Option<State> {
-        let mut starts: Vec<State> = starts.collect();
-        if starts.len() == 1 {
+        if starts.len() < 2 {
             return starts.pop();
         }
         let weighting = Weighting {
@@ -461,14 +531,13 @@ impl PoseFitter {
         };
         // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
         // height that a degree moves their edges by millimetres against each other.
-        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
-        let tall = heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M;
+        let tall = self.tall();
         let mut held = *free;
         held[4] = free[4] && tall;
         let (choice, tries) = if tall {
-            (TO_CHOOSE_TALL, (6, 0.01 * SETTLED))
+            (TO_CHOOSE_TALL, (6, 4e-4))
         } else {
-            (TO_CHOOSE, (2, SETTLED))
+            (TO_CHOOSE, (2, 0.04))
         };
         let huber = Weighting {
             cut: 4.0,
@@ -493,9 +562,7 @@ impl PoseFitter {
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
         // guesses: those that do not fall far behind are settled a little before they are compared.
-        let limit = first
-            .first()
-            .map_or(0.0, |f| if tall { f64::INFINITY } else { 3.0 * f.0 });
+        let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {
             return Some(*only);
@@ -539,7 +606,6 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        let mut doubts = Doubts::default();
         let (state, sums) = self
             .settle_where_planned(
                 model,
@@ -548,28 +614,43 @@ impl PoseFitter {
                 start,
                 &free,
                 &weighting,
-                &mut doubts,
+                &mut Doubts::default(),
                 (6, APPROACHED),
             )
             .ok_or(PoseFault::Unsettled)?;
         // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise.
         weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
-        weighting.cut = CUT;
-        weighting.redescending = true;
-        let edge_doubt = sums.edge_doubt(weighting.noise_sd);
-        doubts.share = Some(edge_doubt);
-        let (state, sums) = self
-            .settle_where_planned(
-                model,
-                TO_FINISH,
-                image,
-                state,
-                &free,
-                &weighting,
-                &mut doubts,
-                (ITERATIONS, SETTLED),
-            )
-            .ok_or(PoseFault::Unsettled)?;
+        let huber = weighting;
+        let mut from = state;
+        let mut again = PLANS;
+        let (state, sums, edge_doubt) = loop {
+            again -= 1;
+            let plan = model.plan(&from, TO_FINISH);
+            let few = plan.thinned(FEW);
+            // How good the edges are, on all of their pixels.
+            let none = &mut Doubts::default();
+            let edges = plan.thinned(FEWER);
+            let seen = model.compare(&edges, &image.pixels, &from, &huber, none, false);
+            weighting = Weighting {
+                noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
+                cut: CUT,
+                redescending: true,
+                ..huber
+            };
+            let edge_doubt = seen.edges.doubt(weighting.noise_sd);
+            let doubts = &mut Doubts::found(&seen.edges, weighting.noise_sd);
+            let mut settle = |plan: &Plan, from: State, settled: f64| {
+                let limits = (ITERATIONS, settled);
+                self.settle(model, plan, image, from, &free, &weighting, doubts, limits)
+                    .ok_or(PoseFault::Unsettled)
+            };
+            let (near, _) = settle(&few, from, NEARLY)?;
+            let (state, sums) = settle(&plan, near, SETTLED)?;
+            if again == 0 || self.shift_m(&from.pose, &state.pose) <= TO_FINISH.room_m {
+                break (state, sums, edge_doubt);
+            }
+            from = state;
+        };
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
         let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);
@@ -615,6 +696,7 @@ impl PoseFitter {
         let mut from = start;
         for again in (0..PLANS).rev() {
             let plan = model.plan(&from, choice);
+            doubts.forget_pixels();
             let (state, sums) =
                 self.settle(model, &plan, image, from, free, weighting, doubts, limits)?;
             if again == 0 || self.shift_m(&from.pose, &state.pose) <= choice.room_m {
@@ -719,6 +801,11 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
         psi_rad: round(guess.psi_rad),
         ..level
     }
+}
+
+/// A pose on the grid that starts are rounded to.
+fn to_grid(pose: &Pose) -> Pose {
+    Pose::from_array(pose.to_array().map(|v| (v / ROUND).round() * ROUND))
 }
 
 /// Noise of the lit pixels away from edges \[grey levels\].

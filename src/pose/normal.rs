@@ -99,7 +99,26 @@ pub(super) struct Both {
     pub by: [f64; 2],
 }
 
+/// Of the correlations that are kept ready, so many per unit: the nearest is off by 1/512 at most, by which
+/// a share changes by less than 3e-4.
+const PAIRS_PER_UNIT: f64 = 256.0;
+const RHO_MOST: f64 = 0.97;
+
+static PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
+    let count = (2.0 * RHO_MOST * PAIRS_PER_UNIT).ceil() as usize;
+    (0..=count)
+        .map(|k| Pair::new(k as f64 / PAIRS_PER_UNIT - RHO_MOST))
+        .collect()
+});
+
 impl Pair {
+    /// The one kept ready that is nearest to a correlation.
+    pub fn near(rho: f64) -> &'static Pair {
+        let place = (rho.clamp(-RHO_MOST, RHO_MOST) + RHO_MOST) * PAIRS_PER_UNIT + 0.5;
+        // NaN is 0 here: its shares are NaN by h and k anyway.
+        &PAIRS[place as usize]
+    }
+
     pub fn new(rho: f64) -> Pair {
         const NODES: [(f64, f64); 5] = [
             (0.148_874_338_981_631_2, 0.295_524_224_714_752_9),
@@ -108,7 +127,7 @@ impl Pair {
             (0.865_063_366_688_984_5, 0.149_451_349_150_580_6),
             (0.973_906_528_517_171_7, 0.066_671_344_308_688_14),
         ];
-        let rho = rho.clamp(-0.97, 0.97);
+        let rho = rho.clamp(-RHO_MOST, RHO_MOST);
         let end = rho.asin();
         Pair {
             rho,

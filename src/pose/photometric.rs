@@ -13,12 +13,14 @@
 //! (δz = l δθ, δx = −H δθ) are those of the image and not of a lattice.
 
 mod bulk;
+mod doubts;
 mod passing;
 mod plan;
 mod sums;
 mod torn;
 mod turned;
 
+pub(super) use doubts::Doubts;
 pub(super) use plan::{Choice, Plan};
 pub(super) use sums::{Sums, Weighting};
 
@@ -81,16 +83,6 @@ pub(super) struct Photometric {
     tan_half_fan: f64,
 }
 
-/// Standard deviations of pixels beyond their noise.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Doubts {
-    /// Of a pixel cut in half, as share of its light; `None` = none.
-    pub share: Option<f64>,
-    /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
-    /// state looked at and held fixed after that, or the fit would flee into doubtful pixels.
-    of_pixels: Vec<f32>,
-}
-
 impl Photometric {
     pub fn new(surfaces: Surfaces, table: Arc<SheetTable>, blur_px: f64, fan_rad: f64) -> Self {
         // The pixel's box has variance 1/12 px² per axis.
@@ -100,6 +92,14 @@ impl Photometric {
             table,
             spread_px2,
             tan_half_fan: (0.5 * fan_rad).tan(),
+        }
+    }
+
+    /// The same light and target seen otherwise.
+    pub fn seen_by(&self, table: Arc<SheetTable>) -> Self {
+        Photometric {
+            table,
+            ..self.clone()
         }
     }
 
@@ -133,11 +133,13 @@ impl Photometric {
         let mut counter = Counter::new(weighting, Tables::get(), state.brightness);
         let mut doubted = doubts.of_pixels.iter();
         let mut found = Vec::new();
-        let share = doubts.share.filter(|_| doubts.of_pixels.is_empty());
+        let first = doubts.known() && doubts.of_pixels.is_empty();
+        let mut share = None;
         // Of one pixel after the other.
-        let mut doubt_sd = |doubt: &Doubt| match share {
+        let mut doubt_sd = |doubt: &Doubt, share: Option<f64>| match share {
             Some(share) => {
-                let sd = (share * doubt.edge).hypot(doubt.corner) as f32;
+                let edge = share * doubt.edge;
+                let sd = (edge * edge + doubt.corner * doubt.corner).sqrt() as f32;
                 found.push(sd);
                 f64::from(sd)
             }
@@ -150,6 +152,10 @@ impl Photometric {
                 self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
                 continue;
             }
+            if let Some(name) = strips.iter().find_map(|s| plan.edge(s)) {
+                counter.at_edge(name);
+                share = doubts.of(name).filter(|_| first);
+            }
             if strips.iter().all(|s| s.simple) {
                 self.compare_torn(
                     &turned,
@@ -160,14 +166,14 @@ impl Photometric {
                     derivatives,
                     &mut counter,
                     &mut scratch,
-                    &mut doubt_sd,
+                    |doubt| doubt_sd(doubt, share),
                 );
                 continue;
             }
             self.each_row(&turned, plan, state, strips, |row, light| {
                 let doubt_sd = match (cut, &light) {
-                    (true, Some(light)) => doubt_sd(&light.doubt),
-                    (true, None) => doubt_sd(&Doubt::default()),
+                    (true, Some(light)) => doubt_sd(&light.doubt, share),
+                    (true, None) => doubt_sd(&Doubt::default(), share),
                     _ => 0.0,
                 };
                 let (Some(light), Some(&grey)) = (
@@ -191,14 +197,13 @@ impl Photometric {
                     j = j.map(|d| d * judged.share);
                 }
                 if light.torn {
-                    let at = [strips[0].column, row];
-                    counter.add_torn(at, &j, judged.weight, judged.residual);
+                    counter.add(&ALL, &j, judged.weight, judged.residual);
                 } else {
                     counter.add(&BULK, &j, judged.weight, judged.residual);
                 }
             });
         }
-        if share.is_some() {
+        if first {
             doubts.of_pixels = found;
         }
         counter.done()

@@ -4,7 +4,7 @@
 //! depend on the hint that picked it: a frame gives the same pose whether or not the frames
 //! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile.
 
-use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
+use super::joint::{Ahead, Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
 use crate::frame::GreyImage;
 use crate::log::messages::{pb::VehicleMotion, timestamp};
 use crate::stripe::Profile;
@@ -58,19 +58,42 @@ impl PoseRun {
 
     /// The pose of the frame that was true at `stamp_ns` (UNIX).
     pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
+        let fit = self.fitter.fit(image, profile, &self.hint(stamp_ns));
+        self.judged(stamp_ns, fit)
+    }
+
+    /// Fits a frame that lies ahead, beside others.
+    pub fn ahead(&self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> Ahead {
+        self.fitter.ahead(image, profile, &self.hint(stamp_ns))
+    }
+
+    /// The pose of a frame that was fitted ahead: the same bits as [`Self::pose`].
+    pub fn pose_ahead(
+        &mut self,
+        stamp_ns: u64,
+        image: &GreyImage,
+        profile: &Profile,
+        ahead: Ahead,
+    ) -> RunPose {
+        let hint = self.hint(stamp_ns);
+        let fit = self.fitter.fit_ahead(image, profile, ahead, &hint);
+        self.judged(stamp_ns, fit)
+    }
+
+    fn hint(&self, stamp_ns: u64) -> Hint {
+        Hint {
+            x_m: Some(self.expected(stamp_ns).0),
+            ..Hint::default()
+        }
+    }
+
+    /// Whether a pose may be used, and what it says of the next ones.
+    fn judged(&mut self, stamp_ns: u64, fit: Result<JointPose, PoseFault>) -> RunPose {
         let (hint_m, open_m) = self.expected(stamp_ns);
-        let fit = match self.fitter.fit(
-            image,
-            profile,
-            &Hint {
-                x_m: Some(hint_m),
-                ..Hint::default()
-            },
-        ) {
-            Ok(fit) => fit,
+        let mut fit = match fit {
+            Ok(fit) => Box::new(fit),
             Err(fault) => return RunPose::None(fault),
         };
-        let mut fit = Box::new(fit);
         let period_m = self.fitter.surfaces().period_m;
         if fit.measured[0]
             && period_m.is_some_and(|p| open_m + (fit.pose.x_m - hint_m).abs() > 0.5 * p)

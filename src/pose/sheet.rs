@@ -2,7 +2,7 @@
 
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Camera, Mounts};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 /// Sheet points of all pixels, seen from the camera.
 #[derive(Debug, Clone)]
@@ -63,6 +63,24 @@ impl SheetTable {
             eye_m,
             l_laser_m: mounts.l_laser_m,
             lever_m: mounts.l_laser_m - eye_m.x,
+        }
+    }
+
+    /// The same rays seen from a turned body frame in which the sheet stands upright `l_laser_m` ahead.
+    pub(super) fn turned(&self, turn: &Rotation3<f64>, l_laser_m: f64) -> SheetTable {
+        let eye_m = turn * self.eye_m;
+        let lever_m = l_laser_m - eye_m.x;
+        let sights = self.sights_m.iter().map(|[y, z]| {
+            let ray = turn * Vector3::new(self.lever_m, *y, *z);
+            let reach = lever_m / ray.x;
+            [ray.y * reach, ray.z * reach]
+        });
+        SheetTable {
+            sights_m: sights.collect(),
+            eye_m,
+            l_laser_m,
+            lever_m,
+            ..*self
         }
     }
 

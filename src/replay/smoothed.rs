@@ -1,6 +1,6 @@
 //! `replay --smooth`: the poses of a whole log first, bound together, then written frame by frame.
 
-use super::{BATCH, Options, ReplayError};
+use super::{BATCH, Options, ReplayError, posed};
 use crate::analysis::Analyst;
 use crate::frame::Frame;
 use crate::log::messages::{
@@ -100,7 +100,7 @@ fn rms(variances: impl Iterator<Item = f64>) -> f64 {
     (sum / f64::max(n, 1.0)).sqrt()
 }
 
-/// Extracts in parallel, fits in order.
+/// Extracts and fits in parallel, takes over in order.
 fn measure(
     pending: &mut Vec<Frame>,
     run: &mut Option<PoseRun>,
@@ -111,7 +111,7 @@ fn measure(
         .par_iter()
         .map_init(
             || Analyst::new(options.extractor.clone(), options.map.clone()),
-            |analyst, frame| analyst.analyse_whole(frame).1,
+            |analyst, frame| run.as_ref().and_then(|run| posed(analyst, run, frame).1),
         )
         .collect();
     for (frame, pixels) in pending.drain(..).zip(analysed) {
@@ -119,7 +119,9 @@ fn measure(
         let pose = run
             .as_mut()
             .zip(pixels)
-            .map(|(run, (image, profile))| run.pose(stamp_ns, &image, &profile));
+            .map(|(run, (image, profile, ahead))| {
+                run.pose_ahead(stamp_ns, &image, &profile, ahead)
+            });
         frames.push(MeasuredFrame {
             stamp_ns,
             measured: match pose {

@@ -46,6 +46,8 @@ pub struct JointAccuracy {
     pub worst_in_sd: f64,
     /// Share of frames whose error lies in the 95 % region of its covariance.
     pub covered_95: f64,
+    /// Share of frames whose error in each degree of freedom lies within 1.96 of its own reported sd.
+    pub covered_95_each: [f64; 6],
 }
 
 /// Formula, disturbance, extra (index, degrees) and its words, the paper's entry.
@@ -237,6 +239,7 @@ pub fn joint_accuracy(
         bound: [0.0; 6],
         worst_in_sd: 0.0,
         covered_95: 0.0,
+        covered_95_each: [0.0; 6],
     };
     for (seen, truth) in seen.iter().zip(&poses) {
         let Some(joint) = seen.joint.as_ref().filter(|j| j.measured == [true; 6]) else {
@@ -250,6 +253,8 @@ pub fn joint_accuracy(
             out.rms[i] += (error[i] * motion.per_si()).powi(2);
             out.reported_sd[i] += (sd * motion.per_si()).powi(2);
             out.worst_in_sd = out.worst_in_sd.max(error[i].abs() / sd);
+            // A normal's middle 95 %.
+            out.covered_95_each[i] += f64::from(u8::from(error[i].abs() < 1.959_964 * sd));
         }
         // χ² with six degrees of freedom: 95 % below 12.592.
         let distance = squared_distance(&joint.pose, &joint.covariance, truth, &bench.rig.mounts);
@@ -270,5 +275,6 @@ pub fn joint_accuracy(
         *v = (*v / n).sqrt();
     }
     out.covered_95 /= n;
+    out.covered_95_each.iter_mut().for_each(|c| *c /= n);
     Ok(out)
 }

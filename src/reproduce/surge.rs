@@ -19,6 +19,11 @@ const RATE_HZ: f64 = 25.0;
 const START_M: [f64; 3] = [-0.2, 0.02, -0.83];
 /// Period of the pitch disturbance \[s\]: chosen, near the vehicle's own (Figs 15 and 16 are lost).
 const PITCH_PERIOD_S: f64 = 6.0;
+/// Noise of a fix by the formulas \[m\], fastest change of speed \[m/s²\], and greatest change of yaw from
+/// frame to frame \[rad\] that continuity expects.
+const NOISE_M: f64 = 1e-3;
+const ACCELERATION_MPS2: f64 = 0.2;
+const TURN_RAD: f64 = 0.02;
 /// The vehicle that binds the frames is not the true one: its coefficients are this much off, and
 /// nothing is known of its thrust. Smoothing must not need what identification is to find.
 const COEFFICIENTS_OFF: f64 = 1.2;
@@ -102,7 +107,12 @@ pub(super) fn angles(disturbance: Disturbance, every: usize) -> Result<Angles, R
     let chain = bench.chain.as_ref().ok_or(ReproduceError::NoChain)?;
     let moved = motion(&bench.rig, 4.0, disturbance, every.max(1));
     let poses: Vec<Pose> = moved.iter().map(|m| m.pose).collect();
-    let (_, fixes) = places(&bench, chain, &bench.see(&poses, Reading::WholePixel, None));
+    let (_, fixes) = places(
+        &bench,
+        chain,
+        &bench.see(&poses, Reading::WholePixel, None),
+        step_s(every),
+    );
     Ok(Angles {
         t_s: moved.iter().map(|m| m.t_s).collect(),
         psi_deg: fixes
@@ -119,12 +129,17 @@ struct Moved {
     pose: Pose,
 }
 
+/// Time from frame to frame \[s\].
+fn step_s(every: usize) -> f64 {
+    every.max(1) as f64 / RATE_HZ
+}
+
 /// Eq. 7 from rest (RK4), with the artificial disturbance on top, as the paper does.
 fn motion(rig: &Rig, thrust_n: f64, disturbance: Disturbance, every: usize) -> Vec<Moved> {
     let surge = rig.vehicle.coefficients[0];
     let mass_kg = rig.vehicle.mass_kg - surge.added;
     let rate = |u: f64| ((surge.linear + surge.quadratic * u.abs()) * u + thrust_n) / mass_kg;
-    let dt = every as f64 / RATE_HZ;
+    let dt = step_s(every);
     let h = dt / 40.0;
     let (mut s_m, mut u, mut t_s) = (0.0, 0.0f64, 0.0);
     let mut out = Vec::new();
@@ -177,6 +192,7 @@ fn places(
     bench: &Bench,
     chain: &Chain,
     seen: &[Seen],
+    dt_s: f64,
 ) -> (Vec<Option<Crossing>>, Vec<Option<ChainFix>>) {
     let path = PSI_S_DEG.to_radians();
     let l = bench.rig.mounts.l_laser_m;
@@ -184,19 +200,24 @@ fn places(
         START_M[0] + l * path.cos() + (START_M[1] + l * path.sin()) * path.tan(),
         path,
     );
-    let mut last_m: Option<f64> = None;
-    let mut pace_m = 0.0;
+    // Continuity: on with the speed so far. One fix beside a corner may lie on the wrong flank, as far
+    // behind the corner as the vehicle is past it; so no fix moves the expectation by more than noise
+    // and acceleration can, and the next fixes tell on which side of the corner the vehicle is.
+    let surprise_m = NOISE_M + 0.5 * ACCELERATION_MPS2 * dt_s * dt_s;
+    let mut speed_mps = 0.0;
     let crossings: Vec<Option<Crossing>> = seen.iter().map(|s| s.crossing).collect();
     let fixes = crossings
         .iter()
-        .map(|c| {
+        .enumerate()
+        .map(|(k, c)| {
+            if k > 0 {
+                near.0 += speed_mps * dt_s;
+            }
             let fix = chain.fix(c.as_ref()?, near).ok()?;
-            // About as fast as over the last frames: one fix beside a corner may be off by
-            // millimetres, and must not throw the next one onto another flank.
-            let moved_m = last_m.map_or(0.0, |last| fix.x_s_m - last);
-            pace_m += 0.2 * (moved_m - pace_m);
-            last_m = Some(fix.x_s_m);
-            near = (fix.x_s_m + pace_m, fix.psi_s_rad);
+            let off_m = (fix.x_s_m - near.0).clamp(-surprise_m, surprise_m);
+            near.0 += 0.5 * off_m;
+            speed_mps += 0.2 * off_m / dt_s;
+            near.1 += 0.5 * (fix.psi_s_rad - near.1).clamp(-TURN_RAD, TURN_RAD);
             Some(fix)
         })
         .collect();
@@ -204,8 +225,14 @@ fn places(
 }
 
 /// ψ_S \[°\], greatest error \[mm\], frames without an answer.
-fn by_formula(bench: &Bench, chain: &Chain, seen: &[Seen], moved: &[Moved]) -> (f64, f64, usize) {
-    let (crossings, fixes) = places(bench, chain, seen);
+fn by_formula(
+    bench: &Bench,
+    chain: &Chain,
+    seen: &[Seen],
+    moved: &[Moved],
+    every: usize,
+) -> (f64, f64, usize) {
+    let (crossings, fixes) = places(bench, chain, seen, step_s(every));
     let (psi_s_rad, x) = surge_positions(chain, &crossings, &fixes);
     let first = x.iter().position(Option::is_some).unwrap_or(0);
     let errors = x
@@ -231,8 +258,9 @@ fn run(
     let poses: Vec<Pose> = moved.iter().map(|m| m.pose).collect();
     let whole = bench.see(&poses, Reading::WholePixel, None);
     let fine = bench.see(&poses, Reading::SubPixel, Some(Held::default()));
-    let (whole_psi, whole_max, whole_missing) = by_formula(bench, chain, &whole, &moved);
-    let (formula_psi, formula_max, formula_missing) = by_formula(bench, chain, &fine, &moved);
+    let (whole_psi, whole_max, whole_missing) = by_formula(bench, chain, &whole, &moved, every);
+    let (formula_psi, formula_max, formula_missing) =
+        by_formula(bench, chain, &fine, &moved, every);
     let (sin, cos) = PSI_S_DEG.to_radians().sin_cos();
     // Error of the place along the path: absolute, nothing is set to zero at the first frame.
     let along = |eta: [f64; 6], truth: &Pose| {

@@ -33,20 +33,6 @@ pub(super) fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Opt
 /// Covariance of pose and thickness with brightness and background marginalised; zero where held.
 pub(super) fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix7> {
     let inverse = scaled(&sums.information, free).cholesky()?.inverse();
-    // What pixels at edges leave over is alike among neighbours, so they tell less than as many
-    // pixels by themselves: by how much is seen in the scores of blocks of them (White's covariance
-    // for clusters, as one factor for all directions, since a frame has a hundred blocks only).
-    let torn = only(&scaled(&sums.torn_information, free), free);
-    let scores = only(&scaled(&sums.torn_scores, free), free);
-    let count = sums.blocks as f64;
-    let expected = (inverse * torn).trace();
-    let factor = if count > 2.0 * PARAMETERS as f64 && expected > 0.0 {
-        let fitted = count / (count - PARAMETERS as f64);
-        ((inverse * scores).trace() / expected * fitted).max(1.0)
-    } else {
-        1.0
-    };
-    let inverse = inverse + inverse * torn * inverse * (factor - 1.0);
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some(Matrix7::from_fn(|i, j| {
         let (i, j) = (place(i), place(j));
@@ -56,9 +42,4 @@ pub(super) fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matri
             0.0
         }
     }))
-}
-
-/// Zero where held.
-fn only(m: &Square, free: &[bool; PARAMETERS]) -> Square {
-    Square::from_fn(|i, j| if free[i] && free[j] { m[(i, j)] } else { 0.0 })
 }

@@ -126,6 +126,61 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
 }
 
 #[test]
+fn a_frame_fitted_ahead_is_what_it_would_be_in_its_turn() {
+    let mut rig = lshpi_rig();
+    for two_level in [false, true] {
+        if two_level {
+            rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
+        }
+        let image = frame(&rig, &POSE);
+        let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
+        let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
+        let hint = |x_m: Option<f64>| Hint {
+            x_m,
+            ..Hint::default()
+        };
+        // Its own hint, one of the same hexagon, another hexagon, none, nowhere.
+        let hints = [Some(0.2), Some(0.24), Some(0.44), None, Some(3.0)].map(hint);
+        for expected in &hints {
+            let ahead = fitter.ahead(&image, &profile, expected);
+            for now in &hints {
+                assert_eq!(
+                    fitter.fit_ahead(&image, &profile, ahead.clone(), now),
+                    fitter.fit(&image, &profile, now),
+                    "{expected:?} {now:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Poses at which a place found with pitch taken for zero was wrong by centimetres.
+#[test]
+fn pitch_does_not_hide_the_right_place_on_the_two_level_target() {
+    let mut rig = lshpi_rig();
+    rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
+    for truth in [
+        [
+            0.1951024, 0.0001395, -0.8376701, -0.0159067, -0.0068046, 0.0748400,
+        ],
+        [
+            0.5658584, -0.0085163, -0.8377487, -0.0094630, 0.0047497, 0.0802213,
+        ],
+    ] {
+        let truth = Pose::from_array(truth);
+        let image = frame(&rig, &truth);
+        for hint in [Some(truth.x_m), Some(truth.x_m - 0.03), None] {
+            let fit = fitted(&rig, &image, hint).unwrap();
+            for i in 0..6 {
+                let error = (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
+                let sd = fit.covariance[(i, i)].sqrt();
+                assert!(error < 5.0 * sd, "{i} off by {error}, sd {sd}, {hint:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_bound_is_that_of_an_independent_study() {
     // geometry.md: 0.54 mm, 0.18 mm, 0.037 deg with thickness and brightness fitted, 0.25, 0.08,
     // 0.017 with both known; y 0.03 mm, roll 0.0003 deg, yaw 0.006 deg. Places differ by a factor.
@@ -215,6 +270,16 @@ mod hard {
         ]
     }
 
+    fn doubtful(fit: &JointPose) -> bool {
+        [
+            PoseCaveat::Ambiguous,
+            PoseCaveat::WhichHexagon,
+            PoseCaveat::Misfit,
+        ]
+        .iter()
+        .any(|c| fit.caveats.contains(c))
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), failure_persistence: None, cases: 24, ..ProptestConfig::default() })]
 
@@ -241,9 +306,7 @@ mod hard {
                 // A reason was given.
                 return Ok(());
             };
-            let doubtful = [PoseCaveat::Ambiguous, PoseCaveat::WhichHexagon, PoseCaveat::Misfit]
-                .iter()
-                .any(|c| fit.caveats.contains(c));
+            let doubtful = doubtful(&fit);
             for i in (0..6).filter(|i| fit.measured[*i] && !doubtful) {
                 let error = (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
                 let sd = fit.covariance[(i, i)].sqrt();
@@ -253,6 +316,34 @@ mod hard {
             }
             if fit.measured[0] && !doubtful {
                 prop_assert!((fit.pose.x_m - truth.x_m).abs() < 0.02, "{fault:?}: a jump in x: {}", fit.pose.x_m - truth.x_m);
+            }
+        }
+
+        #[test]
+        fn never_a_silent_jump_on_two_levels(
+            x in -0.2..0.7f64,
+            y in -0.01..0.01f64,
+            tilt in (-0.017..0.017f64, -0.017..0.017f64),
+            yaw in -0.08..0.08f64,
+            off in -0.03..0.03f64,
+        ) {
+            let mut rig = lshpi_rig();
+            rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
+            let truth = Pose { x_m: x, y_m: y, z_m: -0.83, phi_rad: tilt.0, theta_rad: tilt.1, psi_rad: yaw };
+            let image = frame(&rig, &truth);
+            // With a hint, and on a target that is nowhere like elsewhere also without.
+            for hint in [Some(x + off), None] {
+                let fit = fitted(&rig, &image, hint);
+                prop_assert!(fit.is_ok(), "{:?}", fit);
+                let Ok(fit) = fit else { continue };
+                if doubtful(&fit) {
+                    continue;
+                }
+                for i in 0..6 {
+                    let error = (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
+                    let least = [3e-4, 1e-4, 1e-4, 5e-5, 5e-4, 5e-4][i];
+                    prop_assert!(error < 6.0 * fit.covariance[(i, i)].sqrt() || error < least, "{i} off by {error}");
+                }
             }
         }
     }

@@ -307,7 +307,7 @@ fn corner(
     if idle(h) {
         return second.alone(tables);
     }
-    let pair = Pair::new(correlation(first, second, stripe));
+    let pair = Pair::near(correlation(first, second, stripe));
     let found = if convex {
         pair.below(h, k, tables)
     } else {

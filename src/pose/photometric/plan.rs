@@ -1,5 +1,6 @@
 //! Which pixels a frame is judged by, and which edges can cut their light.
 
+use super::doubts::EdgeName;
 use super::passing::upright_corner;
 use super::torn::CUTS_MOST;
 use super::turned::{Hit, Ray, Turned};
@@ -15,6 +16,9 @@ const EDGE_SPREADS: f64 = 4.5;
 const EDGE_SHIFT_M: f64 = 0.0015;
 /// Points this near the ends of the fan are not used, as a tangent.
 const FAN_MARGIN: f64 = 0.012;
+
+/// A column need not be looked at again until the line has gone this far, if no edge is near \[m\].
+const LOOK_AHEAD_M: f64 = 0.03;
 
 /// Steps higher than this hide more of the lower level than one corner of the outline \[m\].
 const TALL_STEP_M: f64 = 0.05;
@@ -79,9 +83,35 @@ impl Strip {
 }
 
 impl Plan {
+    /// The same with every `keep`-th only of the columns that no edge crosses.
+    pub(in crate::pose) fn thinned(&self, keep: usize) -> Plan {
+        let columns = self.strips.chunk_by(|a, b| a.column == b.column);
+        let mut plain = 0;
+        let kept = columns.filter(|strips| {
+            let crossed = strips.iter().any(|s| s.cut() || s.shares);
+            plain += usize::from(!crossed);
+            crossed || plain % keep.max(1) == 0
+        });
+        Plan {
+            strips: kept.flatten().copied().collect(),
+            ..self.clone()
+        }
+    }
+
     /// What cuts a strip.
     pub(super) fn cuts(&self, strip: &Strip) -> &[Cut] {
         &self.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize]
+    }
+
+    /// The edge that cuts a strip, the first where there are several.
+    pub(super) fn edge(&self, strip: &Strip) -> Option<EdgeName> {
+        let near = |c: &Cut| {
+            let head = self.near(&c.head).iter();
+            let edge = self.near(&c.foot).iter().chain(head).next();
+            edge.map(|e| (c.top as u16, *e))
+        };
+        let (top, edge) = self.cuts(strip).iter().find_map(near)?;
+        Some(EdgeName { top, edge })
     }
 
     pub(super) fn near(&self, near: &Near) -> &[u16] {
@@ -134,13 +164,52 @@ impl Photometric {
             room_m: choice.room_m,
             ..Plan::default()
         };
+        let setting = Setting {
+            turned: &turned,
+            state,
+            reachable: self.reachable(&turned, state, &plan),
+        };
         let mut found = vec![None; self.surfaces.tops.len() + 1];
         let columns = (1..self.table.width_px.saturating_sub(1)).step_by(choice.step.max(1));
         for (k, column) in columns.enumerate() {
             let bulk = k % choice.keep.max(1) == 0;
-            self.plan_column(&turned, state, column, bulk, &mut found, &mut plan);
+            self.plan_column(&setting, column, bulk, &mut found, &mut plan);
         }
         plan
+    }
+
+    /// Of each top the edges to which the sheet's line comes nearer than what is looked ahead.
+    fn reachable(&self, turned: &Turned, state: &State, plan: &Plan) -> Vec<Vec<u16>> {
+        let start = 0.5 * self.table.height_px as f64;
+        let highest_m = self.surfaces.tops.first().map_or(0.0, |t| t.height_m);
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        // Between so many columns the line, a straight one, goes less far along X than it is looked ahead.
+        for column in (1..self.table.width_px).step_by(16) {
+            for height_m in [0.0, highest_m] {
+                if let Some(met) = self.row_of_level(turned, column, height_m, start) {
+                    least = least.min(met.hit.p[0]);
+                    most = most.max(met.hit.p[0]);
+                }
+            }
+        }
+        // By no more than its height a sight moves from a top to the level below it.
+        let across_m = LOOK_AHEAD_M
+            + plan.edge_reach_m
+            + plan.room_m
+            + 2.0 * REACH * state.thickness_m
+            + highest_m;
+        let tops = self.surfaces.tops.iter();
+        tops.map(|top| {
+            (0u16..)
+                .zip(&top.outline.edges)
+                .filter(|(_, e)| {
+                    let [low, high] = e.x_range_m();
+                    low < most + across_m && high > least - across_m
+                })
+                .map(|(k, _)| k)
+                .collect()
+        })
+        .collect()
     }
 
     /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
@@ -189,13 +258,13 @@ impl Photometric {
 
     fn plan_column(
         &self,
-        turned: &Turned,
-        state: &State,
+        setting: &Setting<'_>,
         column: usize,
         bulk: bool,
         found: &mut [Option<Found>],
         plan: &mut Plan,
     ) {
+        let Setting { turned, state, .. } = *setting;
         let first = plan.strips.len();
         for (level, found) in found.iter_mut().enumerate() {
             let start_row = found.map_or(0.5 * self.table.height_px as f64, |f| f.row);
@@ -231,7 +300,7 @@ impl Photometric {
                     old.lit.then_some(((0, 0), true))
                 }
                 _ => {
-                    let mut slack_m = f64::INFINITY;
+                    let mut slack_m = LOOK_AHEAD_M;
                     let span = Span {
                         rays: [
                             self.ray(column, low as usize),
@@ -241,7 +310,7 @@ impl Photometric {
                         p: hit.p,
                         reach_m,
                     };
-                    let cuts = self.cuts(turned, &span, level, &mut slack_m, plan);
+                    let cuts = self.cuts(setting, &span, level, &mut slack_m, plan);
                     *found = Some(Found {
                         row,
                         p: hit.p,
@@ -278,12 +347,13 @@ impl Photometric {
     /// surely dark there. `slack_m` is lowered to how far the line may go before an edge comes near.
     fn cuts(
         &self,
-        turned: &Turned,
+        setting: &Setting<'_>,
         span: &Span,
         level: usize,
         slack_m: &mut f64,
         plan: &mut Plan,
     ) -> Option<((u32, u32), bool)> {
+        let turned = setting.turned;
         let start = (plan.cuts.len(), plan.edges.len());
         let (p, reach_m) = (span.p, span.reach_m);
         let room_m = plan.edge_reach_m + plan.room_m;
@@ -297,43 +367,42 @@ impl Photometric {
             );
             Some([a.p, b.p])
         };
-        let mut look = |outline: &Outline,
-                        p: [f64; 2],
-                        height_m: f64,
-                        edges: &mut Vec<u16>,
-                        slack_m: &mut f64| {
-            let from = edges.len();
-            let mut line = None;
-            for (k, e) in outline.edges.iter().enumerate() {
-                // Most edges are too far along X to matter to either answer.
-                let [low, high] = e.x_range_m();
-                let beside = (low - p[0]).max(p[0] - high);
-                if beside > room_m + reach_m + slack_m.max(0.0) {
-                    continue;
+        let mut look =
+            |k: usize, p: [f64; 2], height_m: f64, edges: &mut Vec<u16>, slack_m: &mut f64| {
+                let outline = &self.surfaces.tops[k].outline;
+                let from = edges.len();
+                let mut line = None;
+                for k in setting.reachable_of(k) {
+                    let e = &outline.edges[usize::from(*k)];
+                    // Most edges are too far along X to matter to either answer.
+                    let [low, high] = e.x_range_m();
+                    let beside = (low - p[0]).max(p[0] - high);
+                    if beside > room_m + reach_m + slack_m.max(0.0) {
+                        continue;
+                    }
+                    let along = e.along_m(p);
+                    // Distance from a box about the edge.
+                    let beyond = (-along).max(along - e.length_m).max(e.inside_m(p).abs());
+                    *slack_m = slack_m.min(beyond - room_m - reach_m);
+                    if beyond > room_m + reach_m {
+                        continue;
+                    }
+                    let line = *line.get_or_insert_with(|| ends(height_m).unwrap_or([p; 2]));
+                    if e.distance2_to_line_m2(line) > room_m * room_m {
+                        continue;
+                    }
+                    edges.push(*k);
                 }
-                let along = e.along_m(p);
-                // Distance from a box about the edge.
-                let beyond = (-along).max(along - e.length_m).max(e.inside_m(p).abs());
-                *slack_m = slack_m.min(beyond - room_m - reach_m);
-                if beyond > room_m + reach_m {
-                    continue;
+                simple &= at_most_a_corner(outline, &edges[from..], line, room_m);
+                Near {
+                    from: from as u32,
+                    to: edges.len() as u32,
+                    inside: from == edges.len() && outline.contains(p),
                 }
-                let line = *line.get_or_insert_with(|| ends(height_m).unwrap_or([p; 2]));
-                if e.distance2_to_line_m2(line) > room_m * room_m {
-                    continue;
-                }
-                edges.push(k as u16);
-            }
-            simple &= at_most_a_corner(outline, &edges[from..], line, room_m);
-            Near {
-                from: from as u32,
-                to: edges.len() as u32,
-                inside: from == edges.len() && outline.contains(p),
-            }
-        };
+            };
         let own_m = self.height(level);
-        if let Some(top) = self.surfaces.tops.get(level) {
-            let foot = look(&top.outline, p, own_m, &mut plan.edges, slack_m);
+        if level < self.surfaces.tops.len() {
+            let foot = look(level, p, own_m, &mut plan.edges, slack_m);
             if foot.from != foot.to {
                 plan.cuts.push(Cut {
                     top: level,
@@ -365,14 +434,18 @@ impl Photometric {
                 dark |= (0..=8).any(|i| {
                     let q = between(f64::from(i) / 8.0);
                     let room_m = room_m + reach_m;
-                    let edge_m = top.outline.nearest(q).map_or(f64::INFINITY, |n| n.1);
+                    let edges = setting.reachable_of(k).iter();
+                    let edge_m = edges
+                        .map(|e| top.outline.edges[usize::from(*e)].distance2_m2(q))
+                        .fold(f64::INFINITY, f64::min)
+                        .sqrt();
                     *slack_m = slack_m.min((edge_m - room_m).abs());
                     top.outline.contains(q) || edge_m < room_m
                 });
                 continue;
             }
-            let foot = look(&top.outline, p, own_m, &mut plan.edges, slack_m);
-            let head = look(&top.outline, above, top.height_m, &mut plan.edges, slack_m);
+            let foot = look(k, p, own_m, &mut plan.edges, slack_m);
+            let head = look(k, above, top.height_m, &mut plan.edges, slack_m);
             if foot.from == foot.to && head.from == head.to {
                 dark |= foot.inside || head.inside;
             } else {
@@ -407,6 +480,20 @@ impl Photometric {
             sight: [self.table.lever_m, y, z],
             slopes: self.table.slopes(column, row),
         }
+    }
+}
+
+/// What a plan is made for.
+struct Setting<'a> {
+    turned: &'a Turned,
+    state: &'a State,
+    /// Of each top the edges that any column can come near.
+    reachable: Vec<Vec<u16>>,
+}
+
+impl Setting<'_> {
+    fn reachable_of(&self, top: usize) -> &[u16] {
+        self.reachable.get(top).map_or(&[], Vec::as_slice)
     }
 }
 

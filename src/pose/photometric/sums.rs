@@ -1,17 +1,8 @@
 //! What a comparison adds up, and how a residual counts.
 
+use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::{BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Square, THICKNESS};
 use crate::pose::normal::Tables;
-
-/// Pixels with this much light torn by an edge say how good the edges are \[grey levels\].
-const TORN: f64 = 20.0;
-/// Residuals beyond this share of the torn light are particles, not edges.
-const EXCESS_MOST: f64 = 0.15;
-/// Least and greatest doubt: what is found from a thousand pixels is uncertain itself.
-const DOUBT_RANGE: [f64; 2] = [0.005, 0.1];
-/// Pixels of a block: about the area 4πb² (b² = 0.57 px²) within which all that comes through one
-/// point spread deviates together, along and across the edge.
-const BLOCK_PX: usize = 4;
 
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
@@ -38,30 +29,8 @@ pub(in crate::pose) struct Sums {
     pub edge_count: usize,
     /// Pixels whose weight is below one half.
     pub rejected: usize,
-    /// Squared residuals of pixels that an edge tears, their torn light squared, and their number.
-    pub torn_square: f64,
-    pub torn_light2: f64,
-    pub torn_count: usize,
-    /// Of `information`, what pixels give that an edge tears.
-    pub torn_information: Square,
-    /// Σ g gᵀ over blocks of such pixels, g = Jᵀ W r of a block, and the number of blocks.
-    pub torn_scores: Square,
-    pub blocks: usize,
-}
-
-impl Sums {
-    /// Standard deviation of pixels that an edge cuts beyond their noise, as a share of the light
-    /// of a pixel cut in half. No edge is machined, nor any image formed, to a hundredth of a
-    /// pixel: how well these are is seen in what the edges' pixels leave over.
-    pub fn edge_doubt(&self, noise_sd: f64) -> f64 {
-        let excess = self.torn_square - self.torn_count as f64 * noise_sd * noise_sd;
-        let found = if self.torn_light2 > 0.0 {
-            (excess / self.torn_light2).max(0.0).sqrt()
-        } else {
-            0.0
-        };
-        found.clamp(DOUBT_RANGE[0], DOUBT_RANGE[1])
-    }
+    /// The edges met.
+    pub edges: EdgesSeen,
 }
 
 /// How residuals count.
@@ -119,12 +88,9 @@ pub(super) struct Counter<'a> {
     /// Lower triangle of the information.
     pub information: [[f64; PARAMETERS]; PARAMETERS],
     pub gradient: [f64; PARAMETERS],
-    torn_information: [[f64; PARAMETERS]; PARAMETERS],
-    torn_scores: [[f64; PARAMETERS]; PARAMETERS],
-    /// Scores of the blocks of the columns that are at hand, by row; those begun.
-    blocks: Vec<[f64; PARAMETERS]>,
-    begun: Vec<usize>,
-    block_column: usize,
+    edges: Vec<EdgeSums>,
+    /// The one of them whose pixels are at hand.
+    edge: usize,
 }
 
 impl<'a> Counter<'a> {
@@ -136,12 +102,21 @@ impl<'a> Counter<'a> {
             sums: Sums::default(),
             information: [[0.0; PARAMETERS]; PARAMETERS],
             gradient: [0.0; PARAMETERS],
-            torn_information: [[0.0; PARAMETERS]; PARAMETERS],
-            torn_scores: [[0.0; PARAMETERS]; PARAMETERS],
-            blocks: Vec::new(),
-            begun: Vec::new(),
-            block_column: 0,
+            edges: Vec::new(),
+            edge: 0,
         }
+    }
+
+    /// What comes next is cut by this edge.
+    pub fn at_edge(&mut self, name: EdgeName) {
+        self.edge = self
+            .edges
+            .iter()
+            .position(|e| e.name == name)
+            .unwrap_or_else(|| {
+                self.edges.push(EdgeSums::new(name));
+                self.edges.len() - 1
+            });
     }
 
     /// Judges a pixel that no edge cuts; `None` where it is clipped.
@@ -182,12 +157,8 @@ impl<'a> Counter<'a> {
         self.sums.pixels += 1;
         self.sums.edge_count += 1;
         self.sums.rejected += usize::from(weight < 0.5);
-        if let Some(torn) = torn.filter(|t| *t > TORN)
-            && residual.abs() < EXCESS_MOST * torn + 4.0 * noise_sd
-        {
-            self.sums.torn_square += residual * residual;
-            self.sums.torn_light2 += torn * torn;
-            self.sums.torn_count += 1;
+        if let (Some(torn), Some(edge)) = (torn, self.edges.get_mut(self.edge)) {
+            edge.see(torn, residual, noise_sd);
         }
         Some(Judged {
             residual,
@@ -230,57 +201,12 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Adds a pixel that an edge tears, at its column and row; columns come in ascending order.
-    pub fn add_torn(
-        &mut self,
-        [column, row]: [usize; 2],
-        j: &[f64; PARAMETERS],
-        weight: f64,
-        residual: f64,
-    ) {
-        if column / BLOCK_PX != self.block_column {
-            self.end_blocks();
-            self.block_column = column / BLOCK_PX;
+    pub fn done(self) -> Sums {
+        Sums {
+            information: Square::from_fn(|a, b| self.information[a.max(b)][a.min(b)]),
+            gradient: Column::from_column_slice(&self.gradient),
+            edges: EdgesSeen(self.edges),
+            ..self.sums
         }
-        let block = row / BLOCK_PX;
-        if self.blocks.len() <= block {
-            self.blocks.resize(block + 1, [0.0; PARAMETERS]);
-        }
-        if !self.begun.contains(&block) {
-            self.begun.push(block);
-        }
-        let score = &mut self.blocks[block];
-        for a in 0..PARAMETERS {
-            let wj = weight * j[a];
-            self.gradient[a] += wj * residual;
-            score[a] += wj * residual;
-            for (sum, j) in self.torn_information[a].iter_mut().zip(&j[..=a]) {
-                *sum += wj * j;
-            }
-        }
-    }
-
-    fn end_blocks(&mut self) {
-        for block in self.begun.drain(..) {
-            let score = std::mem::replace(&mut self.blocks[block], [0.0; PARAMETERS]);
-            for a in 0..PARAMETERS {
-                for b in 0..=a {
-                    self.torn_scores[a][b] += score[a] * score[b];
-                }
-            }
-            self.sums.blocks += 1;
-        }
-    }
-
-    pub fn done(mut self) -> Sums {
-        self.end_blocks();
-        let square =
-            |m: &[[f64; PARAMETERS]; PARAMETERS]| Square::from_fn(|a, b| m[a.max(b)][a.min(b)]);
-        let mut sums = self.sums;
-        sums.torn_information = square(&self.torn_information);
-        sums.torn_scores = square(&self.torn_scores);
-        sums.information = square(&self.information) + sums.torn_information;
-        sums.gradient = Column::from_column_slice(&self.gradient);
-        sums
     }
 }

@@ -208,10 +208,9 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         let mut slow = plan.clone();
         slow.strips.iter_mut().for_each(|s| s.simple = false);
         let sums = |plan: &Plan| {
-            let mut doubts = Doubts {
-                share: Some(0.03),
-                ..Doubts::default()
-            };
+            let none = &mut Doubts::default();
+            let seen = model.compare(plan, &picture, &at, &weighting, none, false);
+            let mut doubts = Doubts::alike(&seen.edges, 0.03);
             let once = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
             let again = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);

@@ -7,7 +7,7 @@
 
 use super::passing::{FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
-use super::sums::{BULK, Counter};
+use super::sums::{ALL, BULK, Counter};
 use super::turned::{Hit, Ray, Turned, dot};
 use super::{BACKGROUND, BRIGHTNESS, Doubt, PARAMETERS, Photometric, State, THICKNESS};
 use crate::pose::normal::{Pair, Tables};
@@ -35,13 +35,20 @@ struct Edge {
 struct Border {
     first: Edge,
     /// The second; how the two hang together; whether both must hold (convex) or either.
-    second: Option<(Edge, Pair, bool)>,
+    second: Option<(Edge, &'static Pair, bool)>,
 }
 
 /// What passes, and its slopes by the distances of the edges that decide.
 struct Passed<'a> {
     share: f64,
     by: [(f64, Option<&'a Edge>); 2],
+}
+
+impl Passed<'_> {
+    const ALL: Passed<'static> = Passed {
+        share: 1.0,
+        by: [(0.0, None), (0.0, None)],
+    };
 }
 
 /// What cuts a strip.
@@ -147,30 +154,26 @@ impl Photometric {
                 }
                 let full = state.brightness * bare;
                 let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
-                let mut shares = [1.0; CUTS_MOST];
+                let mut passed = [const { Passed::ALL }; CUTS_MOST];
                 let mut share = 1.0;
-                for (cut, own) in cuts.iter().zip(&mut shares) {
-                    *own = cut.passing(u, tables).share;
-                    share *= *own;
+                for (cut, own) in cuts.iter().zip(&mut passed) {
+                    *own = cut.passing(u, tables);
+                    share *= own.share;
                 }
                 if share == 0.0 {
                     continue;
                 }
+                let light = full * share;
                 if share < 1.0 {
                     torn = true;
-                    for (k, cut) in cuts.iter().enumerate() {
-                        let others: f64 = (0..cuts.len().min(CUTS_MOST))
-                            .filter(|i| *i != k)
-                            .map(|i| shares[i])
-                            .product();
-                        for (slope, edge) in cut.passing(u, tables).by {
+                    for own in passed.iter().take(cuts.len()) {
+                        for (slope, edge) in own.by {
                             if let Some(edge) = edge.filter(|_| slope != 0.0) {
-                                edge.add(&mut j, full * others * slope, u);
+                                edge.add(&mut j, light / own.share * slope, u);
                             }
                         }
                     }
                 }
-                let light = full * share;
                 level += light;
                 doubt.edge += light * 4.0 * (1.0 - share);
                 let by_s = -light * s * of_total2;
@@ -200,8 +203,7 @@ impl Photometric {
                 j = j.map(|d| d * judged.share);
             }
             if torn {
-                let at = [strip.column, row];
-                counter.add_torn(at, &j, judged.weight, judged.residual);
+                counter.add(&ALL, &j, judged.weight, judged.residual);
             } else {
                 counter.add(&BULK, &j, judged.weight, judged.residual);
             }
@@ -301,7 +303,7 @@ impl Photometric {
             };
             let rho = correlation(&first[1], &second[1], &of[1].stripe);
             let convex = edges[later].convex_at_start;
-            (Edge::through(rows.u, &second), Pair::new(rho), convex)
+            (Edge::through(rows.u, &second), Pair::near(rho), convex)
         });
         Some(Border {
             first: Edge::through(rows.u, &first),
