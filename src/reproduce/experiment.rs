@@ -20,7 +20,7 @@ use crate::identify::data::{Command, Run, Sample};
 use crate::identify::parameter::Coefficient;
 use crate::pose::Pose;
 use crate::pose::estimators::{self, Chain, ChainFix, Crossing};
-use crate::pose::joint::JointPose;
+use crate::pose::joint::{JointPose, PoseCaveat};
 use crate::pose::run::{PoseRun, RunPose};
 use crate::pose::segments::Levels;
 use crate::stripe::{Extractor, ExtractorConfig};
@@ -249,12 +249,16 @@ impl Eye {
         let levels = self.run.fitter().levels(image, &profile).ok();
         let crossing = levels.as_ref().map(|l| Crossing::new(l, &self.heights_m));
         let pose = match self.run.pose(stamp_ns, image, &profile) {
-            RunPose::Good(fit) => Some(*fit),
+            RunPose::Good(fit) => {
+                self.near = crossing_of(&fit.pose, self.ahead_m);
+                Some(*fit)
+            }
+            // Which hexagon it is moves x by whole hexagons and nothing else.
+            RunPose::Doubtful(fit) if self.dof != Dof::Surge && only_which_hexagon(&fit) => {
+                Some(*fit)
+            }
             RunPose::Doubtful(_) | RunPose::None(_) => None,
         };
-        if let Some(fit) = &pose {
-            self.near = crossing_of(&fit.pose, self.ahead_m);
-        }
         let fix = self
             .chain
             .as_ref()
@@ -337,6 +341,13 @@ impl Eye {
             of(i)
         }
     }
+}
+
+/// Whether nothing else is wrong with a pose that should not be used.
+fn only_which_hexagon(fit: &JointPose) -> bool {
+    !fit.caveats
+        .iter()
+        .any(|c| matches!(c, PoseCaveat::Ambiguous | PoseCaveat::Misfit))
 }
 
 /// Positions under one thickness and one brightness for the whole run.
