@@ -490,6 +490,20 @@ fn one(
     };
     verdict.parameters.before.extend(coefficients(&plain));
     verdict.parameters.after.extend(coefficients(&first));
+    if let Some(g) = groups.first() {
+        for (i, k) in Coefficient::of(dof).iter().enumerate() {
+            if let Some(a) = post.averaged_coefficient(&setting, i, &g.matters) {
+                let value = Value {
+                    value: a.value,
+                    sd: a.sd,
+                };
+                verdict
+                    .parameters
+                    .after
+                    .insert(k.key().to_owned(), value);
+            }
+        }
+    }
     // Where.
     let heaviest = first
         .set

@@ -12,8 +12,9 @@ use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
 
-/// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
-const COEFFICIENT_PRIOR: f64 = 1.0;
+/// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, and what data
+/// cannot see stays at the rig's.
+const COEFFICIENT_PRIOR: f64 = 0.3;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
 const LACKING: f64 = 1e-6;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
@@ -22,7 +23,7 @@ const INCLUSION: f64 = -1.0;
 const OWN_SHARE: f64 = 1e-7;
 /// Beyond its plausible range a parameter's prior falls off as a normal one with this share of the
 /// range as sd: a range is no limit, but what the data do not know must not wander.
-const TAIL: f64 = 0.5;
+const TAIL: f64 = 0.15;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -299,7 +300,8 @@ impl<'a> Posed<'a> {
     }
 
     /// Laplace: -cost - 1/2 log det H + sum of log(sqrt(2 pi) / width) + log prior odds of the set
-    /// (MacKay 2003, ch. 28). A parameter the data leave open has the width of its prior.
+    /// (MacKay 2003, ch. 28), with sizes spread over decades. A parameter the data leave open has the
+    /// width of its prior.
     pub fn log_evidence(&self, fit: &Fit) -> f64 {
         // The Hessian may hold more unknowns behind these (a free function's, with their prior).
         let n = fit.hessian.nrows();
@@ -317,15 +319,27 @@ impl<'a> Posed<'a> {
         let scaled = DMatrix::from_fn(n, n, |i, j| {
             h[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-13 } else { 0.0 }
         });
-        let logs = scaled.cholesky().map_or(0.0, |c| {
+        let cholesky = scaled.cholesky();
+        let logs = cholesky.as_ref().map_or(0.0, |c| {
             2.0 * c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>()
         });
+        let inverse = cholesky.map(|c| c.inverse());
+        let sizes: f64 = self
+            .set
+            .iter()
+            .zip(self.setting.places(self.set))
+            .filter_map(|(c, k)| {
+                let size = self.setting.vocabulary[*c].size?;
+                let sd = inverse.as_ref()?[(k, k)].sqrt() / scale[k];
+                Some(size.log_prior(fit.at[k], sd))
+            })
+            .sum();
         let log_det = logs + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
         let widths: f64 = widths
             .iter()
             .map(|w| 0.5 * std::f64::consts::TAU.ln() - w.ln())
             .sum();
-        -fit.cost - 0.5 * log_det + widths + INCLUSION * self.set.len() as f64
+        -fit.cost - 0.5 * log_det + widths + sizes + INCLUSION * self.set.len() as f64
     }
 }
 
