@@ -119,7 +119,12 @@ pub fn limit(vocabulary: &mut [Candidate], largest_load: f64) {
         return;
     }
     for candidate in vocabulary {
-        if candidate.info.parameters.first().is_some_and(|p| p.bounds_load) {
+        if candidate
+            .info
+            .parameters
+            .first()
+            .is_some_and(|p| p.bounds_load)
+        {
             let width = 0.5 * largest_load;
             candidate.flat[0].0 = candidate.flat[0].0.min(width);
             candidate.flat[0].1 = candidate.flat[0].1.max(largest_load);
@@ -198,6 +203,29 @@ fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn most_sizes_are_small_and_a_limit_is_nothing_at_the_largest_load() {
+        let mut all = vocabulary(Dof::Surge, &[]);
+        limit(&mut all, 8.0);
+        let size = |id: &str| all.iter().find(|c| c.info.id == id).unwrap().size.unwrap();
+        let gain = size("thrust_asymmetry");
+        assert_eq!(gain.nothing, 1.0);
+        assert!(gain.log_prior(0.99, 0.0) > gain.log_prior(0.8, 0.0) + 1.0);
+        // A size that nobody knows gains nothing from being small.
+        assert!(gain.log_prior(0.99, 1.0) < 0.0);
+        assert_eq!(size("thruster_saturation").nothing, 8.0);
+        // The density is one over the range.
+        let bias = size("constant_force");
+        let total: f64 = (0..10_000)
+            .map(|k| {
+                bias.log_prior(bias.largest * (f64::from(k) + 0.5) / 1e4, 0.0)
+                    .exp()
+                    / 1e4
+            })
+            .sum();
+        assert!((total - 1.0).abs() < 0.01, "{total}");
+    }
 
     #[test]
     fn every_start_is_plausible_and_every_effect_of_the_registry_is_asked() {

@@ -63,7 +63,8 @@ impl Fit {
         &self.at[first..first + n]
     }
 
-    /// Members whose every parameter the other unknowns can do the work of: exactly confounded.
+    /// Members whose every parameter the other unknowns can do the work of, or that the data leave as
+    /// open as their prior has it: no explanation.
     pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
         let n = self.hessian.nrows();
         let scale: Vec<f64> = (0..n)
@@ -80,8 +81,12 @@ impl Fit {
             .iter()
             .zip(setting.places(&self.set))
             .filter(|(c, place)| {
-                let parameters = setting.vocabulary[**c].info.parameters.len();
-                (*place..place + parameters).all(|k| 1.0 / inverse[(k, k)] < OWN_SHARE)
+                let widths = &setting.vocabulary[**c].widths;
+                widths.iter().enumerate().all(|(i, width)| {
+                    let k = *place + i;
+                    let sd = inverse[(k, k)].sqrt() / scale[k];
+                    1.0 / inverse[(k, k)] < OWN_SHARE || sd > *width
+                })
             })
             .map(|(c, _)| *c)
             .collect()
@@ -272,7 +277,7 @@ impl<'a> Posed<'a> {
         let found = descend(self, from, effort)?;
         let mut fit = Fit {
             set: self.set.to_vec(),
-            at: found.at,
+            at: self.wrapped(found.at),
             cost: found.cost,
             hessian: found.hessian,
             log_evidence: 0.0,
@@ -280,6 +285,24 @@ impl<'a> Posed<'a> {
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)
+    }
+
+    /// Phases back into the circle that their plausible range is.
+    fn wrapped(&self, mut at: Vec<f64>) -> Vec<f64> {
+        use std::f64::consts::{PI, TAU};
+        for (c, place) in self.set.iter().zip(self.setting.places(self.set)) {
+            for (i, p) in self.setting.vocabulary[*c]
+                .info
+                .parameters
+                .iter()
+                .enumerate()
+            {
+                if p.unit == "rad" && p.plausible == (-PI, PI) {
+                    at[place + i] -= TAU * (at[place + i] / TAU).round();
+                }
+            }
+        }
+        at
     }
 
     /// Prior (centre, precision) of each unknown as felt at a point.
