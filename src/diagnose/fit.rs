@@ -21,9 +21,12 @@ const LACKING: f64 = 1e-6;
 const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
 const OWN_SHARE: f64 = 1e-7;
-/// Beyond its plausible range a parameter's prior falls off as a normal one with this share of the
-/// range as sd: a range is no limit, but what the data do not know must not wander.
-const TAIL: f64 = 0.15;
+/// Beyond its plausible range a size's prior falls off as a normal one with this share of the range
+/// as sd: a range is no limit, but what the data do not know must not wander.
+const TAIL: f64 = 0.5;
+/// The same for what is no size (a place, a period): a tether that would be taut long before the
+/// start is a constant force.
+const TAIL_ELSEWHERE: f64 = 0.15;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -67,11 +70,17 @@ impl Fit {
     /// open as their prior has it: no explanation.
     pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
         let n = self.hessian.nrows();
-        let scale: Vec<f64> = (0..n)
-            .map(|i| self.hessian[(i, i)].sqrt().max(1e-150))
-            .collect();
+        // What the data say, without the rig's say on its coefficients.
+        let mut own = self.hessian.clone();
+        for (i, c) in setting.coefficients().into_iter().enumerate() {
+            if c != 0.0 {
+                let k = 1.0 / (COEFFICIENT_PRIOR * c.abs()).max(1e-9);
+                own[(i, i)] = (own[(i, i)] - k * k).max(1e-3 * k * k);
+            }
+        }
+        let scale: Vec<f64> = (0..n).map(|i| own[(i, i)].sqrt().max(1e-150)).collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| {
-            self.hessian[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
+            own[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
         });
         let Some(inverse) = scaled.try_inverse() else {
             return self.set.clone();
@@ -149,20 +158,22 @@ impl<'a> Posed<'a> {
         }
         for c in set {
             let candidate = &setting.vocabulary[*c];
-            for ((p, (low, high)), (from, to)) in candidate
+            for (i, ((p, (low, high)), (from, to))) in candidate
                 .info
                 .parameters
                 .iter()
                 .zip(&candidate.bounds)
                 .zip(&candidate.flat)
+                .enumerate()
             {
+                let tail = if i == 0 { TAIL } else { TAIL_ELSEWHERE };
                 frees.push(Free {
                     name: p.name.to_owned(),
                     start: p.typical,
                     low: *low,
                     high: *high,
                 });
-                priors.push((*from, *to, 1.0 / (TAIL * (to - from)).max(1e-12)));
+                priors.push((*from, *to, 1.0 / (tail * (to - from)).max(1e-12)));
             }
         }
         for track in &setting.tracks {
