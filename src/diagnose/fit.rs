@@ -12,9 +12,9 @@ use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
 
-/// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, and what data
+/// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, a few are worse; what data
 /// cannot see stays at the rig's.
-const COEFFICIENT_PRIOR: f64 = 0.3;
+const COEFFICIENT_PRIOR: f64 = 0.5;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
 const LACKING: f64 = 1e-6;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
