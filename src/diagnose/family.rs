@@ -39,6 +39,8 @@ pub enum Variable {
     AfterEdge,
     /// Time in one run only \[s\].
     TimeIn(usize),
+    /// Time in each run by itself, runs end to end \[s\]: someone pulls, at another time in every run.
+    TimeEach,
 }
 
 impl Variable {
@@ -57,6 +59,7 @@ impl Variable {
                 "time since the last command edge, in proportion to its change".to_owned()
             }
             Variable::TimeIn(run) => format!("time in run {}", run + 1),
+            Variable::TimeEach => "time in each run by itself".to_owned(),
         }
     }
 
@@ -68,7 +71,9 @@ impl Variable {
             Variable::Speed => size(here.rate),
             Variable::Load => Dual::constant(here.load),
             Variable::LoadSize => Dual::constant(here.load.abs()),
-            Variable::Time | Variable::TimeIn(_) => Dual::constant(here.t_s.value),
+            Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => {
+                Dual::constant(here.t_s.value)
+            }
             Variable::SinceEdge | Variable::AfterEdge => {
                 Dual::constant(here.t_s.value - here.edge_s)
             }
@@ -127,8 +132,15 @@ pub struct FamilyFit {
 
 impl Family {
     /// What the function is asked about at an instant of a run.
-    fn value<const N: usize>(&self, track: &Track, here: &Instant<Dual<N>>) -> Dual<N> {
+    fn value<const N: usize>(
+        &self,
+        setting: &Setting,
+        run: usize,
+        here: &Instant<Dual<N>>,
+    ) -> Dual<N> {
+        let track = &setting.tracks[run];
         match self.variable {
+            Variable::TimeEach => Dual::constant(here.t_s.value + laid_out(setting)[run]),
             Variable::Place | Variable::PlaceAgainst if self.measured => {
                 Dual::constant(track.at(here.t_s.value))
             }
@@ -186,7 +198,7 @@ impl Family {
                 for first in (0..m).step_by(PASS) {
                     let push = |here: &Instant<Dual<PASS>>, base: f64| {
                         let mut made = Dual::constant(base);
-                        let value = self.value(&setting.tracks[run], here).value;
+                        let value = self.value(setting, run, here).value;
                         let factor = self.factor(&setting.tracks[run], here).value;
                         for (slope, hat) in made
                             .slope
@@ -307,12 +319,13 @@ impl Family {
     /// The function at an instant: value with its slope in the variable, and each hat as a derivative.
     fn profile<const N: usize>(
         &self,
-        track: &Track,
+        setting: &Setting,
+        run: usize,
         here: &Instant<Dual<N>>,
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Dual<N> {
-        let v = self.value(track, here);
+        let v = self.value(setting, run, here);
         let hats = self.hats(v.value);
         let mut made = Dual::constant(hats.iter().zip(amplitudes).map(|(h, a)| h * a).sum());
         let after = self.knots.partition_point(|k| *k <= v.value);
@@ -328,7 +341,7 @@ impl Family {
                 *s += h;
             }
         }
-        made * self.factor(track, here)
+        made * self.factor(&setting.tracks[run], here)
     }
 
     /// Motion of a run under a set and this function.
@@ -343,12 +356,11 @@ impl Family {
         amplitudes: &[f64],
         first: Option<usize>,
     ) -> Vec<Dual<N>> {
-        let track = &setting.tracks[run];
         let acts_here = !matches!(self.variable, Variable::TimeIn(only) if only != run);
         match self.acts {
             Acts::Force => setting.simulate(run, set, globals, start, |h| {
                 if acts_here {
-                    self.profile(track, h, amplitudes, first)
+                    self.profile(setting, run, h, amplitudes, first)
                 } else {
                     Dual::constant(0.0)
                 }
@@ -358,7 +370,7 @@ impl Family {
                 let place = setting.places(set)[member];
                 // A factor e^f keeps the parameter's sign.
                 setting.simulate_bent(run, set, globals, start, place, |h| {
-                    self.profile(track, h, amplitudes, first).exp()
+                    self.profile(setting, run, h, amplitudes, first).exp()
                 })
             }
         }
@@ -651,9 +663,9 @@ impl FamilyFit {
 }
 
 /// Times that the knots of a function are made denser.
-const SHARPENED: usize = 4;
+const SHARPENED: usize = 5;
 /// Half chi-square per sample above which a function may need more knots; noise leaves 0.5.
-const FAR_FROM_NOISE: f64 = 0.6;
+const FAR_FROM_NOISE: f64 = 0.53;
 /// Log evidence that they must gain.
 const WORTH_KNOTS: f64 = 5.0;
 /// Bends about which intervals are halved at once.
@@ -730,6 +742,45 @@ fn family(
     })
 }
 
+/// Where each run begins when their times are laid end to end \[s\].
+pub fn laid_out(setting: &Setting) -> Vec<f64> {
+    let mut next = 0.0;
+    setting
+        .tracks
+        .iter()
+        .map(|t| {
+            let first = next - t.start_s;
+            next += t.end_s() - t.start_s + BETWEEN_S;
+            first
+        })
+        .collect()
+}
+
+/// Knots over the time of every run.
+fn each_run(setting: &Setting) -> Family {
+    let knots = setting
+        .tracks
+        .iter()
+        .zip(laid_out(setting))
+        .flat_map(|(t, first)| {
+            let span = t.end_s() - t.start_s;
+            (0..EACH_RUN)
+                .map(move |k| first + t.start_s + span * k as f64 / (EACH_RUN as f64 - 1.0))
+        })
+        .collect();
+    Family {
+        acts: Acts::Force,
+        variable: Variable::TimeEach,
+        knots,
+        measured: false,
+    }
+}
+
+/// Knots per run.
+const EACH_RUN: usize = 13;
+/// Between runs laid end to end \[s\].
+const BETWEEN_S: f64 = 1.0;
+
 /// Forces as functions of everything they may depend on.
 pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
     let mut kinds = vec![
@@ -741,10 +792,14 @@ pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
         (Variable::SinceEdge, 10),
     ];
     kinds.extend((0..setting.tracks.len()).map(|run| (Variable::TimeIn(run), 16)));
-    kinds
+    let mut all: Vec<Family> = kinds
         .into_iter()
         .filter_map(|(v, n)| family(setting, fit, Acts::Force, v, n))
-        .collect()
+        .collect();
+    if setting.tracks.len() > 1 {
+        all.push(each_run(setting));
+    }
+    all
 }
 
 /// The same and, in proportion to each command edge, the time since it: where the mismatch acts. That

@@ -12,17 +12,21 @@ use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
 
-/// Relative sd of the rig's coefficients as a prior: weak, keeps what data cannot see at the rig's.
-const COEFFICIENT_PRIOR: f64 = 1.0;
+/// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, a few are worse; what data
+/// cannot see stays at the rig's.
+const COEFFICIENT_PRIOR: f64 = 0.5;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
 const LACKING: f64 = 1e-6;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
 const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
 const OWN_SHARE: f64 = 1e-7;
-/// Beyond its plausible range a parameter's prior falls off as a normal one with this share of the
-/// range as sd: a range is no limit, but what the data do not know must not wander.
+/// Beyond its plausible range a size's prior falls off as a normal one with this share of the range
+/// as sd: a range is no limit, but what the data do not know must not wander.
 const TAIL: f64 = 0.5;
+/// The same for what is no size (a place, a period): a tether that would be taut long before the
+/// start is a constant force.
+const TAIL_ELSEWHERE: f64 = 0.15;
 /// A driven run starts from rest but for the tolerance drifted in this time \[s\].
 const DRIFT_S: f64 = 2.0;
 
@@ -62,14 +66,21 @@ impl Fit {
         &self.at[first..first + n]
     }
 
-    /// Members whose every parameter the other unknowns can do the work of: exactly confounded.
+    /// Members whose every parameter the other unknowns can do the work of, or that the data leave as
+    /// open as their prior has it: no explanation.
     pub fn confounded(&self, setting: &Setting) -> Vec<usize> {
         let n = self.hessian.nrows();
-        let scale: Vec<f64> = (0..n)
-            .map(|i| self.hessian[(i, i)].sqrt().max(1e-150))
-            .collect();
+        // What the data say, without the rig's say on its coefficients.
+        let mut own = self.hessian.clone();
+        for (i, c) in setting.coefficients().into_iter().enumerate() {
+            if c != 0.0 {
+                let k = 1.0 / (COEFFICIENT_PRIOR * c.abs()).max(1e-9);
+                own[(i, i)] = (own[(i, i)] - k * k).max(1e-3 * k * k);
+            }
+        }
+        let scale: Vec<f64> = (0..n).map(|i| own[(i, i)].sqrt().max(1e-150)).collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| {
-            self.hessian[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
+            own[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-12 } else { 0.0 }
         });
         let Some(inverse) = scaled.try_inverse() else {
             return self.set.clone();
@@ -79,8 +90,12 @@ impl Fit {
             .iter()
             .zip(setting.places(&self.set))
             .filter(|(c, place)| {
-                let parameters = setting.vocabulary[**c].info.parameters.len();
-                (*place..place + parameters).all(|k| 1.0 / inverse[(k, k)] < OWN_SHARE)
+                let widths = &setting.vocabulary[**c].widths;
+                widths.iter().enumerate().all(|(i, width)| {
+                    let k = *place + i;
+                    let sd = inverse[(k, k)].sqrt() / scale[k];
+                    1.0 / inverse[(k, k)] < OWN_SHARE || sd > *width
+                })
             })
             .map(|(c, _)| *c)
             .collect()
@@ -143,20 +158,22 @@ impl<'a> Posed<'a> {
         }
         for c in set {
             let candidate = &setting.vocabulary[*c];
-            for ((p, (low, high)), (from, to)) in candidate
+            for (i, ((p, (low, high)), (from, to))) in candidate
                 .info
                 .parameters
                 .iter()
                 .zip(&candidate.bounds)
                 .zip(&candidate.flat)
+                .enumerate()
             {
+                let tail = if i == 0 { TAIL } else { TAIL_ELSEWHERE };
                 frees.push(Free {
                     name: p.name.to_owned(),
                     start: p.typical,
                     low: *low,
                     high: *high,
                 });
-                priors.push((*from, *to, 1.0 / (TAIL * (to - from)).max(1e-12)));
+                priors.push((*from, *to, 1.0 / (tail * (to - from)).max(1e-12)));
             }
         }
         for track in &setting.tracks {
@@ -271,7 +288,7 @@ impl<'a> Posed<'a> {
         let found = descend(self, from, effort)?;
         let mut fit = Fit {
             set: self.set.to_vec(),
-            at: found.at,
+            at: self.wrapped(found.at),
             cost: found.cost,
             hessian: found.hessian,
             log_evidence: 0.0,
@@ -279,6 +296,24 @@ impl<'a> Posed<'a> {
         };
         fit.log_evidence = self.log_evidence(&fit);
         Ok(fit)
+    }
+
+    /// Phases back into the circle that their plausible range is.
+    fn wrapped(&self, mut at: Vec<f64>) -> Vec<f64> {
+        use std::f64::consts::{PI, TAU};
+        for (c, place) in self.set.iter().zip(self.setting.places(self.set)) {
+            for (i, p) in self.setting.vocabulary[*c]
+                .info
+                .parameters
+                .iter()
+                .enumerate()
+            {
+                if p.unit == "rad" && p.plausible == (-PI, PI) {
+                    at[place + i] -= TAU * (at[place + i] / TAU).round();
+                }
+            }
+        }
+        at
     }
 
     /// Prior (centre, precision) of each unknown as felt at a point.
@@ -299,7 +334,8 @@ impl<'a> Posed<'a> {
     }
 
     /// Laplace: -cost - 1/2 log det H + sum of log(sqrt(2 pi) / width) + log prior odds of the set
-    /// (MacKay 2003, ch. 28). A parameter the data leave open has the width of its prior.
+    /// (MacKay 2003, ch. 28), with sizes spread over decades. A parameter the data leave open has the
+    /// width of its prior.
     pub fn log_evidence(&self, fit: &Fit) -> f64 {
         // The Hessian may hold more unknowns behind these (a free function's, with their prior).
         let n = fit.hessian.nrows();
@@ -317,15 +353,27 @@ impl<'a> Posed<'a> {
         let scaled = DMatrix::from_fn(n, n, |i, j| {
             h[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-13 } else { 0.0 }
         });
-        let logs = scaled.cholesky().map_or(0.0, |c| {
+        let cholesky = scaled.cholesky();
+        let logs = cholesky.as_ref().map_or(0.0, |c| {
             2.0 * c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>()
         });
+        let inverse = cholesky.map(|c| c.inverse());
+        let sizes: f64 = self
+            .set
+            .iter()
+            .zip(self.setting.places(self.set))
+            .filter_map(|(c, k)| {
+                let size = self.setting.vocabulary[*c].size?;
+                let sd = inverse.as_ref()?[(k, k)].sqrt() / scale[k];
+                Some(size.log_prior(fit.at[k], sd))
+            })
+            .sum();
         let log_det = logs + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
         let widths: f64 = widths
             .iter()
             .map(|w| 0.5 * std::f64::consts::TAU.ln() - w.ln())
             .sum();
-        -fit.cost - 0.5 * log_det + widths + INCLUSION * self.set.len() as f64
+        -fit.cost - 0.5 * log_det + widths + sizes + INCLUSION * self.set.len() as f64
     }
 }
 

@@ -107,6 +107,19 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
     }
 }
 
+/// Members that matter.
+fn heavy<'a>(
+    setting: &'a Setting,
+    fit: &'a Fit,
+    weights: &'a [f64],
+) -> impl Iterator<Item = usize> + 'a {
+    fit.set
+        .iter()
+        .zip(weights)
+        .filter(|(_, w)| **w > setting.tolerance)
+        .map(|(c, _)| *c)
+}
+
 impl Posterior {
     /// A candidate's parameter (by index) and its weight, averaged over the sets that hold it and
     /// in which it matters as much as in `like`.
@@ -122,13 +135,7 @@ impl Posterior {
             let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
                 continue;
             };
-            let matters = fit
-                .set
-                .iter()
-                .zip(weights)
-                .filter(|(_, w)| **w > setting.tolerance)
-                .map(|(c, _)| *c);
-            if !matters.eq(like.iter().copied()) {
+            if !heavy(setting, fit, weights).eq(like.iter().copied()) {
                 continue;
             }
             let k = setting.places(&fit.set)[member] + parameter;
@@ -151,6 +158,36 @@ impl Posterior {
             },
             weight / total,
         ))
+    }
+
+    /// A coefficient of the vehicle (by index), averaged over the sets in which the same matters as
+    /// in `like`: which small effects are there is a part of what is not known about it.
+    pub fn averaged_coefficient(
+        &self,
+        setting: &Setting,
+        index: usize,
+        like: &[usize],
+    ) -> Option<Averaged> {
+        let (mut total, mut mean, mut square) = (0.0, 0.0, 0.0);
+        for (fit, p, weights) in &self.members {
+            if !heavy(setting, fit, weights).eq(like.iter().copied()) {
+                continue;
+            }
+            let variance = fit.covariance()[(index, index)];
+            if !variance.is_finite() {
+                return None;
+            }
+            total += p;
+            mean += p * fit.at[index];
+            square += p * (fit.at[index].powi(2) + variance);
+        }
+        (total > 0.0).then(|| {
+            let value = mean / total;
+            Averaged {
+                value,
+                sd: Some((square / total - value * value).max(0.0).sqrt()),
+            }
+        })
     }
 
     /// The explanations that are tied with the first, at most six, the first included. Two that hold

@@ -97,6 +97,10 @@ pub fn rescale(vocabulary: &mut [Candidate], load: f64, speed: f64) {
             candidate.widths[i] *= factor;
             candidate.flat[i].0 *= factor;
             candidate.flat[i].1 *= factor;
+            if let Some(size) = candidate.size.as_mut().filter(|_| i == 0) {
+                size.nothing *= factor;
+                size.largest *= factor;
+            }
             for start in &mut candidate.starts {
                 start[i] = (start[i] * factor).clamp(bounds.0, bounds.1);
             }

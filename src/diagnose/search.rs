@@ -444,9 +444,6 @@ impl<'a> Search<'a> {
         // All singles, fitted.
         self.extend(&[Vec::new()], usize::MAX, 0.0);
         (self.progress)("singles");
-        if self.hopeless {
-            return;
-        }
         // All pairs, linearised from every single; the promising ones fitted.
         let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
         let best_single = self
@@ -476,6 +473,11 @@ impl<'a> Search<'a> {
         pairs.truncate(4 * BEAM);
         self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
         (self.progress)("pairs");
+        // What a free force does beside nothing, two effects may do as well (a lag and a delay).
+        self.hopeless = self.hopeless && self.unnamed_is_better(true);
+        if self.hopeless {
+            return;
+        }
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;

@@ -7,7 +7,7 @@ use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 
-use super::candidate::{Candidate, vocabulary};
+use super::candidate::{Candidate, limit, vocabulary};
 use super::scale::{factors, rescale};
 use crate::identify::data::{CHANNELS, Run};
 use crate::identify::parameter::{Coefficient, Term};
@@ -147,6 +147,12 @@ impl Setting {
         if let Some((load, speed)) = factors(dof, &rig.vehicle, &tracks) {
             rescale(&mut vocabulary, load, speed);
         }
+        let largest_load = tracks
+            .iter()
+            .flat_map(|t| &t.edges)
+            .map(|e| e.1.abs())
+            .fold(0.0, f64::max);
+        limit(&mut vocabulary, largest_load);
         Ok(Setting {
             dof,
             vehicle: rig.vehicle.clone(),

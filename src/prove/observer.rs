@@ -14,7 +14,8 @@ use rayon::prelude::*;
 use super::case::Case;
 use crate::diagnose::bank::{Response, View, joined, responses, whitened, without};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::setting::Setting;
+use crate::diagnose::predict::held_out;
+use crate::diagnose::setting::{Setting, Track};
 use crate::diagnose::weight::weights;
 use crate::diagnose::weights::Weights;
 use crate::identify::data::Run;
@@ -204,6 +205,17 @@ impl Ideal {
             .collect();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         found
+    }
+
+    /// rms of the run held out under its choice \[m\].
+    pub fn held_out(&self, case: &Case) -> Option<f64> {
+        let held: Vec<Track> = case
+            .sealed
+            .held
+            .iter()
+            .filter_map(|s| Track::of(&s.run, Dof::Surge))
+            .collect();
+        held_out(&self.setting, &held, self.best(), self.weights.noise)
     }
 
     /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`;

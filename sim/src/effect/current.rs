@@ -12,6 +12,7 @@ const fn component(name: &'static str, meaning: &'static str) -> ParameterInfo {
         limits: (-2.0, 2.0),
         typical: 0.005,
         absent: Some(0.0),
+        bounds_load: false,
     }
 }
 

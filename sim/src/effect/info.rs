@@ -42,6 +42,8 @@ pub struct ParameterInfo {
     pub typical: f64,
     /// Value when it is not given; `None`: it must be given.
     pub absent: Option<f64>,
+    /// A limit on the load: does nothing above the largest load, not at 0.
+    pub bounds_load: bool,
 }
 
 impl ParameterInfo {
@@ -62,6 +64,15 @@ impl ParameterInfo {
             limits,
             typical,
             absent: None,
+            bounds_load: false,
+        }
+    }
+
+    /// The same, as a limit on the load.
+    pub(super) const fn limit(self) -> Self {
+        ParameterInfo {
+            bounds_load: true,
+            ..self
         }
     }
 

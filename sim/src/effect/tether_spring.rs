@@ -21,7 +21,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             "slack_m",
             "m",
             "x in the tank frame at which it becomes taut",
-            (-0.5, 3.0),
+            // Taut from the start on is a constant force as well.
+            (0.0, 1.0),
             (-100.0, 100.0),
             0.2,
         ),

@@ -17,6 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         limits: (0.0, 5.0),
         typical: 0.85,
         absent: None,
+        bounds_load: false,
     }],
     words: &[DOF],
     kin: &["astern_drag", "constant_force", "current"],

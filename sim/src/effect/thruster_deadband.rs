@@ -17,6 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         limits: (0.0, 100.0),
         typical: 0.4,
         absent: None,
+        bounds_load: false,
     }],
     words: &[DOF],
     kin: &[

@@ -18,6 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         limits: (0.005, 30.0),
         typical: 0.2,
         absent: None,
+        bounds_load: false,
     }],
     words: &[DOF],
     kin: &["camera_latency", "command_latency", "fluid_memory"],

@@ -16,7 +16,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         (1.0, 50.0),
         (0.0, 1e4),
         6.0,
-    )],
+    )
+    .limit()],
     words: &[DOF],
     kin: &[
         "constant_force",

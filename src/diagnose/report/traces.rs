@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::diagnose::bank::View;
-use crate::diagnose::family::{Acts, FamilyFit, Variable, regimes};
+use crate::diagnose::family::{Acts, FamilyFit, Variable, laid_out, regimes};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::locate::stands_out;
 use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
@@ -46,6 +46,8 @@ pub struct Regime {
     pub found: FamilyFit,
     /// Range of its variable in which it is strong.
     pub range: [f64; 2],
+    /// Where each run begins when their times are laid end to end \[s\].
+    pub laid_out_s: Vec<f64>,
 }
 
 impl Trace {
@@ -181,7 +183,11 @@ impl Explained {
             .filter(|f| f.gain > 5.0)
             .max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let (range, _) = stands_out(&found);
-        Some(Regime { found, range })
+        Some(Regime {
+            found,
+            range,
+            laid_out_s: laid_out(&self.setting),
+        })
     }
 }
 
@@ -210,6 +216,7 @@ impl Regime {
                 Variable::Time => t[k],
                 Variable::TimeIn(only) if only == run => t[k],
                 Variable::TimeIn(_) => f64::NAN,
+                Variable::TimeEach => t[k] + self.laid_out_s.get(run).copied().unwrap_or(f64::NAN),
                 Variable::SinceEdge | Variable::AfterEdge => {
                     load_at(t[k]).map_or(f64::NAN, |e| t[k] - e.0)
                 }
