@@ -7,9 +7,9 @@ use hydroline_sim::effect::{ALL, EffectError};
 
 use super::bank::{View, joined, outside, responses, whitened, without};
 use super::explain::{Explanation, explain};
-use super::family::{Acts, Variable, laid_out};
+use super::family::{Acts, Variable};
 use super::fit::{Fit, Posed};
-use super::locate::{locate, stands_out};
+use super::locate::{locate, stands_out, told};
 use super::next::propose;
 use super::posterior::{Group, posterior};
 use super::predict::{held_out, left_out};
@@ -684,7 +684,7 @@ fn rms(search: &Search<'_>, fit: &Fit) -> f64 {
 
 fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
-    let (range, force) = stands_out(f);
+    let (range, force) = stands_out(setting, f);
     let unit = match f.family.variable {
         Variable::Place | Variable::PlaceAgainst => {
             if setting.dof.index() < 3 {
@@ -710,26 +710,7 @@ fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
         _ => "s",
     };
     let load = if setting.dof.index() < 3 { "N" } else { "N m" };
-    // Laid end to end the times of the runs mean nothing to a reader: back to the run they are of.
-    let (of, range) = if f.family.variable == Variable::TimeEach {
-        let offsets = laid_out(setting);
-        let middle = 0.5 * (range[0] + range[1]);
-        let run = offsets
-            .iter()
-            .zip(&setting.tracks)
-            .rposition(|(o, t)| *o + t.start_s <= middle)
-            .unwrap_or(0);
-        (
-            format!(
-                "{}, most clearly in run {}",
-                f.family.variable.name(),
-                run + 1
-            ),
-            range.map(|v| v - offsets[run]),
-        )
-    } else {
-        (f.family.variable.name(), range)
-    };
+    let (of, range) = told(setting, f.family.variable, range);
     Some(Unexplained {
         channel: setting.channel().to_owned(),
         weight: found.family_weight,

@@ -11,6 +11,7 @@ use crate::identify::lm::Squares;
 use crate::identify::parameter::{Coefficient, Free, free};
 use crate::identify::problem::Normal;
 use crate::identify::uncertainty::covariance;
+use hydroline_sim::effect::ParameterInfo;
 
 /// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, a few are worse; what data
 /// cannot see stays at the rig's.
@@ -173,7 +174,13 @@ impl<'a> Posed<'a> {
                     low: *low,
                     high: *high,
                 });
-                priors.push((*from, *to, 1.0 / (tail * (to - from)).max(1e-12)));
+                // A phase's range is the whole circle: nothing lies outside of it.
+                let precision = if is_phase(p) {
+                    0.0
+                } else {
+                    1.0 / (tail * (to - from)).max(1e-12)
+                };
+                priors.push((*from, *to, precision));
             }
         }
         for track in &setting.tracks {
@@ -300,7 +307,7 @@ impl<'a> Posed<'a> {
 
     /// Phases back into the circle that their plausible range is.
     fn wrapped(&self, mut at: Vec<f64>) -> Vec<f64> {
-        use std::f64::consts::{PI, TAU};
+        use std::f64::consts::TAU;
         for (c, place) in self.set.iter().zip(self.setting.places(self.set)) {
             for (i, p) in self.setting.vocabulary[*c]
                 .info
@@ -308,7 +315,7 @@ impl<'a> Posed<'a> {
                 .iter()
                 .enumerate()
             {
-                if p.unit == "rad" && p.plausible == (-PI, PI) {
+                if is_phase(p) {
                     at[place + i] -= TAU * (at[place + i] / TAU).round();
                 }
             }
@@ -489,4 +496,9 @@ impl Linearised for Posed<'_> {
         }
         gradient
     }
+}
+/// Whether a parameter is an angle whose plausible range is the whole circle.
+fn is_phase(p: &ParameterInfo) -> bool {
+    use std::f64::consts::PI;
+    p.unit == "rad" && p.plausible == (-PI, PI)
 }

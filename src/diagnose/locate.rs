@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::bank::View;
-use super::family::{Acts, FamilyFit, Variable, regimes};
+use super::family::{Acts, FamilyFit, Variable, laid_out, regimes};
 use super::fit::Fit;
 use super::search::Search;
+use super::setting::Setting;
 use super::verdict::Where;
 
 /// Length over which residuals are averaged \[s\].
@@ -70,7 +71,7 @@ pub fn dependences(search: &Search<'_>, fit: &Fit) -> Vec<FamilyFit> {
 
 /// Range in which a free function stands out: from the first to the last knot with at least half
 /// the largest amplitude next to the strongest, ends between knots; and the mean amplitude there.
-pub fn stands_out(found: &FamilyFit) -> ([f64; 2], f64) {
+pub fn stands_out(setting: &Setting, found: &FamilyFit) -> ([f64; 2], f64) {
     let a = &found.amplitudes;
     let knots = &found.family.knots;
     // The surest knot, not the largest: at the ends of a range amplitudes are hardly known.
@@ -81,28 +82,56 @@ pub fn stands_out(found: &FamilyFit) -> ([f64; 2], f64) {
     let half = 0.5 * a[peak];
     let over = |i: usize| a[i] * half.signum() >= half.abs();
     let (mut low, mut high) = (peak, peak);
-    while low > 0 && over(low - 1) {
+    // Run by run the end of one is no neighbour of the next one's start.
+    let joined = |i: usize, j: usize| {
+        found.family.variable != Variable::TimeEach
+            || run_of(setting, knots[i]) == run_of(setting, knots[j])
+    };
+    while low > 0 && joined(low - 1, low) && over(low - 1) {
         low -= 1;
     }
-    while high + 1 < a.len() && over(high + 1) {
+    while high + 1 < a.len() && joined(high, high + 1) && over(high + 1) {
         high += 1;
     }
     let cross = |inside: usize, outside: usize| {
         let share = (a[inside] - half) / (a[inside] - a[outside]);
         knots[inside] + share.clamp(0.0, 1.0) * (knots[outside] - knots[inside])
     };
-    let from = if low > 0 {
+    let from = if low > 0 && joined(low - 1, low) {
         cross(low, low - 1)
     } else {
-        knots[0]
+        knots[low]
     };
-    let to = if high + 1 < a.len() {
+    let to = if high + 1 < a.len() && joined(high, high + 1) {
         cross(high, high + 1)
     } else {
-        knots[a.len() - 1]
+        knots[high]
     };
     let mean = a[low..=high].iter().sum::<f64>() / (high - low + 1) as f64;
     ([from, to], mean)
+}
+
+/// Run (from 0) that a time belongs to when the runs are laid end to end \[s\].
+fn run_of(setting: &Setting, laid_s: f64) -> usize {
+    laid_out(setting)
+        .iter()
+        .zip(&setting.tracks)
+        .rposition(|(o, t)| *o + t.start_s <= laid_s + 1e-6)
+        .unwrap_or(0)
+}
+
+/// A free force's variable and range as a reader means them: laid end to end the times of the runs
+/// mean nothing, so that they go back to the clock of the run they are of.
+pub fn told(setting: &Setting, variable: Variable, range: [f64; 2]) -> (String, [f64; 2]) {
+    if variable != Variable::TimeEach {
+        return (variable.name(), range);
+    }
+    let run = run_of(setting, 0.5 * (range[0] + range[1]));
+    let offset_s = laid_out(setting).get(run).copied().unwrap_or(0.0);
+    (
+        format!("{}, most clearly in run {}", variable.name(), run + 1),
+        range.map(|v| v - offset_s),
+    )
 }
 
 /// Place of the mismatch of the model without effects.
@@ -117,7 +146,8 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
     let regime = match found.first().filter(|f| f.gain > 5.0) {
         None => "no window, place, rate or command stands out".to_owned(),
         Some(f) => {
-            let ([from, to], force) = stands_out(f);
+            let (range, force) = stands_out(search.setting, f);
+            let (name, [from, to]) = told(search.setting, f.family.variable, range);
             let next = found
                 .iter()
                 .find(|o| o.family.variable != f.family.variable);
@@ -136,8 +166,7 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
             };
             format!(
                 "a free force {what} of {} gains {:.1} in log evidence, strongest ({force:.3} N) for {from:.3} .. {to:.3}{sure}",
-                f.family.variable.name(),
-                f.gain
+                name, f.gain
             )
         }
     };

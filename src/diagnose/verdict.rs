@@ -188,7 +188,7 @@ pub struct Unexplained {
     pub force: f64,
     /// The sparse term in words.
     pub term: String,
-    /// Knots of the free function.
+    /// Knots of the free function, in the variable's unit; times of several runs as laid end to end.
     pub knots: Vec<f64>,
     /// Force at each \[N, N m\].
     pub force_at: Vec<f64>,

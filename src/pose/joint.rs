@@ -581,9 +581,13 @@ impl PoseFitter {
             })
             .collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let [best, next, ..] = tried.as_slice() {
-            let other = (best.1.pose.x_m - next.1.pose.x_m).abs() > 0.002;
-            if other && (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST {
+        // Several guesses may have come to the same place: the rival is the best of another one.
+        if let Some((best, rest)) = tried.split_first() {
+            let elsewhere = |t: &&(f64, State, f64)| (best.1.pose.x_m - t.1.pose.x_m).abs() > 0.002;
+            let rival = rest.iter().find(elsewhere);
+            if rival
+                .is_some_and(|next| (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST)
+            {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }

@@ -66,11 +66,6 @@ impl Edge {
             .min(from_line(self.from_m))
             .min(from_line(self.to_m))
     }
-
-    /// Distance of a point from the edge itself \[m\].
-    pub fn distance_m(&self, p: [f64; 2]) -> f64 {
-        self.distance2_m2(p).sqrt()
-    }
 }
 
 /// A closed outline, counter-clockwise as seen with X right and Y up.
@@ -125,12 +120,6 @@ impl Outline {
                 && p[0] < a[0] + (p[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
             inside != crosses
         })
-    }
-
-    /// The nearest edge and the distance from it \[m\].
-    pub fn nearest(&self, p: [f64; 2]) -> Option<(usize, f64)> {
-        let distances = self.edges.iter().map(|e| e.distance_m(p)).enumerate();
-        distances.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 

@@ -2,7 +2,9 @@
 //!
 //! Nothing else is carried over from frame to frame, and the guess that a fit starts from does not
 //! depend on the hint that picked it: a frame gives the same pose whether or not the frames
-//! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile.
+//! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile. On a
+//! target that does not repeat itself the hint picks the guesses within centimetres: there it holds while the
+//! vehicle is expected that well.
 
 use super::joint::{Ahead, Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
 use crate::frame::GreyImage;

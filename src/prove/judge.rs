@@ -368,7 +368,11 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
     let rivals: Vec<&str> = paper::SET
         .into_iter()
         .filter(|id| *id != truth)
-        .filter(|id| ideal.as_mut().is_none_or(|i| i.gap(&truth, id) < SPLIT))
+        .filter(|id| {
+            // Told apart only where the rival was fitted and lost: no fit is no evidence.
+            let gap = ideal.as_mut().map_or(f64::INFINITY, |i| i.gap(&truth, id));
+            !(gap.is_finite() && gap >= SPLIT)
+        })
         .collect();
     let lacking: Vec<String> = rivals
         .iter()

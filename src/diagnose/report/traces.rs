@@ -182,7 +182,7 @@ impl Explained {
             .filter_map(|f| f.fit(&self.setting, &self.weights, &self.plain, &view))
             .filter(|f| f.gain > 5.0)
             .max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let (range, _) = stands_out(&found);
+        let (range, _) = stands_out(&self.setting, &found);
         Some(Regime {
             found,
             range,

@@ -64,7 +64,7 @@ impl Doubts {
         self.edges.is_some()
     }
 
-    /// Of one edge; of one that was not seen before the least.
+    /// Of one edge; of one that no pixel has shown yet the least, until the next look finds it.
     pub(super) fn of(&self, name: EdgeName) -> Option<f64> {
         let edges = self.edges.as_ref()?;
         let found = edges.iter().find(|(n, _)| *n == name);
