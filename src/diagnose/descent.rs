@@ -4,10 +4,13 @@
 //! few more (chord steps, Kelley 1995, section 5.4), as long as they gain what they promise. A fit
 //! that can no longer come near the best one stays rough: its cost is right to a percent.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use crate::identify::forward::ForwardError;
+use crate::identify::lm::damped_step;
 
+/// Least that a scaled diagonal is raised by: sets may hold what the data do not tell apart.
+const RIDGE: f64 = 1e-13;
 /// Exact linearisations at most.
 const ROUNDS: usize = 40;
 /// Chord steps behind one of them at most.
@@ -112,7 +115,7 @@ pub fn descend(
     let mut rough = false;
     for round in 0..ROUNDS {
         let moves = free_to_move(problem, &at, &now.gradient);
-        let plain = step(&now.hessian, &now.gradient, &moves, 1e-12);
+        let plain = damped_step(&now.hessian, &now.gradient, &moves, 1e-12, RIDGE);
         let promised = promise(&now.hessian, &now.gradient, &plain);
         if moves.is_empty() || promised < ENOUGH {
             break;
@@ -125,7 +128,7 @@ pub fn descend(
         }
         let mut lower: Option<Lower> = None;
         while damping < 1e12 {
-            let s = step(&now.hessian, &now.gradient, &moves, damping);
+            let s = damped_step(&now.hessian, &now.gradient, &moves, damping, RIDGE);
             let trial: Vec<f64> = at
                 .iter()
                 .enumerate()
@@ -160,7 +163,7 @@ pub fn descend(
             }
             let gradient = problem.gradient(&there, &residuals, &now.jacobians);
             let moves = free_to_move(problem, &there, &gradient);
-            let s = step(&now.hessian, &gradient, &moves, damping);
+            let s = damped_step(&now.hessian, &gradient, &moves, damping, RIDGE);
             let hoped = promise(&now.hessian, &gradient, &s);
             if hoped < 0.3 * ENOUGH.max(0.1 * coarse) {
                 break;
@@ -206,36 +209,4 @@ fn free_to_move(problem: &impl Linearised, at: &[f64], gradient: &DVector<f64>) 
 /// What a step gains by the quadratic model.
 fn promise(hessian: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
     -gradient.dot(step) - 0.5 * step.dot(&(hessian * step))
-}
-
-/// (H + damping diag H) step = -g over the moving unknowns.
-fn step(
-    hessian: &DMatrix<f64>,
-    gradient: &DVector<f64>,
-    moves: &[usize],
-    damping: f64,
-) -> DVector<f64> {
-    let n = moves.len();
-    // Scaled to unit diagonal: coefficients differ by 10^4 in size.
-    let scale: Vec<f64> = moves
-        .iter()
-        .map(|&i| hessian[(i, i)].sqrt())
-        .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
-        .collect();
-    let scaled = DMatrix::from_fn(n, n, |a, b| {
-        let h = hessian[(moves[a], moves[b])] * scale[a] * scale[b];
-        match (a == b, scale[a] > 0.0) {
-            (true, true) => h + damping + 1e-13,
-            (true, false) => 1.0,
-            _ => h,
-        }
-    });
-    let right = DVector::from_fn(n, |a, _| -gradient[moves[a]] * scale[a]);
-    let mut step = DVector::zeros(gradient.len());
-    if let Some(solved) = Cholesky::new(scaled).map(|c| c.solve(&right)) {
-        for a in 0..n {
-            step[moves[a]] = solved[a] * scale[a];
-        }
-    }
-    step
 }

@@ -140,7 +140,7 @@ impl Family {
     ) -> Dual<N> {
         let track = &setting.tracks[run];
         match self.variable {
-            Variable::TimeEach => Dual::constant(here.t_s.value + laid_out(setting)[run]),
+            Variable::TimeEach => Dual::constant(here.t_s.value + laid_out_s(setting, run)),
             Variable::Place | Variable::PlaceAgainst if self.measured => {
                 Dual::constant(track.at(here.t_s.value))
             }
@@ -742,17 +742,19 @@ fn family(
     })
 }
 
-/// Where each run begins when their times are laid end to end \[s\].
-pub fn laid_out(setting: &Setting) -> Vec<f64> {
-    let mut next = 0.0;
-    setting
-        .tracks
+/// What a run's times are moved by when those of all runs are laid end to end \[s\]. Asked at every instant
+/// of a motion: no list is made for it.
+fn laid_out_s(setting: &Setting, run: usize) -> f64 {
+    let next = setting.tracks[..run]
         .iter()
-        .map(|t| {
-            let first = next - t.start_s;
-            next += t.end_s() - t.start_s + BETWEEN_S;
-            first
-        })
+        .fold(0.0, |next, t| next + (t.end_s() - t.start_s + BETWEEN_S));
+    next - setting.tracks[run].start_s
+}
+
+/// The same for every run \[s\].
+pub fn laid_out(setting: &Setting) -> Vec<f64> {
+    (0..setting.tracks.len())
+        .map(|run| laid_out_s(setting, run))
         .collect()
 }
 

@@ -27,6 +27,8 @@ impl Default for LevenbergMarquardt {
 
 const ITERATIONS_MAX: usize = 80;
 const L1_ITERATIONS_MAX: usize = 40;
+/// Least that a scaled diagonal is raised by, against rounding.
+const RIDGE: f64 = 1e-15;
 /// Relative decrease of the objective that ends a search.
 const DECREASE: f64 = 1e-12;
 
@@ -188,7 +190,7 @@ pub fn descend(
             break;
         }
         loop {
-            let step = damped_step(&normal.hessian, &normal.gradient, &moves, damping);
+            let step = damped_step(&normal.hessian, &normal.gradient, &moves, damping, RIDGE);
             let trial: Vec<f64> = (0..at.len())
                 .map(|i| (at[i] + step[i]).clamp(free[i].low, free[i].high))
                 .collect();
@@ -231,12 +233,14 @@ pub fn descend(
     Ok((solution, normal))
 }
 
-/// (H + damping diag H) step = -g over the moving parameters.
-fn damped_step(
+/// (H + damping diag H) step = -g over the moving parameters; `ridge` is what the diagonal, scaled to
+/// one, gets on top in any case.
+pub(crate) fn damped_step(
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,
     moves: &[usize],
     damping: f64,
+    ridge: f64,
 ) -> DVector<f64> {
     let n = moves.len();
     // Scaled to unit diagonal: coefficients differ by 10^4 in size.
@@ -249,7 +253,7 @@ fn damped_step(
         let h = hessian[(moves[a], moves[b])] * scale[a] * scale[b];
         if a == b {
             if scale[a] > 0.0 {
-                h + damping + 1e-15
+                h + damping + ridge
             } else {
                 1.0
             }

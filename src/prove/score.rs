@@ -135,60 +135,69 @@ pub fn score(all: &[Judged]) -> Score {
                 .map(|p| p.1),
         )
     };
-    let mut one = |what, asked, tool| {
-        lines.push(Line {
-            what,
-            asked,
-            tool,
-            ideal: None,
-        });
+    let alone = |what, asked, tool| Line {
+        what,
+        asked,
+        tool,
+        ideal: None,
     };
-    one("nothing that matters -> none", ">= 98 %", passed("nothing"));
-    one(
+    lines.push(alone(
+        "nothing that matters -> none",
+        ">= 98 %",
+        passed("nothing"),
+    ));
+    lines.push(alone(
         "unnamed -> unknown, no wrong name",
         ">= 80 %",
         passed("unknown"),
-    );
-    one("  the word alone", "", passed("unknown_word"));
-    one("near law: mechanism named", ">= 90 %", passed("mechanism"));
-    one("near law: said to be inexact", ">= 90 %", passed("inexact"));
-    one(
+    ));
+    lines.push(alone("  the word alone", "", passed("unknown_word")));
+    lines.push(alone(
+        "near law: mechanism named",
+        ">= 90 %",
+        passed("mechanism"),
+    ));
+    lines.push(alone(
+        "near law: said to be inexact",
+        ">= 90 %",
+        passed("inexact"),
+    ));
+    lines.push(alone(
         "near law: nothing spurious over a tenth",
         ">= 90 %",
         passed("no_spurious"),
-    );
-    one(
+    ));
+    lines.push(alone(
         "95 % intervals hold the truth",
         "90-98 %",
         Rate::of(all.iter().flat_map(|j| &j.intervals).map(|i| i.covered)),
-    );
-    lines.push(Line {
-        what: "held-out rms <= 1.2 noise where named",
-        asked: "all",
-        tool: passed("held_out"),
-        ideal: (!ideals.is_empty()).then(|| {
-            Rate::of(
-                all.iter()
-                    .filter(|j| j.word == Word::Named)
-                    .filter_map(|j| Some(j.held_ideal_m? <= 1.2 * j.held_out?[2])),
-            )
-        }),
+    ));
+    let held_ideal = (!ideals.is_empty()).then(|| {
+        Rate::of(
+            all.iter()
+                .filter(|j| j.word == Word::Named)
+                .filter_map(|j| Some(j.held_ideal_m? <= 1.2 * j.held_out?[2])),
+        )
     });
-    let mut one = |what, asked, tool| {
-        lines.push(Line {
-            what,
-            asked,
-            tool,
-            ideal: None,
-        });
-    };
-    one(
+    lines.push(Line {
+        ideal: held_ideal,
+        ..alone(
+            "held-out rms <= 1.2 noise where named",
+            "all",
+            passed("held_out"),
+        )
+    });
+    lines.push(alone(
         "paper's two runs: the right set",
         "all",
         passed("paper_set"),
-    );
-    one("  and the next run splits it", "all", passed("paper_split"));
-    one("data faults said", "all", passed("fault"));
+    ));
+    lines.push(alone(
+        "  and the next run splits it",
+        "all",
+        passed("paper_split"),
+    ));
+    lines.push(alone("data faults said", "all", passed("fault")));
     let mut confusion: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
     for j in all {
         if matches!(j.category, Category::Fault | Category::Paper) {
