@@ -24,6 +24,8 @@ struct Grown {
 #[derive(Debug, Clone)]
 struct Growth {
     nodes: Vec<Grown>,
+    /// Cells and candidates of all nodes ever put, those that pruning took as well.
+    occupied: Vec<(usize, usize)>,
     /// Candidate + 1 by index, 0 = none.
     cells: Vec<u32>,
     taken: Vec<bool>,
@@ -40,6 +42,7 @@ impl Growth {
         let side = (2 * widest + 3) as usize;
         Growth {
             nodes: Vec::new(),
+            occupied: Vec::new(),
             cells: vec![0; side * side],
             taken: vec![false; candidates],
             widest,
@@ -60,6 +63,7 @@ impl Growth {
         let cell = self.cell(index);
         self.cells[cell] = candidate as u32 + 1;
         self.taken[candidate] = true;
+        self.occupied.push((cell, candidate));
         self.nodes.push(Grown {
             index,
             candidate,
@@ -67,10 +71,14 @@ impl Growth {
         });
     }
 
+    /// Begun anew: what earlier nodes occupy is free again. Most lattices end at a few nodes, and
+    /// the tables are large.
     fn clear(&mut self) {
+        for n in self.occupied.drain(..) {
+            self.cells[n.0] = 0;
+            self.taken[n.1] = false;
+        }
         self.nodes.clear();
-        self.cells.fill(0);
-        self.taken.fill(false);
     }
 
     fn extent(&self) -> [u32; 2] {
@@ -152,8 +160,9 @@ impl<'a> Field<'a> {
         }
     }
 
-    fn within(&self, at: [f64; 2], radius: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let cell = |v: f64, n: usize| ((v / BUCKET_PX).floor().max(0.0) as usize).min(n - 1);
+    /// Buckets of all candidates within a square around a place.
+    fn around(&self, at: [f64; 2], radius: f64) -> impl Iterator<Item = &[u32]> + '_ {
+        let cell = |v: f64, n: usize| ((v / BUCKET_PX).max(0.0) as usize).min(n - 1);
         let (x0, x1) = (
             cell(at[0] - radius, self.columns),
             cell(at[0] + radius, self.columns),
@@ -162,21 +171,44 @@ impl<'a> Field<'a> {
             cell(at[1] - radius, self.rows),
             cell(at[1] + radius, self.rows),
         );
-        (y0..=y1)
-            .flat_map(move |y| (x0..=x1).map(move |x| y * self.columns + x))
-            .flat_map(move |b| self.buckets[b].iter())
-            .filter_map(move |&n| {
-                let p = self.candidates[n as usize].position;
-                // Not hypot: this is the innermost loop, and nothing overflows in pixels.
-                let d2 = (p[0] - at[0]).powi(2) + (p[1] - at[1]).powi(2);
-                (d2 <= radius * radius).then(|| (n as usize, d2.sqrt()))
-            })
+        (y0..=y1).flat_map(move |y| {
+            self.buckets[y * self.columns + x0..=y * self.columns + x1]
+                .iter()
+                .map(Vec::as_slice)
+        })
+    }
+
+    /// Squared distance of a candidate \[px²\]. Not hypot: this is the innermost loop, and nothing
+    /// overflows in pixels.
+    fn squared(&self, n: u32, at: [f64; 2]) -> f64 {
+        let p = self.candidates[n as usize].position;
+        (p[0] - at[0]).powi(2) + (p[1] - at[1]).powi(2)
+    }
+
+    fn within(&self, at: [f64; 2], radius: f64) -> Vec<(usize, f64)> {
+        let mut found = Vec::new();
+        for bucket in self.around(at, radius) {
+            for &n in bucket {
+                let d2 = self.squared(n, at);
+                if d2 <= radius * radius {
+                    found.push((n as usize, d2.sqrt()));
+                }
+            }
+        }
+        found
     }
 
     fn nearest(&self, at: [f64; 2], radius: f64) -> Option<usize> {
-        self.within(at, radius)
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(n, _)| n)
+        let mut best = (radius * radius, None);
+        for bucket in self.around(at, radius) {
+            for &n in bucket {
+                let d2 = self.squared(n, at);
+                if d2 < best.0 || (best.1.is_none() && d2 <= best.0) {
+                    best = (d2, Some(n as usize));
+                }
+            }
+        }
+        best.1
     }
 
     /// Whether two candidates may be neighbours `along`, with the other step `across`.
@@ -289,10 +321,8 @@ impl<'a> Field<'a> {
         let at = self.candidates[seed].position;
         let mut near: Vec<(usize, f64)> = Vec::new();
         for radius in [40.0, 80.0, 160.0] {
-            near = self
-                .within(at, radius)
-                .filter(|&(n, d)| n != seed && d > 4.0)
-                .collect();
+            near = self.within(at, radius);
+            near.retain(|&(n, d)| n != seed && d > 4.0);
             if near.len() >= 8 {
                 break;
             }

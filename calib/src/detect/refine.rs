@@ -42,31 +42,48 @@ pub(super) struct Refiner<'a> {
     pub blur_px: f64,
 }
 
+/// Rounds of a node's fit.
+const ROUNDS: usize = 11;
+/// A fit that still moves by more in a round will not settle in those that are left \[px\]: where
+/// there is no node it wanders to the last round, and such fits were half of the time of a
+/// frame without a board. Of 100 000 nodes of boards 30 are lost by it.
+const FARTHEST_STEP_PX: [f64; ROUNDS] = {
+    let free = f64::INFINITY;
+    [
+        free, free, free, free, free, 0.5, 0.3, 0.18, 0.11, 0.07, 0.04,
+    ]
+};
+
 /// Half the patch in node pitches: clear of blocks in the cells, and of key discs.
 const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
 const PATCH_PX: f64 = 7.0;
 
+/// Steps of the table of the normal distribution, and how far it reaches.
+const STEPS: usize = 1024;
+const REACH: f64 = 4.5;
+
 /// Normal distribution and density by table: the fit asks some 100 000 times per image.
-#[inline]
-fn normal(x: f64) -> (f64, f64) {
-    const STEPS: usize = 1024;
-    const REACH: f64 = 4.5;
-    static TABLE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
-    let table = TABLE.get_or_init(|| {
+type Normal = [(f64, f64); STEPS + 2];
+
+fn normal_table() -> &'static Normal {
+    static TABLE: OnceLock<Normal> = OnceLock::new();
+    TABLE.get_or_init(|| {
         // Trapezoids of the density from −REACH; the step is 0.009, the error 1e-6.
         let step = 2.0 * REACH / STEPS as f64;
         let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
         let mut sum = 0.0;
-        (0..=STEPS + 1)
-            .map(|k| {
-                let x = -REACH + k as f64 * step;
-                let value = (sum, density(x));
-                sum += 0.5 * step * (density(x) + density(x + step));
-                value
-            })
-            .collect()
-    });
+        std::array::from_fn(|k| {
+            let x = -REACH + k as f64 * step;
+            let value = (sum, density(x));
+            sum += 0.5 * step * (density(x) + density(x + step));
+            value
+        })
+    })
+}
+
+#[inline(always)]
+fn normal(table: &Normal, x: f64) -> (f64, f64) {
     let at = (x + REACH) * (STEPS as f64 / (2.0 * REACH));
     if at <= 0.0 {
         return (0.0, 0.0);
@@ -74,24 +91,114 @@ fn normal(x: f64) -> (f64, f64) {
     if at >= STEPS as f64 {
         return (1.0, 0.0);
     }
-    let k = at as usize;
+    let k = (at as usize).min(STEPS);
     let f = at - k as f64;
-    let (Some(a), Some(b)) = (table.get(k), table.get(k + 1)) else {
-        return (1.0, 0.0);
-    };
+    let (a, b) = (table[k], table[k + 1]);
     (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
 }
 
-/// A line of half width w blurred by s, at distance d from its middle, and its slope.
-#[inline]
-fn band(d: f64, w: f64, s: f64) -> (f64, f64) {
-    // Most of a patch is plain face. At 3.8 s a ten-thousandth of the line is left.
-    if d.abs() > w + 3.8 * s {
-        return (0.0, 0.0);
+/// What a node looks like under a blur: all that its pixels share, divisions done.
+struct Local {
+    table: &'static Normal,
+    kind: Marks,
+    /// Image to lattice, and its rows' inverse lengths: \[px\] per unit of u and v.
+    m: Matrix2<f64>,
+    per: [f64; 2],
+    /// The rows of `m`, of length 1.
+    normals: [[f64; 2]; 2],
+    /// 1 / blur \[1/px\].
+    per_blur: f64,
+}
+
+enum Marks {
+    Corner,
+    /// Half widths of the two lines over the blur.
+    Lines([f64; 2]),
+    /// In pitches.
+    Dot {
+        radius: f64,
+    },
+}
+
+impl Local {
+    fn new(board: &Board, m: &Matrix2<f64>, blur_px: f64) -> Self {
+        let per = [0, 1].map(|k| 1.0 / m.row(k).norm());
+        Local {
+            table: normal_table(),
+            kind: match board.pattern {
+                BoardPattern::Chessboard => Marks::Corner,
+                BoardPattern::Lines { line_m } => {
+                    Marks::Lines(per.map(|p| 0.5 * line_m / board.pitch_m * p / blur_px))
+                }
+                BoardPattern::Dots { diameter_m } => Marks::Dot {
+                    radius: 0.5 * diameter_m / board.pitch_m,
+                },
+            },
+            m: *m,
+            per,
+            normals: [0, 1].map(|k| [m[(k, 0)] * per[k], m[(k, 1)] * per[k]]),
+            per_blur: 1.0 / blur_px,
+        }
     }
-    let (p, dp) = normal((d + w) / s);
-    let (q, dq) = normal((d - w) / s);
-    (p - q, (dp - dq) / s)
+
+    /// A line of half width w at distance d from its middle, both over the blur, and its slope
+    /// per blur.
+    #[inline(always)]
+    fn band(&self, d: f64, w: f64) -> (f64, f64) {
+        // Most of a patch is plain face. At 3.8 blurs a ten-thousandth of the line is left.
+        if d.abs() > w + 3.8 {
+            return (0.0, 0.0);
+        }
+        let (p, dp) = normal(self.table, d + w);
+        let (q, dq) = normal(self.table, d - w);
+        (p - q, dp - dq)
+    }
+
+    /// The two lines of a crossing at (u, v), if it is one.
+    fn lines(&self, u: f64, v: f64) -> Option<[f64; 2]> {
+        let Marks::Lines(half) = self.kind else {
+            return None;
+        };
+        let [a, b] = [u * self.per[0], v * self.per[1]].map(|d| d * self.per_blur);
+        Some([self.band(a, half[0]).0, self.band(b, half[1]).0])
+    }
+
+    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
+    #[inline(always)]
+    fn pattern(&self, u: f64, v: f64) -> (f64, [f64; 2]) {
+        let [n1, n2] = self.normals;
+        let d1 = u * self.per[0] * self.per_blur;
+        let d2 = v * self.per[1] * self.per_blur;
+        match self.kind {
+            Marks::Corner => {
+                let (a, da) = normal(self.table, d1);
+                let (b, db) = normal(self.table, d2);
+                let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);
+                let (da, db) = (2.0 * da * self.per_blur * b, 2.0 * db * self.per_blur * a);
+                (a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
+            }
+            Marks::Lines(half) => {
+                let (a, da) = self.band(d1, half[0]);
+                let (b, db) = self.band(d2, half[1]);
+                let (da, db) = (
+                    da * self.per_blur * (1.0 - b),
+                    db * self.per_blur * (1.0 - a),
+                );
+                (a + b - a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
+            }
+            Marks::Dot { radius } => {
+                let rho = (u * u + v * v).sqrt();
+                if rho < 1e-9 {
+                    return (1.0, [0.0, 0.0]);
+                }
+                let g = [0, 1].map(|k| (u * self.m[(0, k)] + v * self.m[(1, k)]) / rho);
+                let per_size = 1.0 / (g[0] * g[0] + g[1] * g[1]).sqrt();
+                let (p, dp) = normal(self.table, (radius - rho) * per_size * self.per_blur);
+                let slope = -dp * self.per_blur * per_size;
+                (p, [slope * g[0], slope * g[1]])
+            }
+        }
+    }
 }
 
 impl Refiner<'_> {
@@ -111,7 +218,6 @@ impl Refiner<'_> {
         // Second order from the global homography, first order from the neighbours.
         let bend = m * homography_jacobian(&self.to_image, ideal)?;
         let anchor = apply(&self.to_image, ideal)?;
-        let (gs, gt) = (m.row(0).norm(), m.row(1).norm());
         let dot_radius = match self.board.pattern {
             BoardPattern::Dots { diameter_m } => 0.5 * diameter_m / self.board.pitch_m,
             _ => 0.0,
@@ -164,21 +270,20 @@ impl Refiner<'_> {
         let mut lost = 0.0;
         let mut rms = 0.0;
         let mut settled = false;
-        for round in 0..11usize {
+        for round in 0..ROUNDS {
             let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
             // Plain arrays: their loops unroll, and this is where the frame's time goes.
             let mut products = [[0.0f64; 6]; 6];
             let mut sums = [0.0f64; 6];
             // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
             let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
-            let s = s.hypot(soft);
+            let local = Local::new(self.board, &m, s.hypot(soft));
             let (mut weight_sum, mut square_sum) = (0.0, 0.0);
             let reach = 1.0 / (5.0 * scale);
             // Two rounds to come near with every other pixel, then all.
             let stride = if round < 2 { 2 } else { 1 };
             for (p, residual) in pixels.iter().zip(&mut residuals).step_by(stride) {
-                let (value, gradient) =
-                    self.pattern(p[2] - shift[0], p[3] - shift[1], &m, gs, gt, s);
+                let (value, gradient) = local.pattern(p[2] - shift[0], p[3] - shift[1]);
                 let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
                 let e = p[4] - model;
                 *residual = e;
@@ -228,13 +333,17 @@ impl Refiner<'_> {
             }
             let step = inverse * right;
             theta += step;
+            let stepped = step[4].hypot(step[5]);
+            if stepped > FARTHEST_STEP_PX[round] {
+                return None;
+            }
             let moved = theta[4].hypot(theta[5]);
             if !moved.is_finite() || moved > 0.3 * steps[0][0].hypot(steps[0][1]).max(8.0) {
                 return None;
             }
             // Weights that flicker keep the last hundredths of a pixel moving.
             let still = [0.004, 0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(2, 8) - 2];
-            settled = round >= 2 && step[4].hypot(step[5]) < still;
+            settled = round >= 2 && stepped < still;
             if round >= 1 {
                 let mut sizes: Vec<f64> =
                     residuals.iter().step_by(stride).map(|e| e.abs()).collect();
@@ -249,7 +358,7 @@ impl Refiner<'_> {
                     .max(0.7);
             }
         }
-        if !settled || lost > 0.3 || rms == 0.0 || !self.both_lines(&pixels, &theta, &m, gs, gt) {
+        if !settled || lost > 0.3 || rms == 0.0 || !self.both_lines(&pixels, &theta, &m) {
             return None;
         }
         let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right
@@ -265,25 +374,16 @@ impl Refiner<'_> {
 
     /// Whether both lines of a crossing are there: each gets an amplitude of its own. A
     /// point on a single line fits the crossing nearly as well as a crossing does.
-    fn both_lines(
-        &self,
-        pixels: &[[f64; 5]],
-        theta: &SVector<f64, 6>,
-        m: &Matrix2<f64>,
-        gu: f64,
-        gv: f64,
-    ) -> bool {
-        let BoardPattern::Lines { line_m } = self.board.pattern else {
-            return true;
-        };
-        let half = 0.5 * line_m / self.board.pitch_m;
+    fn both_lines(&self, pixels: &[[f64; 5]], theta: &SVector<f64, 6>, m: &Matrix2<f64>) -> bool {
+        let local = Local::new(self.board, m, self.blur_px);
         let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
         let mut normal_matrix = Matrix2::identity() * 1e-9;
         let mut right = nalgebra::Vector2::zeros();
         for p in pixels {
-            let a = band((p[2] - shift[0]) / gu, half / gu, self.blur_px).0;
-            let b = band((p[3] - shift[1]) / gv, half / gv, self.blur_px).0;
-            let row = nalgebra::Vector2::new(a, b);
+            let Some(lines) = local.lines(p[2] - shift[0], p[3] - shift[1]) else {
+                return true;
+            };
+            let row = nalgebra::Vector2::from(lines);
             let rest = p[4] - theta[0] - theta[1] * p[0] - theta[2] * p[1];
             normal_matrix += row * row.transpose();
             right += row * rest;
@@ -304,30 +404,31 @@ impl Refiner<'_> {
         let sparse = if hc.max(hr) > 8 { 2 } else { 1 };
         for _ in 0..2 {
             let middle = [at[0].round() as i64, at[1].round() as i64];
-            let window = || {
-                (middle[1] - hr..=middle[1] + hr)
-                    .step_by(sparse)
-                    .flat_map(move |r| {
-                        (middle[0] - hc..=middle[0] + hc)
-                            .step_by(sparse)
-                            .map(move |c| (c, r))
-                    })
-            };
+            let rows = || (middle[1] - hr..=middle[1] + hr).step_by(sparse);
+            let columns = || (middle[0] - hc..=middle[0] + hc).step_by(sparse);
             let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for (c, r) in window() {
-                let v = self.image.at(c, r);
-                low = low.min(v);
-                high = high.max(v);
+            for r in rows() {
+                for c in columns() {
+                    let v = self.image.at(c, r);
+                    low = low.min(v);
+                    high = high.max(v);
+                }
             }
             let threshold = 0.5 * (low + high);
             let (mut sum, mut count) = ([0.0; 2], 0.0);
-            for (c, r) in window() {
-                let (x, y) = (c as f64 - at[0], r as f64 - at[1]);
-                let u = m * nalgebra::Vector2::new(x, y);
-                if u.amax() < PATCH_PITCH && self.image.at(c, r) < threshold {
-                    sum[0] += x;
-                    sum[1] += y;
-                    count += 1.0;
+            for r in rows() {
+                for c in columns() {
+                    // Most of a patch is face: asked for first.
+                    if self.image.at(c, r) >= threshold {
+                        continue;
+                    }
+                    let (x, y) = (c as f64 - at[0], r as f64 - at[1]);
+                    let u = m * nalgebra::Vector2::new(x, y);
+                    if u.amax() < PATCH_PITCH {
+                        sum[0] += x;
+                        sum[1] += y;
+                        count += 1.0;
+                    }
                 }
             }
             if count > 3.0 {
@@ -335,56 +436,5 @@ impl Refiner<'_> {
             }
         }
         Some(at)
-    }
-
-    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
-    #[inline]
-    fn pattern(
-        &self,
-        u: f64,
-        v: f64,
-        m: &Matrix2<f64>,
-        gu: f64,
-        gv: f64,
-        s: f64,
-    ) -> (f64, [f64; 2]) {
-        let (d1, d2) = (u / gu, v / gv);
-        let n1 = [m[(0, 0)] / gu, m[(0, 1)] / gu];
-        let n2 = [m[(1, 0)] / gv, m[(1, 1)] / gv];
-        match self.board.pattern {
-            BoardPattern::Chessboard => {
-                let (a, da) = normal(d1 / s);
-                let (b, db) = normal(d2 / s);
-                let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);
-                let (da, db) = (2.0 * da / s, 2.0 * db / s);
-                (
-                    a * b,
-                    [
-                        da * b * n1[0] + a * db * n2[0],
-                        da * b * n1[1] + a * db * n2[1],
-                    ],
-                )
-            }
-            BoardPattern::Lines { line_m } => {
-                let half = 0.5 * line_m / self.board.pitch_m;
-                let (a, da) = band(d1, half / gu, s);
-                let (b, db) = band(d2, half / gv, s);
-                (
-                    a + b - a * b,
-                    [0, 1].map(|k| da * (1.0 - b) * n1[k] + db * (1.0 - a) * n2[k]),
-                )
-            }
-            BoardPattern::Dots { diameter_m } => {
-                let radius = 0.5 * diameter_m / self.board.pitch_m;
-                let rho = (u * u + v * v).sqrt();
-                if rho < 1e-9 {
-                    return (1.0, [0.0, 0.0]);
-                }
-                let g = [0, 1].map(|k| (u * m[(0, k)] + v * m[(1, k)]) / rho);
-                let size = (g[0] * g[0] + g[1] * g[1]).sqrt();
-                let (p, dp) = normal((radius - rho) / (size * s));
-                (p, [0, 1].map(|k| -dp / s * g[k] / size))
-            }
-        }
     }
 }
