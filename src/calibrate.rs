@@ -13,8 +13,10 @@ pub mod live;
 pub mod medium;
 pub mod message;
 mod place;
+mod sheet;
 
 pub use place::PlacedBy;
+pub use sheet::Sheet;
 
 use crate::frame::GreyImage;
 use hydroline_calib::board::coplanarity::{Coplanarity, GaugeOptions, measure};
@@ -91,11 +93,7 @@ impl Setup {
 
     /// What the rig file and a ruler know of camera, port and water before the fit.
     fn prior(&self, rig: &Rig) -> RefractivePrior {
-        let n_water = match self.medium {
-            Medium::Air => Known::new(1.0003, 0.0003),
-            Medium::Fresh => Known::new(1.3350, 0.0015), // 532 nm, 0-30 degC (Quan and Fry 1995)
-            Medium::Salt => Known::new(1.3415, 0.0020),
-        };
+        let n_water = medium::index(self.medium);
         // A rig without water of its own states the focal length as it works in the tank.
         let in_air = if rig.tank.n_water > 1.1 {
             rig.camera.fx_px
@@ -148,6 +146,8 @@ pub struct Sighting {
     pub detection: Detection,
     /// Board against sheet, as far as this image shows it.
     pub gap: Option<Coplanarity>,
+    /// Size of the image.
+    pub image: ImageSize,
 }
 
 /// Looks for the board in one image; `reason` = also find out why there is none (several times as long).
@@ -188,7 +188,14 @@ pub fn see(setup: &Setup, image: &GreyImage, reason: bool) -> Result<Sighting, N
         };
         Some(measure(&grey, &setup.board, &map, &options))
     });
-    Ok(Sighting { detection, gap })
+    Ok(Sighting {
+        detection,
+        gap,
+        image: ImageSize {
+            width_px: image.width_px as u32,
+            height_px: image.height_px as u32,
+        },
+    })
 }
 
 /// One pose of the board: what all images of it say together.
@@ -198,6 +205,7 @@ pub struct Pose {
     status: Option<Status>,
     /// The newest detection.
     last: Option<Detection>,
+    image: Option<ImageSize>,
 }
 
 impl Pose {
@@ -207,12 +215,20 @@ impl Pose {
             online: setup.online(),
             status: None,
             last: None,
+            image: None,
         }
     }
 
-    /// Takes one image's board; a board that moved starts the average anew.
-    pub fn push(&mut self, sighting: Sighting) -> &Status {
-        let status = self.online.push(&sighting.detection, sighting.gap);
+    /// Takes one image's board; a board that moved starts the average anew. What the rig's camera
+    /// cannot have seen of this board is not accepted, however well its nodes fit.
+    pub fn push(&mut self, setup: &Setup, sighting: Sighting) -> &Status {
+        let mut status = self.online.push(&sighting.detection, sighting.gap);
+        let (_, by) = place::place(setup, &self.nodes(), None);
+        if let Some(words) = by.wrong_scale(setup.board.pitch_m) {
+            status.accepted = false;
+            status.missing.insert(0, words);
+        }
+        self.image = Some(sighting.image);
         self.last = Some(sighting.detection);
         self.status.insert(status)
     }
@@ -242,6 +258,11 @@ impl Pose {
                 board: setup.board.name.clone(),
                 coplanarity: setup.unknown_gap(&placement),
                 placement,
+                image: self.image,
+                missing: self
+                    .status
+                    .as_ref()
+                    .map_or_else(Vec::new, |s| s.missing.clone()),
             })
         };
         // The gap moves the nodes a little: placed once more with what was measured.
@@ -270,17 +291,18 @@ impl Poses {
         });
         let index = match recognised {
             Some((index, detection)) => {
-                self.poses[index].push(Sighting {
+                let sighting = Sighting {
                     detection,
                     ..sighting
-                });
+                };
+                self.poses[index].push(setup, sighting);
                 index
             }
             None if !sighting.detection.orientation.is_usable() => return None,
             None => {
                 self.poses.push(Pose::new(setup));
                 let index = self.poses.len() - 1;
-                self.poses[index].push(sighting);
+                self.poses[index].push(setup, sighting);
                 index
             }
         };

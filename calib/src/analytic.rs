@@ -148,6 +148,8 @@ impl PlaneMap for IdealMap {
 
     fn describe(&self) -> Calibration {
         Calibration {
+            missing: Vec::new(),
+            image: None, // stands in the parameters
             medium: self.medium,
             date: None,
             board: None,

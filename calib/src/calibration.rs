@@ -162,6 +162,12 @@ pub struct Calibration {
     /// Board it was made with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub board: Option<String>,
+    /// What was still missing when it was written, in words; empty = it was accepted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
+    /// Images it holds for: a map of another size or crop is another map. `None`: from before sizes were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<ImageSize>,
     /// Fit at the board's nodes; none for a map that follows from the rig alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residuals: Option<Residuals>,

@@ -98,7 +98,7 @@ pub const WORST_BLUR_PX: f64 = 3.0;
 /// as looking for the board.
 pub fn detect(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
     match detect_quick(image, board) {
-        Err(NotFound::NoBoard { .. }) => Err(reason::explain(image, board)),
+        Err(NotFound::NoBoard) => Err(reason::explain(image, board)),
         answer => answer,
     }
 }
@@ -111,7 +111,7 @@ pub fn detect(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
 pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
     reason::refuse_empty(image)?;
     let Some(seen) = see(image, board) else {
-        return Err(NotFound::NoBoard { seen: 0 });
+        return Err(NotFound::NoBoard);
     };
     if seen.blur_px >= WORST_BLUR_PX {
         return Err(NotFound::Blurred {

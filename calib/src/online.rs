@@ -226,18 +226,28 @@ impl OnlineCalibration {
                 None
             }
         };
-        let worst_sd_m = self.fitted.as_ref().and_then(|map| self.worst_sd_m(map));
+        // A gap that nobody measured is judged by itself, and counted in what is told.
+        let own_sd_m = self
+            .fitted
+            .as_ref()
+            .and_then(|map| self.worst_sd_m(map, self.gap.as_ref()));
+        let worst_sd_m = self
+            .fitted
+            .as_ref()
+            .and_then(|map| self.worst_sd_m(map, Some(&self.gap_or_unknown())));
         let residuals = self.calibration(Provenance {
             medium: Medium::Air, // of no consequence to the residuals
             date: None,
             board: self.board.name.clone(),
             placement: Placement::default(),
             coplanarity: self.gap_or_unknown(),
+            image: None,
+            missing: Vec::new(),
         });
         if self.frames < self.options.frames {
             missing.push(format!("{} of {} frames", self.frames, self.options.frames));
         }
-        if let Some(sd) = worst_sd_m
+        if let Some(sd) = own_sd_m
             && sd > self.options.tolerance_m
         {
             missing.push(format!(
@@ -250,7 +260,7 @@ impl OnlineCalibration {
             missing.push(self.gap_or_unknown().words());
         }
         let accepted = self.fitted.is_some()
-            && worst_sd_m.is_some_and(|sd| sd <= self.options.tolerance_m)
+            && own_sd_m.is_some_and(|sd| sd <= self.options.tolerance_m)
             && coverage.share() >= self.options.coverage
             && self.frames >= self.options.frames
             && (self.options.accept_unknown_gap
@@ -278,9 +288,8 @@ impl OnlineCalibration {
             .unwrap_or_else(|| Coplanarity::unknown("not looked at", [0.0, distance, distance]))
     }
 
-    /// Largest standard deviation over a grid of the map's region, gap included where it
-    /// was measured (an unknown gap is said in words, and stands in the calibration).
-    fn worst_sd_m(&self, map: &FittedMap) -> Option<f64> {
+    /// Largest standard deviation over a grid of the map's region with what is known of the gap.
+    fn worst_sd_m(&self, map: &FittedMap, gap: Option<&Coplanarity>) -> Option<f64> {
         let (low, high) = map.region().bounds_m()?;
         let mut worst: Option<f64> = None;
         for j in 0..=6 {
@@ -289,7 +298,7 @@ impl OnlineCalibration {
                 let eta = low[1] + (high[1] - low[1]) * f64::from(j) / 6.0;
                 if let Some(p) = map.to_image(xi, eta).and_then(|(c, r)| map.to_plane(c, r)) {
                     let mut c = p.covariance_m2;
-                    if let Some(gap @ Coplanarity::Measured(_)) = &self.gap {
+                    if let Some(gap) = gap {
                         c += gap.covariance_m2(xi, eta);
                     }
                     let sd = c[(0, 0)].max(c[(1, 1)]).max(0.0).sqrt();

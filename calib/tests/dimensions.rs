@@ -112,6 +112,8 @@ fn calibrate(offset_m: f64, method: Method) -> Calibration {
         map,
         &nodes,
         Provenance {
+            image: None,
+            missing: Vec::new(),
             medium: Medium::Fresh,
             date: None,
             board: board.name.clone(),

@@ -2,7 +2,7 @@
 //!
 //! A state machine: frames in, messages and events out. It has no clock; the frames' stamps are its time.
 
-use super::{PlacedBy, Pose, Setup, message, rfc3339, see};
+use super::{PlacedBy, Pose, Setup, Sheet, message, rfc3339, see};
 use crate::event::{Event, Severity};
 use crate::frame::GreyImage;
 use crate::log::messages::pb::PlaneCalibration;
@@ -99,7 +99,7 @@ impl Live {
             }
             Ok(sighting) => {
                 self.told = None;
-                let status = self.pose.push(sighting).clone();
+                let status = self.pose.push(&self.setup, sighting).clone();
                 self.line = message::line(&status);
                 let mut look = Look::default();
                 if status.accepted {
@@ -116,9 +116,13 @@ impl Live {
                             Severity::Info,
                             "calibration.accepted",
                             format!(
-                                "calibration accepted: {}; placed {}",
+                                "calibration accepted: {}; placed {}{}",
                                 calibration.claim(),
-                                by.words()
+                                by.words(),
+                                Sheet::of(&self.setup, calibration).map_or_else(
+                                    String::new,
+                                    |s| format!("; holds for {}", s.words())
+                                )
                             ),
                         ),
                         &status,

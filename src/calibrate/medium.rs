@@ -2,8 +2,10 @@
 
 use crate::log::MetadataMap;
 use crate::record::Conditions;
+use crate::water::refractive_index;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::calibration::usage::UseError;
+use hydroline_calib::map::refractive::Known;
 use hydroline_calib::{Calibration, Medium};
 use hydroline_rigs::Rig;
 
@@ -58,6 +60,34 @@ pub fn of_log(session: Option<&MetadataMap>, rig: Option<&Rig>) -> Option<Medium
         .and_then(|name| from_name(name).ok())
         .or_else(|| of_water(number("water.temperature_c"), number("water.salinity_gpkg")))
         .or_else(|| rig.map(of_rig))
+}
+
+/// Refractive index of a medium at the laser's 532 nm, as far as its name says.
+pub fn index(medium: Medium) -> Known {
+    match medium {
+        Medium::Air => Known::new(1.0003, 0.0003),
+        Medium::Fresh => Known::new(1.3350, 0.0015), // 532 nm, 0-30 degC (Quan and Fry 1995)
+        Medium::Salt => Known::new(1.3415, 0.0020),
+    }
+}
+
+/// Index of a run's water: measured temperature and salinity say it ten times better than the name.
+pub fn index_of(medium: Medium, temperature_c: Option<f64>, salinity_gpkg: Option<f64>) -> Known {
+    let measured = || refractive_index(temperature_c?, salinity_gpkg?, 532.0);
+    match (medium, measured()) {
+        (Medium::Fresh | Medium::Salt, Some(n)) => Known::new(n, 0.0002),
+        _ => index(medium),
+    }
+}
+
+/// [`index_of`] a recorded run.
+pub fn index_of_log(medium: Medium, session: Option<&MetadataMap>) -> Known {
+    let number = |key: &str| session.and_then(|s| s.get(key)?.parse().ok());
+    index_of(
+        medium,
+        number("water.temperature_c"),
+        number("water.salinity_gpkg"),
+    )
 }
 
 /// Whether a calibration may be used: `Ok(Some(warning))` where it is forced, or where the paper's ideal

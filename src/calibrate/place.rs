@@ -6,10 +6,10 @@
 //! It shifts and turns all coordinates alike and changes no length.
 
 use super::Setup;
-use hydroline_calib::IdealMap;
 use hydroline_calib::board::coplanarity::Coplanarity;
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::map::Node;
+use hydroline_calib::{IdealMap, Medium};
 use hydroline_rigs::Rig;
 use nalgebra::{Rotation2, Vector2};
 
@@ -22,10 +22,16 @@ pub enum PlacedBy {
     Rig {
         /// rms distance of the nodes from where the rig's numbers put them \[m\].
         rms_m: f64,
+        /// How much larger the board looks than its file says, by the rig's numbers.
+        scale: f64,
     },
     /// Nobody: coordinates count from the board's middle.
     Nobody,
 }
+
+/// Pitch against the file's by the rig's numbers: more apart than this share is another board. The
+/// rig's focal length and mounts are as good as that, or they could not plan a run.
+const ANOTHER_BOARD: f64 = 0.1;
 
 /// More than this \[m\] and the rig's numbers describe another camera.
 const DOUBTFUL_M: f64 = 5e-3;
@@ -35,11 +41,11 @@ impl PlacedBy {
     pub fn words(&self) -> String {
         match self {
             PlacedBy::Given => "as measured (--at)".to_owned(),
-            PlacedBy::Rig { rms_m } if *rms_m > DOUBTFUL_M => format!(
+            PlacedBy::Rig { rms_m, .. } if *rms_m > DOUBTFUL_M => format!(
                 "from the rig's mounts and camera numbers, which miss the board's nodes by {:.1} mm rms: doubtful, measure it and give --at",
                 1e3 * rms_m
             ),
-            PlacedBy::Rig { rms_m } => format!(
+            PlacedBy::Rig { rms_m, .. } => format!(
                 "from the rig's mounts and camera numbers ({:.2} mm rms at the nodes)",
                 1e3 * rms_m
             ),
@@ -47,6 +53,20 @@ impl PlacedBy {
                 "nobody said: coordinates count from the board's middle; give --rig or --at"
                     .to_owned()
             }
+        }
+    }
+}
+
+impl PlacedBy {
+    /// In words, where the rig's numbers and the board file cannot both be right.
+    pub fn wrong_scale(&self, pitch_m: f64) -> Option<String> {
+        match self {
+            PlacedBy::Rig { scale, .. } if (scale - 1.0).abs() > ANOTHER_BOARD => Some(format!(
+                "by the rig's camera the board's pitch is {:.1} mm, its file says {:.1}: give the file of the board in the tank (--board), correct [camera] fx_px and [mounts] of the rig, or say where it stands (--at)",
+                1e3 * pitch_m * scale,
+                1e3 * pitch_m
+            )),
+            _ => None,
         }
     }
 }
@@ -71,7 +91,13 @@ pub(super) fn place(
     }
     let nobody = (Placement::default(), PlacedBy::Nobody);
     let Some(rig) = &setup.rig else { return nobody };
-    let ideal = IdealMap::of(rig);
+    // The ideal camera knows no port: behind one, in water, it sees as with a longer lens.
+    let mut seen = rig.clone();
+    if rig.tank.n_water > 1.1 && setup.medium != Medium::Air {
+        seen.camera.fx_px *= rig.tank.n_water;
+        seen.camera.fy_px *= rig.tank.n_water;
+    }
+    let ideal = IdealMap::of(&seen);
     let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = nodes
         .iter()
         .filter_map(|n| {
@@ -93,11 +119,12 @@ pub(super) fn place(
             (s.0 + p.0 / count, s.1 + p.1 / count)
         });
     // Closest rigid motion in the plane: angle of the summed cross and dot products.
-    let (mut cross, mut dot) = (0.0, 0.0);
+    let (mut cross, mut dot, mut size) = (0.0, 0.0, 0.0);
     for (p, q) in &pairs {
         let (p, q) = (p - mean.0, q - mean.1);
         cross += p[0] * q[1] - p[1] * q[0];
         dot += p.dot(&q);
+        size += p.norm_squared();
     }
     let turn = Rotation2::new(cross.atan2(dot));
     let shift = mean.1 - turn * mean.0;
@@ -113,6 +140,8 @@ pub(super) fn place(
         },
         PlacedBy::Rig {
             rms_m: (square / count).sqrt(),
+            // Of the closest similar motion.
+            scale: dot.hypot(cross) / size.max(f64::MIN_POSITIVE),
         },
     )
 }

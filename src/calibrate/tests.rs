@@ -1,6 +1,7 @@
 use super::*;
 use crate::event::Severity;
 use hydroline_calib::detect::synthetic::{LaserSheet, Scene, View, render};
+use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::study::truth::Rig as Truth;
 use live::Live;
 
@@ -98,7 +99,7 @@ fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
         );
         assert!(p.turn_rad.abs() < 1e-3);
         assert!(
-            matches!(by, PlacedBy::Rig { rms_m } if rms_m < 1e-3),
+            matches!(by, PlacedBy::Rig { rms_m, scale } if rms_m < 1e-3 && (scale - 1.0).abs() < 0.01),
             "{by:?}"
         );
         assert_eq!(calibration.date.as_deref(), Some("1970-01-01T00:00:00Z"));
@@ -119,7 +120,7 @@ fn what_a_person_measured_stands_and_without_a_rig_nothing_is_claimed() {
     };
     let mut pose = Pose::new(&setup);
     let status = pose
-        .push(see(&setup, &image(0.0, 1), true).unwrap())
+        .push(&setup, see(&setup, &image(0.0, 1), true).unwrap())
         .clone();
     assert!(!status.accepted);
     let (calibration, by) = pose.calibration(&setup, rfc3339(0)).unwrap();
@@ -129,6 +130,95 @@ fn what_a_person_measured_stands_and_without_a_rig_nothing_is_claimed() {
         "{}",
         calibration.claim()
     );
+}
+
+/// The file of a board with squares a fifth smaller fitted all nodes, and all lengths were a fifth short.
+#[test]
+fn a_board_file_of_another_pitch_is_not_accepted() {
+    let mut setup = setup();
+    setup.board.pitch_m = 0.06;
+    setup.board.blocks.clear();
+    setup.accept_unknown_gap = true;
+    let mut pose = Pose::new(&setup);
+    for seed in 0..3 {
+        pose.push(&setup, see(&setup, &image(0.0, seed), true).unwrap());
+    }
+    let status = pose.status().unwrap();
+    assert!(!status.accepted);
+    let words = &status.missing[0];
+    assert!(words.contains("50.") && words.contains("60.0"), "{words}");
+    let (calibration, _) = pose.calibration(&setup, rfc3339(0)).unwrap();
+    assert!(calibration.caveat().unwrap().contains("not accepted"));
+    // A person who says where it stands has measured it.
+    setup.at = Some(Placement::default());
+    let status = pose
+        .push(&setup, see(&setup, &image(0.0, 9), true).unwrap())
+        .clone();
+    assert!(status.accepted, "{:?}", status.missing);
+}
+
+#[test]
+fn a_calibration_of_another_image_size_is_refused_and_one_with_its_port_is_told_the_water() {
+    let setup = Setup {
+        method: Method::Refractive,
+        ..setup()
+    };
+    let mut pose = Pose::new(&setup);
+    pose.push(&setup, see(&setup, &image(0.0, 1), true).unwrap());
+    let (calibration, _) = pose.calibration(&setup, rfc3339(0)).unwrap();
+    let size = |width_px, height_px| ImageSize {
+        width_px,
+        height_px,
+    };
+    calibration.check_image(size(720, 576)).unwrap();
+    let words = calibration
+        .check_image(size(640, 480))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        words.contains("720 × 576") && words.contains("640 × 480"),
+        "{words}"
+    );
+    let told = calibration
+        .in_medium(Medium::Salt, medium::index(Medium::Salt))
+        .unwrap();
+    assert_eq!(told.medium, Medium::Salt);
+    assert_eq!(told.check_use(Medium::Salt, false), Ok(None));
+    let plane = |c: &Calibration| c.to_map().to_plane(420.0, 288.0).unwrap();
+    let (air, salt) = (plane(&calibration), plane(&told));
+    // Off the axis everything looks a third larger in water, and less is known of it.
+    assert!(
+        salt.xi_m.abs() < 0.85 * air.xi_m.abs(),
+        "{} {}",
+        air.xi_m,
+        salt.xi_m
+    );
+    assert!(salt.covariance_m2.trace() > air.covariance_m2.trace());
+    // No other map can be told.
+    let setup = Setup {
+        method: Method::Homography,
+        ..setup
+    };
+    let mut pose = Pose::new(&setup);
+    pose.push(&setup, see(&setup, &image(0.0, 1), true).unwrap());
+    let (calibration, _) = pose.calibration(&setup, rfc3339(0)).unwrap();
+    assert!(
+        calibration
+            .in_medium(Medium::Salt, medium::index(Medium::Salt))
+            .is_none()
+    );
+}
+
+#[test]
+fn the_sheet_beyond_the_board_is_said_to_be_uncovered() {
+    let setup = setup();
+    let mut pose = Pose::new(&setup);
+    pose.push(&setup, see(&setup, &image(0.0, 1), true).unwrap());
+    let (calibration, _) = pose.calibration(&setup, rfc3339(0)).unwrap();
+    let sheet = Sheet::of(&setup, &calibration).unwrap();
+    assert!(sheet.share > 0.2 && sheet.share < 0.9, "{}", sheet.share);
+    assert!(sheet.parts[1][1] > 0.95, "{:?}", sheet.parts);
+    assert!(!sheet.missing().is_empty() && sheet.words().contains("uncovered"));
 }
 
 #[test]

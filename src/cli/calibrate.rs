@@ -13,7 +13,7 @@ use collect::{Collected, Source};
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::map::Method;
-use hydroline_calib::{Calibration, Medium};
+use hydroline_calib::{Calibration, ImageSize, Medium};
 use hydroline_rigs::{Board, FlatPort, Rig};
 use report::{Against, Report};
 use std::path::{Path, PathBuf};
@@ -141,6 +141,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         accept_unknown_gap: args.accept_unknown_gap,
         ..setup
     };
+    if let Some(rig) = &setup.rig {
+        let image = ImageSize::of(&rig.camera);
+        for (path, old) in &old {
+            old.check_image(image)
+                .map_err(|e| CliError::Config(format!("--against {}: {e}", path.display())))?;
+        }
+    }
     let collected = collect::collect(&setup, &sources, args.every)?;
     finish(args, &setup, &collected, &old)
 }

@@ -5,7 +5,8 @@ use crate::calibrate::{Setup, medium};
 use crate::record::Conditions;
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::map::Method;
-use hydroline_calib::{Calibration, Medium};
+use hydroline_calib::map::refractive::Known;
+use hydroline_calib::{Calibration, ImageSize, Medium};
 use hydroline_rigs::{Board, Rig};
 use std::path::{Path, PathBuf};
 
@@ -26,20 +27,44 @@ pub struct UseArgs {
 impl UseArgs {
     /// The calibration, if one is named.
     pub fn load(&self) -> Result<Option<Calibration>, CliError> {
-        let path = self.calibration.as_deref();
-        path.map(Calibration::load)
-            .transpose()
-            .map_err(CliError::config)
+        let Some(path) = self.calibration.as_deref() else {
+            return Ok(None);
+        };
+        let calibration = Calibration::load(path).map_err(CliError::config)?;
+        if let Some(words) = calibration.caveat() {
+            eprintln!("hydroline: {}: {words}", path.display());
+        }
+        Ok(Some(calibration))
     }
 
-    /// Refuses a calibration of another medium unless forced; says what a forced one costs.
-    pub fn check(
+    /// The calibration as this run needs it, and what must be said of that: refused for images of
+    /// another size; for another medium a map that knows its port is told the run's index, any other
+    /// is refused unless forced.
+    pub fn fit_to_run(
         &self,
-        calibration: &Calibration,
+        calibration: Calibration,
         run: Medium,
-    ) -> Result<Option<String>, CliError> {
-        medium::check(calibration, run, self.force_calibration)
-            .map_err(|e| CliError::Config(format!("{e} (--force-calibration)")))
+        index: Known,
+        image: Option<ImageSize>,
+    ) -> Result<(Calibration, Option<String>), CliError> {
+        if let Some(image) = image {
+            calibration.check_image(image).map_err(CliError::config)?;
+        }
+        if calibration.medium != run
+            && let Some(told) = calibration.in_medium(run, index)
+        {
+            let words = format!(
+                "the calibration was made in {}; its port being known, it is used in {} with the index {:.4} +- {:.4}",
+                calibration.medium.name(),
+                run.name(),
+                index.value,
+                index.sd
+            );
+            return Ok((told, Some(words)));
+        }
+        let warning = medium::check(&calibration, run, self.force_calibration)
+            .map_err(|e| CliError::Config(format!("{e} (--force-calibration)")))?;
+        Ok((calibration, warning))
     }
 }
 

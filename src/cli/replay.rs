@@ -1,15 +1,16 @@
 //! `hydroline replay`: every frame of a log extracted again.
 
 use super::calibrated::UseArgs;
+use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::calibrate::medium;
 use crate::log::LogReader;
 use crate::pose::run::PoseRun;
 use crate::replay::{Options, Report, replay};
-use hydroline_calib::Calibration;
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_calib::{Calibration, ImageSize};
 use hydroline_rigs::Rig;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,7 +83,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
     }
     if args.json {
-        println!("{}", serde_json::json!({ "replays": reports }));
+        outln!("{}", serde_json::json!({ "replays": reports }));
     }
     Ok(outcome)
 }
@@ -138,16 +139,21 @@ fn options(
         .transpose()
         .map_err(CliError::config)?;
     let calibration = in_force(log, rig, logged.as_ref(), given);
-    let same_calibration = same_calibration(logged.as_ref(), calibration.as_ref());
-    let comparable = same_rig && same_calibration && !args.whole_pixel && !is_replay;
     let run = args
         .using
         .medium
         .or_else(|| medium::of_log(reader.metadata().get("session"), rig));
-    let warning = match (&calibration, run) {
-        (Some(calibration), Some(run)) => args.using.check(calibration, run)?,
-        _ => None,
+    let index = |medium| medium::index_of_log(medium, reader.metadata().get("session"));
+    let image = own.as_ref().map(|rig| ImageSize::of(&rig.camera));
+    let (calibration, warning) = match (calibration, run) {
+        (Some(calibration), Some(run)) => {
+            let (told, warning) = args.using.fit_to_run(calibration, run, index(run), image)?;
+            (Some(told), warning)
+        }
+        (calibration, _) => (calibration, None),
     };
+    let same_calibration = same_calibration(logged.as_ref(), calibration.as_ref());
+    let comparable = same_rig && same_calibration && !args.whole_pixel && !is_replay;
     if let Some(words) = warning {
         eprintln!("hydroline: {}: {words}", log.display());
     }
@@ -212,24 +218,27 @@ fn same_calibration(logged: Option<&Calibration>, used: Option<&Calibration>) ->
 }
 
 fn print_report(log: &Path, out: &Path, report: &Report) {
-    println!("{} -> {}", log.display(), out.display());
-    println!(
+    outln!("{} -> {}", log.display(), out.display());
+    outln!(
         "  {} frames, {} with a stripe, {} points, {} commands",
-        report.frames, report.with_stripe, report.points, report.commands
+        report.frames,
+        report.with_stripe,
+        report.points,
+        report.commands
     );
     for (reason, n) in &report.without_stripe {
-        println!("  {n} frames without: {reason}");
+        outln!("  {n} frames without: {reason}");
     }
     for (topic, n) in &report.foreign {
-        println!("  {n} messages of {topic} not carried over: not a topic and schema of hydroline");
+        outln!("  {n} messages of {topic} not carried over: not a topic and schema of hydroline");
     }
     if report.poses > 0 || !report.without_pose.is_empty() {
-        println!("  {} poses in /vehicle/motion", report.poses);
+        outln!("  {} poses in /vehicle/motion", report.poses);
     }
     if let Some(s) = &report.smoothed {
         let millimetres = |v: [f64; 6]| [v[0] * 1e3, v[1] * 1e3, v[2] * 1e3];
         let degrees = |v: [f64; 6]| [v[3], v[4], v[5]].map(f64::to_degrees);
-        println!(
+        outln!(
             "  smoothed: sd of x y z {:.3?} mm (single frames {:.3?}), of roll pitch yaw {:.4?} deg ({:.4?}); {} frames filled in, {} doubted, chi2 {:.2}",
             millimetres(s.sd_smoothed),
             millimetres(s.sd_single),
@@ -241,12 +250,13 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
         );
     }
     for (reason, n) in &report.without_pose {
-        println!("  {n} frames without a pose: {reason}");
+        outln!("  {n} frames without a pose: {reason}");
     }
     if report.live > 0 {
-        println!(
+        outln!(
             "  {} of {} frames extracted live came out bit for bit the same",
-            report.live_identical, report.live
+            report.live_identical,
+            report.live
         );
     }
 }

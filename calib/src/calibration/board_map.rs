@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{Calibration, MapParameters, Medium, Residuals};
 use crate::board::coplanarity::Coplanarity;
 use crate::map::{FittedMap, Node};
-use crate::plane::{PlaneMap, PlanePoint};
+use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 
 /// Where the board's middle stood in the sheet, and how it was turned.
 ///
@@ -65,6 +65,10 @@ pub struct Provenance {
     pub placement: Placement,
     /// Board against sheet.
     pub coplanarity: Coplanarity,
+    /// Size of the images.
+    pub image: Option<ImageSize>,
+    /// What is still missing; empty = accepted.
+    pub missing: Vec<String>,
 }
 
 impl Calibration {
@@ -73,13 +77,16 @@ impl Calibration {
         let residuals: Vec<NodeResidual> = nodes
             .iter()
             .filter_map(|n| {
-                // Not through the region: a node on the border may fall a hair outside.
-                let p = map.to_plane(n.column_px, n.row_px)?;
+                // Not by the pixel: where it falls outside the map's region there is no answer, and
+                // the worst nodes of the border would be left out.
+                let (column_px, row_px) = map.to_image(n.xi_m, n.eta_m)?;
+                let off = map.jacobian(column_px, row_px)?
+                    * Vector2::new(n.column_px - column_px, n.row_px - row_px);
                 Some(NodeResidual {
                     xi_m: n.xi_m,
                     eta_m: n.eta_m,
-                    dxi_m: p.xi_m - n.xi_m,
-                    deta_m: p.eta_m - n.eta_m,
+                    dxi_m: off[0],
+                    deta_m: off[1],
                 })
             })
             .collect();
@@ -95,6 +102,8 @@ impl Calibration {
             medium: provenance.medium,
             date: provenance.date,
             board: Some(provenance.board),
+            missing: provenance.missing,
+            image: provenance.image,
             residuals: Some(Residuals {
                 nodes: residuals.len() as u32,
                 rms_xi_m: rms(|r| r.dxi_m),

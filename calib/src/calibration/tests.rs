@@ -5,6 +5,8 @@ use proptest::test_runner::RngSeed;
 
 fn example() -> Calibration {
     Calibration {
+        missing: Vec::new(),
+        image: None,
         date: Some("2026-11-21T10:00:00Z".to_owned()),
         board: Some("wc-lines-50".to_owned()),
         residuals: Some(Residuals {

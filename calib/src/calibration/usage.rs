@@ -2,6 +2,8 @@
 
 use super::{Calibration, MapParameters, Medium};
 use crate::board::coplanarity::Coplanarity;
+use crate::map::refractive::Known;
+use crate::plane::ImageSize;
 
 /// Why a calibration is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -19,6 +21,17 @@ pub enum UseError {
         board: String,
         /// What it would cost.
         cost: &'static str,
+    },
+    /// Made from images of one size, to be used on another.
+    #[error(
+        "the calibration was made from images of {} × {} px, the run's have {} × {}: another size or crop is another map. Calibrate with the run's camera settings",
+        made.width_px, made.height_px, run.width_px, run.height_px
+    )]
+    Image {
+        /// Images of the calibration.
+        made: ImageSize,
+        /// Images of the run.
+        run: ImageSize,
     },
 }
 
@@ -49,6 +62,47 @@ impl Calibration {
         } else {
             Err(error)
         }
+    }
+
+    /// Checks the size of the images. A calibration from before sizes were kept says nothing.
+    ///
+    /// # Errors
+    /// [`UseError::Image`]: no force helps, every coordinate would be wrong.
+    pub fn check_image(&self, run: ImageSize) -> Result<(), UseError> {
+        let made = match &self.map {
+            MapParameters::Ideal(p) => Some(p.image),
+            _ => self.image,
+        };
+        match made {
+            Some(made) if made != run => Err(UseError::Image { made, run }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The same camera and port in another medium, of that index: only a map that knows its port
+    /// (`refractive`) can be told so. `None` for all others.
+    pub fn in_medium(&self, medium: Medium, index: Known) -> Option<Calibration> {
+        let MapParameters::Refractive(map) = &self.map else {
+            return None;
+        };
+        Some(Calibration {
+            medium,
+            map: MapParameters::Refractive(Box::new(map.in_water(index))),
+            ..self.clone()
+        })
+    }
+
+    /// What must be said when it is used: that it was never accepted, or claims nothing.
+    pub fn caveat(&self) -> Option<String> {
+        if !self.missing.is_empty() {
+            return Some(format!(
+                "the calibration was not accepted when it was made, missing: {}",
+                self.missing.join("; ")
+            ));
+        }
+        let withdrawn =
+            self.residuals.is_some() && !self.coplanarity.as_ref().is_some_and(Coplanarity::claims);
+        withdrawn.then(|| self.claim())
     }
 
     /// What the calibration says of its own accuracy, in words.

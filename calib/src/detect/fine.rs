@@ -53,7 +53,8 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
     })
 }
 
-/// Mean misfit over contrast of the better half of a sample that no other blur will mend.
+/// Mean misfit over contrast of the better half of a sample that no other blur will mend; a fit that
+/// does not settle counts 1.
 const HOPELESS: f64 = 0.5;
 
 /// All nodes refined, with the blur that fits them best.
@@ -95,6 +96,17 @@ pub(super) fn fine<'a>(
     let mut most_sound = 0;
     // Downhill from the blur of a good lens: most images need three or four of the trials.
     let mut k = 2usize;
+    // What three blurs leave unexplained and a soft image's does as well is no such pattern, and not
+    // worth the walk: of a board, fits at the next trial's blur leave a tenth of the contrast.
+    let hopeless = [2, 1, 3, 5].into_iter().all(|near| {
+        let (score, sound) = misfit(&mut refiner, trials[near]);
+        scores[near] = Some(score);
+        most_sound = most_sound.max(sound);
+        score > HOPELESS
+    });
+    if hopeless {
+        return None;
+    }
     loop {
         for near in [k, k.saturating_sub(1), (k + 1).min(trials.len() - 1)] {
             if scores[near].is_none() {
@@ -104,11 +116,6 @@ pub(super) fn fine<'a>(
             }
         }
         let tried = |k: usize| scores.get(k).copied().flatten().unwrap_or(f64::INFINITY);
-        // A board's pattern under a blur twice as large or half leaves a fifth of its contrast:
-        // where half of it is left at three blurs, there is no such pattern.
-        if scores.iter().flatten().all(|left| *left > HOPELESS) {
-            return None;
-        }
         let lower = if k > 0 { tried(k - 1) } else { f64::INFINITY };
         let upper = tried(k + 1);
         if lower < tried(k) && lower <= upper {

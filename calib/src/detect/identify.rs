@@ -255,15 +255,7 @@ pub(super) fn place(
 ) -> Result<(Orientation, usize, Index), NotFound> {
     let seen = ordered.extent();
     let wanted = [board.columns, board.rows];
-    let h = ordered.homography().ok_or(NotFound::NoBoard {
-        seen: ordered.nodes.len(),
-    })?;
-    let key = crate::board::key(board);
-    let without = match key.map(|k| ordered.find_key(image, board, &k, &h, contrast)) {
-        Some(KeySearch::Seen(turns, shift)) => return Ok((Orientation::KeySeen, turns, shift)),
-        Some(KeySearch::Hidden) => Orientation::KeyHidden,
-        Some(KeySearch::Absent) | None => Orientation::UprightAssumed,
-    };
+    let h = ordered.homography().ok_or(NotFound::NoBoard)?;
     // Whether the image shows that the pattern ends: places more than half a step beyond are in view
     // (and hold none, or the lattice would be larger).
     const NEXT: f64 = 0.6;
@@ -280,6 +272,29 @@ pub(super) fn place(
             });
             in_view.count() * 2 > across as usize
         })
+    };
+    let key = crate::board::key(board);
+    let without = match key.map(|k| ordered.find_key(image, board, &k, &h, contrast)) {
+        Some(KeySearch::Seen(turns, shift)) => {
+            // A hand may hide a row or two; a board that ends three early both ways is smaller.
+            let turned = if turns % 2 == 0 {
+                wanted
+            } else {
+                [wanted[1], wanted[0]]
+            };
+            let smaller = (0..2).all(|axis| seen[axis] + 3 <= turned[axis] && ends(axis));
+            return if smaller {
+                Err(NotFound::WrongBoard {
+                    seen,
+                    wanted,
+                    pattern: None,
+                })
+            } else {
+                Ok((Orientation::KeySeen, turns, shift))
+            };
+        }
+        Some(KeySearch::Hidden) => Orientation::KeyHidden,
+        Some(KeySearch::Absent) | None => Orientation::UprightAssumed,
     };
     if seen == wanted {
         return if ends(0) && ends(1) {

@@ -36,13 +36,8 @@ pub enum NotFound {
         blur_px: f64,
     },
     /// No lattice.
-    #[error(
-        "no board in the image ({seen} nodes in the largest lattice); bring the board into view, dark marks on a light face"
-    )]
-    NoBoard {
-        /// Nodes of the largest lattice.
-        seen: usize,
-    },
+    #[error("no board in the image; bring the board into view, dark marks on a light face")]
+    NoBoard,
     /// Another board.
     #[error("another board than the file's: {} nodes{} seen, {} × {} expected; give the file of the board that is in the tank",
         format_args!("{} × {}", seen[0], seen[1]),
@@ -96,6 +91,10 @@ pub enum NotFound {
     },
 }
 
+/// Share of saturated pixels that explains a board that is not found: marks are lost by a twentieth
+/// of the image, which is a fifth of a board that fills half of it.
+const SATURATED: f64 = 0.05;
+
 /// Range of grey levels below which there is nothing to see: some noise.
 const EMPTY_RANGE: f64 = 25.0;
 
@@ -142,7 +141,7 @@ pub(super) fn refuse_empty(image: &Grey<'_>) -> Result<(), NotFound> {
 /// The reason for an image in which the board was not found.
 pub(super) fn explain(image: &Grey<'_>, board: &Board) -> NotFound {
     let (_, saturated) = levels(image);
-    if saturated > 0.25 {
+    if saturated > SATURATED {
         return NotFound::Saturated { share: saturated };
     }
     for (pattern, name) in [
@@ -175,7 +174,7 @@ pub(super) fn explain(image: &Grey<'_>, board: &Board) -> NotFound {
     if blur_px > super::WORST_BLUR_PX {
         return NotFound::Blurred { blur_px };
     }
-    NotFound::NoBoard { seen: 0 }
+    NotFound::NoBoard
 }
 
 /// Blur of the sharpest edges: an edge of height c blurred by s rises by c/(s√2π) per

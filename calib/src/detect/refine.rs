@@ -44,13 +44,13 @@ pub(super) struct Refiner<'a> {
 
 /// Rounds of a node's fit.
 const ROUNDS: usize = 11;
-/// A fit that still moves by more in a round will not settle in those that are left \[px\]: where
+/// A fit that still moves by more in a round will hardly settle in those that are left \[px\]: where
 /// there is no node it wanders to the last round, and such fits were half of the time of a
-/// frame without a board. Of 100 000 nodes of boards 30 are lost by it.
+/// frame without a board.
 const FARTHEST_STEP_PX: [f64; ROUNDS] = {
     let free = f64::INFINITY;
     [
-        free, free, free, free, free, 0.5, 0.3, 0.18, 0.11, 0.07, 0.04,
+        free, free, free, free, free, 0.5, 0.3, 0.18, 0.11, free, free,
     ]
 };
 
@@ -223,6 +223,8 @@ impl Refiner<'_> {
             _ => 0.0,
         };
         let dots = dot_radius > 0.0;
+        // A soft rim is wide: seen through a narrow ring, more blur and more contrast look alike.
+        let rim_px = (2.5 * s).max(3.5);
         let reach = if dots { 22.0 } else { PATCH_PX };
         let half = |k: usize| {
             (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
@@ -253,7 +255,7 @@ impl Refiner<'_> {
                 let far = dots && {
                     let rho = (u * u + v * v).sqrt().max(1e-9);
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
-                    ((rho - dot_radius) / size).abs() > 3.5
+                    ((rho - dot_radius) / size).abs() > rim_px
                 };
                 if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
                     pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);

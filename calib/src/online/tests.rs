@@ -74,6 +74,8 @@ fn gap(sd_m: f64) -> Coplanarity {
 
 fn provenance() -> Provenance {
     Provenance {
+        image: None,
+        missing: Vec::new(),
         medium: Medium::Fresh,
         date: Some("2026-11-21T10:00:00Z".to_owned()),
         board: "test".to_owned(),

@@ -54,8 +54,9 @@ pub struct Collected {
     pub found: u64,
     /// Image files (not frames of logs) that were refused.
     pub refused_images: u64,
-    /// How often which reason, numbers left out.
+    /// How often which reason: by its kind, the first of them in full.
     pub refused: BTreeMap<String, u64>,
+    kinds: BTreeMap<String, String>,
     /// Stamp of the newest frame with a board, UNIX \[ns\]; `None` for image files.
     pub last_ns: Option<u64>,
     /// Width and height of the first image \[px\].
@@ -102,7 +103,8 @@ impl Collected {
             .chars()
             .filter(|c| !c.is_ascii_digit())
             .collect();
-        *self.refused.entry(reason).or_default() += 1;
+        let first = self.kinds.entry(reason).or_insert_with(|| words.to_owned());
+        *self.refused.entry(first.clone()).or_default() += 1;
     }
 
     fn take(&mut self, setup: &Setup, looked: Looked) -> Result<(), String> {

@@ -1,7 +1,7 @@
 //! What a calibration is worth, in words and as JSON.
 
 use super::collect::Collected;
-use crate::calibrate::{PlacedBy, Setup};
+use crate::calibrate::{PlacedBy, Setup, Sheet};
 use hydroline_calib::board::coplanarity::Coplanarity;
 use hydroline_calib::calibration::compare::Comparison;
 use hydroline_calib::detect::Orientation;
@@ -106,6 +106,7 @@ impl Report<'_> {
             Some(Coplanarity::Unknown(u)) => json!({ "state": "unknown", "why": u.why }),
             None => Value::Null,
         };
+        let sheet = Sheet::of(self.setup, c);
         json!({
             "calibration": self.out, "method": c.map.method(), "medium": c.medium.name(),
             "date": c.date, "board": c.board,
@@ -118,6 +119,7 @@ impl Report<'_> {
             "nodes": self.status.nodes,
             "nodes_of_board": self.setup.board.columns * self.setup.board.rows,
             "coverage": self.status.coverage.share(), "coverage_parts": self.status.coverage.parts,
+            "sheet_share": sheet.map(|s| s.share), "sheet_parts": sheet.map(|s| s.parts),
             "residuals": c.residuals, "worst_sd_m": self.status.worst_sd_m,
             "tolerance_m": self.setup.tolerance_m(),
             "coplanarity": gap, "coplanarity_words": c.gap().map(Coplanarity::words),
@@ -173,6 +175,9 @@ impl fmt::Display for Report<'_> {
                     .join(" "))
                 .join(" | ")
         )?;
+        if let Some(sheet) = Sheet::of(self.setup, c) {
+            writeln!(f, "map holds for {}", sheet.words())?;
+        }
         writeln!(f, "map: {}", provenance(c))?;
         if let Some(r) = &c.residuals {
             writeln!(
@@ -186,7 +191,7 @@ impl fmt::Display for Report<'_> {
         if let Some(sd) = s.worst_sd_m {
             writeln!(
                 f,
-                "map's own uncertainty: {:.3} mm where it is worst, {:.2} mm allowed",
+                "map's uncertainty, the board's distance from the sheet included: {:.3} mm where it is worst, {:.2} mm allowed",
                 1e3 * sd,
                 1e3 * self.setup.tolerance_m()
             )?;
