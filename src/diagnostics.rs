@@ -6,7 +6,6 @@
 
 use crate::log::Recorder;
 use crate::log::trace::LogLayer;
-use std::io::IsTerminal;
 use std::sync::OnceLock;
 use tracing_appender::non_blocking::WorkerGuard;
 use tracing_subscriber::EnvFilter;
@@ -29,7 +28,8 @@ pub fn init() -> Diagnostics {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
     let (writer, guard) = tracing_appender::non_blocking(std::io::stderr());
     let stderr = tracing_subscriber::fmt::layer()
-        .with_ansi(std::io::stderr().is_terminal())
+        // tracing-subscriber is built without its feature `ansi`: asked for colours it panics in a debug build.
+        .with_ansi(false)
         .with_writer(writer)
         .with_target(false)
         .with_filter(filter);

@@ -37,6 +37,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 use newest::Newest;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -105,12 +106,27 @@ pub struct Report {
     pub analysed: u64,
     /// Frames a newer one replaced before the analysis got to them.
     pub skipped: u64,
+    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    pub poses: Option<PoseCounts>,
     /// The thruster service's counters.
     pub thrusters: Option<ServiceStats>,
     /// The log's end.
     pub log: LogOutcome,
     /// How a calibration in the making ended; `None` when none was asked for or no frame was seen.
     pub calibration: Option<Calibrating>,
+}
+
+/// What became of the stripes that were offered to the pose's fit.
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+pub struct PoseCounts {
+    /// Poses in the log.
+    pub fitted: u64,
+    /// Fitted, but not to be used without a look at the frame (another hexagon, ambiguous, misfit): not in the log.
+    pub doubtful: u64,
+    /// Frames without a pose, by reason.
+    pub none: BTreeMap<&'static str, u64>,
+    /// A newer stripe came before there was time to fit them; `replay` fits every one.
+    pub skipped: u64,
 }
 
 impl Report {
@@ -154,6 +170,7 @@ struct Shared {
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
     floor: Mutex<Option<watch::Measured>>,
+    pose: Mutex<Option<watch::MeasuredPose>>,
     calibrating: Mutex<Option<Calibrating>>,
 }
 
@@ -198,7 +215,7 @@ pub type Watch = Box<dyn FnMut(&Status) + Send>;
 struct Threads {
     capture: JoinHandle<Option<CaptureCounts>>,
     analysis: JoinHandle<Option<()>>,
-    poses: Option<JoinHandle<Option<()>>>,
+    poses: Option<JoinHandle<Option<PoseCounts>>>,
     limits: JoinHandle<Option<()>>,
 }
 
@@ -265,6 +282,7 @@ pub fn run(
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
         floor: Mutex::new(None),
+        pose: Mutex::new(None),
         calibrating: Mutex::new(None),
     });
     announce(&shared, &job.rig, parts.map.as_deref());
@@ -291,14 +309,13 @@ pub fn run(
     }
     status.close();
     let mut counts = CaptureCounts::default();
+    let mut poses = None;
     if let Ok(threads) = started {
         counts = worker::join(threads.capture).unwrap_or_default();
         shared.newest.close();
         worker::join(threads.analysis);
         shared.stripes.close();
-        if let Some(poses) = threads.poses {
-            worker::join(poses);
-        }
+        poses = threads.poses.and_then(worker::join);
         worker::join(threads.limits);
     }
     shared.say(Severity::Info, "daemon.stop", stop.to_string());
@@ -309,6 +326,7 @@ pub fn run(
         &counts,
         analysed,
         skipped,
+        poses.as_ref(),
         thrusters.as_ref(),
     ))?;
     Ok(Report {
@@ -316,6 +334,7 @@ pub fn run(
         capture: counts,
         analysed,
         skipped,
+        poses,
         thrusters,
         log,
         calibration: calibrating::lock(&shared).take(),
@@ -423,6 +442,7 @@ fn summary(
     counts: &CaptureCounts,
     analysed: u64,
     skipped: u64,
+    poses: Option<&PoseCounts>,
     thrusters: Option<&ServiceStats>,
 ) -> SummaryInput {
     let lost = [
@@ -467,6 +487,15 @@ fn summary(
     put("frames.repeated", counts.excluded.repeated.to_string());
     put("frames.lost_at_end", counts.lost_at_end.to_string());
     put("source.restarts", counts.restarts.to_string());
+    if let Some(poses) = poses {
+        put("poses.fitted", poses.fitted.to_string());
+        put("poses.doubtful", poses.doubtful.to_string());
+        put("poses.none", poses.none.values().sum::<u64>().to_string());
+        for (reason, n) in &poses.none {
+            put(&format!("poses.none.{reason}"), n.to_string());
+        }
+        put("poses.skipped", poses.skipped.to_string());
+    }
     if let Some(stats) = thrusters {
         put("commands.sets", stats.sets.to_string());
         put("commands.echoed", stats.echoed.to_string());

@@ -14,6 +14,8 @@ pub enum StopReason {
     Limit(String),
     /// The time is over, but the plan did not come to its end: the words say why.
     PlanAborted(String),
+    /// The requested time is over before the plan is: the words say where it was.
+    PlanCut(String),
     /// The log can take no more (disk full or failed): the file is closed and readable.
     LogStopped(String),
     /// The source has no more frames (a log that was played).
@@ -28,7 +30,7 @@ impl std::fmt::Display for StopReason {
             StopReason::Finished => f.write_str("finished as planned"),
             StopReason::Asked(by) => write!(f, "stopped by {by}"),
             StopReason::Limit(what) => write!(f, "aborted to neutral: {what}"),
-            StopReason::PlanAborted(why) => f.write_str(why),
+            StopReason::PlanAborted(why) | StopReason::PlanCut(why) => f.write_str(why),
             StopReason::LogStopped(why) => write!(f, "the log stopped: {why}"),
             StopReason::SourceEnded => f.write_str("the source ended"),
             StopReason::Failed(what) => write!(f, "failed: {what}"),

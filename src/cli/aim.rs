@@ -10,7 +10,7 @@ use crate::log::{bytes_per_s, free_bytes, writable_folder};
 use crate::record::glance::Gatherer;
 use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_rigs::Rig;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -69,7 +69,7 @@ fn watch(
     stop: &crate::signals::Signals,
 ) -> Result<Option<Frame>, CliError> {
     let mut analyst = Analyst::new(ExtractorConfig::default(), None);
-    let mut gatherer = Gatherer::default();
+    let mut gatherer = Gatherer::new(rig.camera.rate_fps);
     let (start_ns, mut window_ns) = (clock.monotonic_ns(), clock.monotonic_ns());
     let mut newest: Option<Frame> = None;
     loop {
@@ -90,10 +90,12 @@ fn watch(
         }
         let now_ns = clock.monotonic_ns();
         if now_ns - window_ns >= WINDOW.as_nanos() as u64 {
-            if let Some(frame) = &newest {
+            if let Some(frame) = newest.as_ref().filter(|f| f.meta.fault.is_none()) {
                 gatherer.profile(analyst.analyse(frame));
             }
-            show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9)?;
+            if !show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9)? {
+                return Ok(newest);
+            }
             window_ns = now_ns;
         }
         let over = args
@@ -108,7 +110,8 @@ fn watch(
     }
 }
 
-fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<(), CliError> {
+/// False when nobody reads it any more.
+fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<bool, CliError> {
     let bytes_per_min = bytes_per_s(&rig.camera) * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
@@ -130,9 +133,11 @@ fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Resul
             if advice.is_empty() { "" } else { " | " }
         )
     };
-    written
-        .and_then(|()| stdout.flush())
-        .map_err(|e| CliError::Run(format!("stdout: {e}")))
+    match written.and_then(|()| stdout.flush()) {
+        Ok(()) => Ok(true),
+        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
+        Err(e) => Err(CliError::Run(format!("stdout: {e}"))),
+    }
 }
 
 fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {

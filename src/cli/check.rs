@@ -1,10 +1,12 @@
 //! `hydroline check`: is everything a rig needs there and usable? What is not is said with its cure.
 
+use super::print::outln;
 use super::{CliError, Outcome, inputs, rigging};
 use crate::capture::Captured;
 use crate::clock::{Clock, SystemClock};
 use crate::log::{bytes_per_s, free_bytes, writable_folder};
 use crate::thruster::ports::Roots;
+use crate::thruster::service::check_set;
 use hydroline_rigs::{LinkPort, Rig};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -41,16 +43,17 @@ struct Finding {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
+    inputs::warn_of_flush(&rig);
     let findings = [camera(&rig), line(&rig), clock(), disk(&rig, args)];
     let ready = findings.iter().all(|f| f.ok);
     if args.json {
-        println!(
+        outln!(
             "{}",
             serde_json::json!({ "rig": rig.name, "ready": ready, "checks": findings })
         );
     } else {
         for finding in &findings {
-            println!(
+            outln!(
                 "{:<7} {}: {}",
                 if finding.ok { "ok" } else { "FIX" },
                 finding.what,
@@ -136,6 +139,9 @@ fn camera(rig: &Rig) -> Finding {
 /// Finds the port; does not open it, so that no controller moves anything.
 fn line(rig: &Rig) -> Finding {
     let link = &rig.thrusters.link;
+    if let Err(error) = check_set(&rig.thrusters) {
+        return finding("thruster controller", Err(error.to_string()));
+    }
     let look = || match &link.port {
         LinkPort::Sim => Ok("simulated controller on a pseudo-terminal".to_owned()),
         port => {

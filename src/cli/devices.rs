@@ -83,13 +83,24 @@ fn print_camera(camera: &CameraListing, long: bool) {
     }
 }
 
+/// Description and driver, as far as they are known: a port on the board has no description.
+fn serial_words(port: &Port) -> String {
+    let driver = match port.driver.as_str() {
+        // Since Linux 6.5 a port of the serial core stands between the node and its driver.
+        "" | "port" => None,
+        driver => Some(format!("driver {driver}")),
+    };
+    let description = Some(port.description.clone()).filter(|d| !d.is_empty());
+    let words: Vec<String> = [description, driver].into_iter().flatten().collect();
+    if words.is_empty() {
+        "on the board".to_owned()
+    } else {
+        words.join(", ")
+    }
+}
+
 fn print_port(port: &Port) {
-    outln!(
-        "serial {} ({}, driver {})",
-        port.node.display(),
-        port.description,
-        port.driver
-    );
+    outln!("serial {} ({})", port.node.display(), serial_words(port));
     for (folder, name) in [("by-id", &port.by_id), ("by-path", &port.by_path)] {
         if let Some(name) = name {
             outln!(

@@ -61,7 +61,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         } else {
             summary(&mut stdout, path, &profile)
         };
-        written.map_err(|e| CliError::Run(format!("stdout: {e}")))?;
+        if !still_read(written)? {
+            return Ok(Outcome::Done);
+        }
         if let Some(fault) = &profile.fault {
             eprintln!("hydroline: {}: {fault}", path.display());
         }
@@ -72,8 +74,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     if args.json {
-        writeln!(stdout, "{}", serde_json::json!({ "images": objects }))
-            .map_err(|e| CliError::Run(format!("stdout: {e}")))?;
+        still_read(writeln!(
+            stdout,
+            "{}",
+            serde_json::json!({ "images": objects })
+        ))?;
     }
     match failed {
         0 => Ok(Outcome::Done),
@@ -81,6 +86,15 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             "{n} of {} images could not be read",
             args.images.len()
         ))),
+    }
+}
+
+/// Whether someone still reads stdout: a closed pipe (`| head`) ends the output, not the command.
+fn still_read(written: std::io::Result<()>) -> Result<bool, CliError> {
+    match written {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(CliError::Run(format!("stdout: {error}"))),
     }
 }
 

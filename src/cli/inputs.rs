@@ -5,6 +5,9 @@ use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::EffectStack;
 use std::time::Duration;
 
+/// Commands reach the disk within this time \[s\].
+const PROMISED_FLUSH_S: f64 = 0.05;
+
 /// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
     if let Ok(seconds) = text.parse::<f64>() {
@@ -37,6 +40,16 @@ pub fn rig(argument: &str) -> Result<Rig, CliError> {
     EffectStack::<f64>::build(&rig.physics)
         .map_err(|e| CliError::Config(format!("{argument}: [[physics]]: {e}")))?;
     Ok(rig)
+}
+
+/// A crash is to cost no more than the last command: that holds for commands flushed within 50 ms.
+pub fn warn_of_flush(rig: &Rig) {
+    let flush_s = rig.log.command_flush_s;
+    if flush_s > PROMISED_FLUSH_S {
+        eprintln!(
+            "hydroline: log.command_flush_s = {flush_s}: a crash may cost the commands of the last {flush_s} s; {PROMISED_FLUSH_S} or less keeps the loss to the last one"
+        );
+    }
 }
 
 /// A plan by file or built-in name, checked against the rig that is to run it.

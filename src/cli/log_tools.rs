@@ -1,8 +1,10 @@
 //! `hydroline info | doctor | recover | export`: what is in a log, whether it is sound, mending, getting things out.
 
+use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
 use crate::log::export::ExportOptions;
 use crate::log::{self, LogError};
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -64,15 +66,29 @@ fn failed(error: LogError) -> CliError {
         | LogError::Empty { .. }
         | LogError::OutputExists { .. }
         | LogError::NotEmpty { .. } => CliError::config(error),
+        LogError::Read { ref source, .. } if is_no_file(source.kind()) => {
+            CliError::Config(format!("{error}; name a log (.mcap) that can be read"))
+        }
         other => CliError::run(other),
     }
 }
 
+/// There is nothing to be read under that name, as against a disk that fails while reading.
+fn is_no_file(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::NotFound
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::PermissionDenied
+    )
+}
+
 fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Result<(), CliError> {
     if json {
-        println!("{}", serde_json::to_string(value).map_err(CliError::run)?);
+        outln!("{}", serde_json::to_string(value).map_err(CliError::run)?);
     } else {
-        print!("{value}");
+        out!("{value}");
     }
     Ok(())
 }
@@ -108,6 +124,12 @@ pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
 /// nobody named it.
 fn export_folder(args: &ExportArgs) -> Result<PathBuf, CliError> {
     if let Some(out) = &args.out {
+        if out.exists() && !out.is_dir() {
+            return Err(CliError::Config(format!(
+                "--out {} is a file: export writes a folder; name another --out or move it away",
+                out.display()
+            )));
+        }
         return Ok(out.clone());
     }
     let out = args.log.with_extension("");
@@ -134,17 +156,17 @@ pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
     let out = export_folder(args)?;
     let exported = log::export::export(&args.log, &out, options).map_err(failed)?;
     if args.json {
-        println!(
+        outln!(
             "{}",
             serde_json::to_string(&exported).map_err(CliError::run)?
         );
         return Ok(Outcome::Done);
     }
     for (file, rows) in &exported.rows {
-        println!("{}: {rows} rows", file.display());
+        outln!("{}: {rows} rows", file.display());
     }
     if options.frames {
-        println!(
+        outln!(
             "{}: {} frames as PNG, {} without an image",
             out.display(),
             exported.frames,

@@ -9,11 +9,13 @@ use crate::clock::{Clock, SystemClock};
 use crate::log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use crate::record::{
     self, Conditions, Job, Parts, Report, SessionInput, Status,
+    keys::Keys,
     preflight::{Preflight, Repeats, preflight_runs},
 };
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
-use hydroline_calib::Calibration;
+use crate::thruster::service::check_set;
+use hydroline_calib::{Calibration, ImageSize};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, Rig};
@@ -24,6 +26,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly.
+Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series.
 A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
 
 With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that;
@@ -46,7 +49,7 @@ pub struct Args {
     #[arg(long = "for", value_parser = inputs::some_duration, allow_hyphen_values = true, value_name = "TIME")]
     length: Option<Duration>,
     /// Repeats the plan N times, each into its own log (LOG-1.mcap, LOG-2.mcap, ...)
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "N")]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), allow_negative_numbers = true, value_name = "N")]
     runs: u32,
     /// Pause between runs, so that the water comes to rest
     #[arg(long, value_parser = inputs::duration, allow_hyphen_values = true, default_value = "0s", value_name = "TIME")]
@@ -71,7 +74,7 @@ pub struct Args {
     #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, value_name = "GPKG")]
     salinity: Option<f64>,
     /// Ballast on the vehicle [kg]
-    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
+    #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, value_name = "KG")]
     ballast: Option<f64>,
     /// Shows what the plan will do and starts nothing
     #[arg(long)]
@@ -101,7 +104,15 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ballast_kg: args.ballast,
         medium: args.using.medium,
     };
-    conditions.n_water().map_err(CliError::Config)?;
+    if conditions.n_water().map_err(CliError::Config)?.is_none() && args.salinity.is_some() {
+        eprintln!(
+            "hydroline: --salinity without --water-temp: noted in the log, but no refractive index can be made of it"
+        );
+    }
+    if !args.no_thrusters {
+        check_set(&rig.thrusters).map_err(CliError::config)?;
+    }
+    inputs::warn_of_flush(&rig);
     let calibrate = args.making.setup(&rig, &conditions)?;
     let calibration = args.using.load()?;
     let check = plan
@@ -232,7 +243,9 @@ fn record_all(
                 return Err(CliError::Run(unfinished.unwrap_or_default()));
             }
             StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
-            StopReason::Finished | StopReason::SourceEnded => outcome = lossy(&report, outcome),
+            StopReason::Finished | StopReason::PlanCut(_) | StopReason::SourceEnded => {
+                outcome = lossy(&report, outcome);
+            }
         }
         if run.0 == run.1 {
             break;
@@ -257,9 +270,14 @@ fn checked(
     conditions: &Conditions,
     calibration: Calibration,
 ) -> Result<(Calibration, Option<String>), CliError> {
-    let warning = args
-        .using
-        .check(&calibration, medium::of_run(rig, conditions))?;
+    let run = medium::of_run(rig, conditions);
+    let index = medium::index_of(
+        run,
+        conditions.water_temperature_c,
+        conditions.salinity_gpkg,
+    );
+    let image = Some(ImageSize::of(&rig.camera));
+    let (calibration, warning) = args.using.fit_to_run(calibration, run, index, image)?;
     if let Some(words) = &warning {
         eprintln!("hydroline: {words}");
     }
@@ -354,13 +372,19 @@ fn run_path(out: &Path, k: u32, runs: u32) -> PathBuf {
     out.with_file_name(format!("{stem}-{k}{extension}"))
 }
 
-/// Waits between runs; false when a signal ended the wait.
+/// Whether Space or q was pressed: between runs both mean that no plan starts any more.
+fn stopped(keys: Option<&Keys>) -> bool {
+    keys.is_some_and(|keys| keys.space() || keys.quit())
+}
+
+/// Waits between runs; false when a signal or a key ended the wait.
 fn settle(pause: Duration) -> Result<bool, CliError> {
     let signals = crate::signals::listen().map_err(CliError::run)?;
+    let keys = Keys::watch(None);
     let bar = progress::bar(pause.as_secs(), "settling [s]");
     let end = Instant::now() + pause;
     loop {
-        if signals.heard().is_some() {
+        if signals.heard().is_some() || stopped(keys.as_ref()) {
             return Ok(false);
         }
         let left = end.saturating_duration_since(Instant::now());
@@ -378,11 +402,25 @@ fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
     let signals = crate::signals::listen().map_err(CliError::run)?;
     let [x, y, z, _, _, psi] = start;
     eprintln!(
-        "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Ctrl-C ends",
+        "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Space, q or Ctrl-C ends",
         psi.to_degrees(),
         run.0 + 1,
         run.1
     );
+    if let Some(keys) = Keys::watch(None) {
+        // An Enter from before the question was asked is no answer to it.
+        std::thread::sleep(Duration::from_millis(150));
+        keys.enter();
+        loop {
+            if signals.heard().is_some() || stopped(Some(&keys)) {
+                return Ok(false);
+            }
+            if keys.enter() {
+                return Ok(true);
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
     let (tell, told) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         let mut line = String::new();
@@ -456,6 +494,16 @@ impl Recording<'_> {
                 self.rig.log.min_free_bytes,
             )
             .map_err(CliError::config)?;
+        }
+        if let (Some(length), Some(plan)) = (length, self.plan)
+            && length.as_secs_f64() < plan.duration_s()
+        {
+            eprintln!(
+                "hydroline: --for {:.1} s is shorter than plan '{}' ({:.1} s): the plan will be cut",
+                length.as_secs_f64(),
+                plan.name,
+                plan.duration_s()
+            );
         }
         let Rigged {
             source,
@@ -552,6 +600,7 @@ fn json_report(out: &Path, report: &Report) -> serde_json::Value {
         "frames_dropped": report.log.counts.frames_dropped,
         "frames_analysed": report.analysed,
         "frames_not_analysed": report.skipped,
+        "poses": report.poses,
         "command_sets": report.thrusters.map(|t| t.sets),
         "command_sets_echoed": report.thrusters.map(|t| t.echoed),
         "bytes": report.log.counts.bytes,
@@ -579,6 +628,15 @@ fn print_report(out: &Path, report: &Report) {
         outln!(
             "  the count by time differs by {} frames: see the log's events",
             capture.disagreement
+        );
+    }
+    if let Some(poses) = &report.poses {
+        let none: u64 = poses.none.values().sum();
+        outln!(
+            "  poses: {} fitted, {} doubtful and {none} without a pose (not in the log), {} skipped for want of time: replay fits them",
+            poses.fitted,
+            poses.doubtful,
+            poses.skipped,
         );
     }
     if let Some(stats) = &report.thrusters {

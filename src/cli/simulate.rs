@@ -18,7 +18,7 @@ pub struct Args {
     #[arg(long, value_name = "PLAN")]
     plan: String,
     /// Seed of all noise; without it the rig's
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Measured motion with white noise instead of images
     #[arg(long)]

@@ -1,4 +1,5 @@
-//! Keys while recording: Space = neutral at once, q = end cleanly. Ctrl-C stays a signal.
+//! Keys while recording and between runs: Space = neutral at once and no plan any more, q (or Ctrl-D) = end cleanly.
+//! Ctrl-C stays a signal.
 //!
 //! A thread of its own reads them, so that nothing the program waits for delays a neutral.
 
@@ -18,6 +19,7 @@ const LOOK_MS: i32 = 100;
 struct Pressed {
     space: AtomicBool,
     quit: AtomicBool,
+    enter: AtomicBool,
     closing: AtomicBool,
 }
 
@@ -78,6 +80,11 @@ impl Keys {
     pub fn quit(&self) -> bool {
         self.pressed.quit.load(Ordering::Acquire)
     }
+
+    /// Whether Enter was pressed since the last call.
+    pub fn enter(&self) -> bool {
+        self.pressed.enter.swap(false, Ordering::AcqRel)
+    }
 }
 
 fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
@@ -106,16 +113,18 @@ fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
             match key {
                 b' ' => {
                     if let Some(line) = line {
-                        line.request(NeutralReason::Request);
+                        line.bar(NeutralReason::Request);
                     }
                     pressed.space.store(true, Ordering::Release);
                 }
-                b'q' => {
+                // 4 = Ctrl-D.
+                b'q' | 4 => {
                     if let Some(line) = line {
-                        line.request(NeutralReason::Exit);
+                        line.bar(NeutralReason::Exit);
                     }
                     pressed.quit.store(true, Ordering::Release);
                 }
+                b'\n' | b'\r' => pressed.enter.store(true, Ordering::Release),
                 _ => {}
             }
         }

@@ -32,7 +32,12 @@ impl Conditions {
     /// Words, when temperature or salinity are outside what the equation was fitted to.
     pub fn n_water(&self) -> Result<Option<f64>, String> {
         let Some(temperature_c) = self.water_temperature_c else {
-            return Ok(None);
+            return match self.salinity_gpkg {
+                Some(salinity) if !(0.0..=35.0).contains(&salinity) => Err(format!(
+                    "{salinity} g/kg: the refractive index is known for 0..35 g/kg; check --salinity"
+                )),
+                _ => Ok(None),
+            };
         };
         let salinity = self.salinity_gpkg.unwrap_or(0.0);
         refractive_index(temperature_c, salinity, WAVELENGTH_NM).map(Some).ok_or_else(|| {
@@ -165,5 +170,12 @@ mod tests {
             ..Conditions::default()
         };
         assert!(conditions.n_water().unwrap_err().contains("0..30"));
+        let only = |salinity_gpkg| Conditions {
+            salinity_gpkg: Some(salinity_gpkg),
+            ..Conditions::default()
+        };
+        assert!(only(60.0).n_water().unwrap_err().contains("0..35"));
+        assert!(only(f64::NAN).n_water().is_err());
+        assert_eq!(only(10.0).n_water(), Ok(None));
     }
 }

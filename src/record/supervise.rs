@@ -94,7 +94,9 @@ impl Supervisor<'_> {
     }
 
     fn stop(&self, by: &'static str) -> StopReason {
-        self.neutral(NeutralReason::Exit);
+        if let Some(service) = self.service {
+            service.handle().bar(NeutralReason::Exit);
+        }
         StopReason::Asked(by)
     }
 
@@ -137,6 +139,15 @@ impl Supervisor<'_> {
             (Some(PlanState::None | PlanState::Waiting), Some(plan)) => {
                 StopReason::PlanAborted(format!("plan '{}' never started", plan.name))
             }
+            (Some(PlanState::Running), Some(plan)) => {
+                let run_s = self.elapsed().unwrap_or_default().saturating_sub(LEAD);
+                StopReason::PlanCut(format!(
+                    "plan '{}' was cut at {:.1} of {:.1} s, as the recording's length asked",
+                    plan.name,
+                    run_s.as_secs_f64(),
+                    plan.duration_s()
+                ))
+            }
             _ => StopReason::Finished,
         }
     }
@@ -148,8 +159,11 @@ impl Supervisor<'_> {
         }
         if keys.space() {
             self.spaced = true;
-            let words =
-                "Space: thrusters to neutral, the plan is over; recording goes on, q ends it";
+            let words = if self.began_ns.is_some() {
+                "Space: thrusters to neutral, the plan is over; recording goes on, q ends it"
+            } else {
+                "Space before the start: no plan starts any more; recording goes on, q ends it"
+            };
             self.shared
                 .say(Severity::Warning, "thruster.neutral", words);
         }
@@ -204,6 +218,9 @@ impl Supervisor<'_> {
         let (Some(plan), Some(service)) = (&self.job.plan, self.service) else {
             return Ok(());
         };
+        if self.spaced {
+            return Ok(());
+        }
         let start_ns = self.shared.clock.monotonic_ns() + LEAD.as_nanos() as u64;
         service.run_plan(
             start_ns,

@@ -1,5 +1,8 @@
-//! Where the model says the vehicle is, from the commands that were really sent: the only estimate of
-//! x, y and pitch while running until a pose estimator reads the target.
+//! Where the model says the vehicle is, from the commands that were really sent: the estimate of x, y and pitch while
+//! thrusters push and no measured pose is there.
+//!
+//! Without thrust it says nothing: what a model drifts to by itself (ballast, an assumed current) is no reason to stop, and
+//! thrusters that are at neutral already cannot be stopped.
 //!
 //! The thruster service only posts its commands; the model runs on the thread that asks for the estimate.
 
@@ -50,6 +53,10 @@ impl State {
 
     /// False when the model diverged.
     fn take(&mut self, sent: &Sent, now_unix_ns: u64) -> bool {
+        // The vehicle is held or rests at the rig's start until something pushes it.
+        if self.start_unix_ns.is_none() && sent.thrust_n == 0.0 {
+            return true;
+        }
         let start = *self
             .start_unix_ns
             .get_or_insert(sent.unix_ns.min(now_unix_ns));
@@ -58,6 +65,11 @@ impl State {
         }
         let t_s = self.t_s(start, sent.unix_ns);
         self.world.command_thrusts(t_s, &self.thrust_n).is_ok()
+    }
+
+    /// Whether any thruster is commanded to push.
+    fn is_driven(&self) -> bool {
+        self.thrust_n.iter().any(|thrust_n| *thrust_n != 0.0)
     }
 }
 
@@ -127,7 +139,7 @@ impl Tracker {
         }
     }
 
-    /// Where the vehicle should be at `unix_ns`; nothing before the first command.
+    /// Where the vehicle should be at `unix_ns`; nothing while no thrust is commanded.
     pub fn estimate(&self, unix_ns: u64) -> Estimate {
         let mut model = self.lock();
         if self.missed.load(Ordering::Acquire) {
@@ -141,6 +153,9 @@ impl Tracker {
         };
         let t_s = state.t_s(start, unix_ns);
         state.last_t_s = t_s;
+        if !state.is_driven() {
+            return Estimate::default();
+        }
         let Ok(vehicle) = state.world.state_at(t_s) else {
             model.state = None;
             return Estimate::default();
@@ -202,6 +217,47 @@ mod tests {
         };
         let (early, late) = (x(1), x(6));
         assert!(late - early > 0.05, "{early} .. {late}");
+    }
+
+    #[test]
+    fn a_model_that_nothing_pushes_says_nothing_however_it_drifts() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let tracker = Tracker::new(&rig);
+        let minute_ns = 60_000_000_000;
+        let neutral: Vec<_> = commands(&rig)
+            .into_iter()
+            .map(|c| CommandRecord {
+                thrust_n: 0.0,
+                cause: "neutral",
+                ..c
+            })
+            .collect();
+        for command in &neutral {
+            tracker.command(command);
+        }
+        assert_eq!(tracker.estimate(START_NS + minute_ns), Estimate::default());
+        // A plan a minute later starts at the rig's start, not where the model had drifted to ...
+        let later = |c: &CommandRecord| CommandRecord {
+            timestamp_ns: c.timestamp_ns + minute_ns,
+            ..c.clone()
+        };
+        for command in &commands(&rig) {
+            tracker.command(&later(command));
+        }
+        let [.., z, _, _, _] = rig.tank.start_pose;
+        let at = tracker.estimate(START_NS + minute_ns + 100_000_000);
+        assert!((at.z_m.unwrap() - z).abs() < 1e-3, "{at:?}");
+        // ... and with the neutral after it the model is silent again.
+        for command in &neutral {
+            tracker.command(&CommandRecord {
+                timestamp_ns: later(command).timestamp_ns + 1_000_000_000,
+                ..command.clone()
+            });
+        }
+        assert_eq!(
+            tracker.estimate(START_NS + minute_ns + 2_000_000_000),
+            Estimate::default()
+        );
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! The three threads around the camera: capture, which waits for nothing else, analysis, which
 //! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
 
-use super::{Job, RecordError, Shared, calibrating, floor, newest::Taken};
+use super::{Job, PoseCounts, RecordError, Shared, calibrating, floor, newest::Taken, watch};
 use crate::analysis::Analyst;
 use crate::calibrate::live::Live;
 use crate::capture::{CaptureCounts, Captured, FrameSource};
 use crate::event::Severity;
 use crate::frame::Frame;
 use crate::log::messages;
+use crate::pose::joint::PoseFault;
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::shutdown::StopReason;
 use crate::thread_class::{block_signals, step_back};
@@ -168,14 +169,20 @@ pub(super) fn poses(
     shared: Arc<Shared>,
     job: &Job,
     map: Arc<dyn PlaneMap>,
-) -> Result<JoinHandle<Option<()>>, RecordError> {
+) -> Result<JoinHandle<Option<PoseCounts>>, RecordError> {
     let mut poses = PoseRun::new(&job.rig, map);
     spawn("poses", shared, move |shared| {
         step_back(19);
+        let mut counts = PoseCounts::default();
         loop {
             match shared.stripes.take(LOOK) {
                 Taken::Item((stamp_ns, image, profile)) => {
-                    if let RunPose::Good(fit) = poses.pose(stamp_ns, &image, &profile) {
+                    let pose = poses.pose(stamp_ns, &image, &profile);
+                    counts.count(&pose);
+                    if let RunPose::Good(fit) = pose {
+                        let measured = watch::MeasuredPose::of(stamp_ns, &fit);
+                        *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(measured);
                         let motion = motion_message(stamp_ns, &fit);
                         shared.recorder.motion(&motion);
                         if let Some(pose) = messages::pose_message(&motion) {
@@ -184,8 +191,34 @@ pub(super) fn poses(
                     }
                 }
                 Taken::Nothing => {}
-                Taken::Closed => return,
+                Taken::Closed => {
+                    counts.skipped = shared.stripes.skipped();
+                    return counts;
+                }
             }
         }
     })
+}
+
+impl PoseCounts {
+    fn count(&mut self, pose: &RunPose) {
+        match pose {
+            RunPose::Good(_) => self.fitted += 1,
+            RunPose::Doubtful(_) => self.doubtful += 1,
+            RunPose::None(fault) => *self.none.entry(word(fault)).or_default() += 1,
+        }
+    }
+}
+
+/// A word for the summary's keys.
+fn word(fault: &PoseFault) -> &'static str {
+    match fault {
+        PoseFault::NoStripe(_) => "no_stripe",
+        PoseFault::Segments(_) => "segments",
+        PoseFault::Size { .. } => "size",
+        PoseFault::Nowhere { .. } => "nowhere_on_target",
+        PoseFault::FarFromHint { .. } => "far_from_expected",
+        PoseFault::Unexplained { .. } => "unexplained",
+        PoseFault::Unsettled => "unsettled",
+    }
 }

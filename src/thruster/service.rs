@@ -11,7 +11,7 @@ mod error;
 mod noise;
 
 pub use self::core::{Core, Flow};
-pub use error::ServiceError;
+pub use error::{ServiceError, check_set};
 
 use error::check;
 
@@ -150,6 +150,8 @@ pub enum Order {
 #[derive(Debug, Default)]
 pub struct Shared {
     neutral: AtomicU8,
+    /// Someone wants no more motion: no plan, no set-point, whoever asks.
+    barred: AtomicBool,
     stop: AtomicBool,
     state: Mutex<Option<State>>,
     stats: Mutex<ServiceStats>,
@@ -214,6 +216,14 @@ impl NeutralHandle {
             .position(|r| *r == reason)
             .map_or(2, |i| i as u8 + 1);
         self.0.neutral.store(code, Ordering::Release);
+    }
+
+    /// Neutral, and nothing moves any more for as long as the service lives: what is ordered after this is refused.
+    /// For a person's stop, which must not be undone by a plan that was just about to begin. As safe as `request`.
+    pub fn bar(&self, reason: NeutralReason) {
+        // First the bar: an order that is taken between the two is undone by the neutral that follows.
+        self.0.barred.store(true, Ordering::Release);
+        self.request(reason);
     }
 }
 

@@ -218,6 +218,14 @@ impl Core {
                 }
                 continue;
             }
+            if self.shared.barred.load(Ordering::Acquire) {
+                if matches!(order, Order::Plan { .. }) {
+                    let why = "the plan is not started: someone stopped the thrusters";
+                    self.set_plan(PlanState::Refused(why.into()));
+                    self.event(Severity::Warning, "thruster.refused", why.into(), &[]);
+                }
+                continue;
+            }
             match order {
                 Order::Arm => {
                     self.safety.arm();

@@ -1,6 +1,6 @@
 //! What is wrong before a byte is sent.
 
-use crate::thruster::link::Protocol;
+use crate::thruster::link::{Protocol, protocol_for};
 use crate::thruster::safety::State;
 use crate::thruster::stamped::MAX_CHANNELS;
 use crate::thruster::transport::Wire;
@@ -45,6 +45,14 @@ pub enum ServiceError {
     /// The producer is faster than the line.
     #[error("the thruster service's queue is full: set-points come faster than link.rate_hz")]
     Full,
+}
+
+/// Whether a rig's thrusters and link work together: channels, and the wire's time against the rate. Opens nothing.
+///
+/// # Errors
+/// As [`super::ThrusterService::start`], without starting anything.
+pub fn check_set(set: &ThrusterSet) -> Result<(), ServiceError> {
+    check(set, &*protocol_for(set))
 }
 
 /// Channels and wire time of a rig.

@@ -47,6 +47,42 @@ fn a_plan_without_a_link_is_refused_in_words() {
 }
 
 #[test]
+fn after_a_persons_stop_no_plan_and_no_set_point_moves_anything() {
+    for kind in KINDS {
+        let mut b = bench(kind, |_| {});
+        b.run_ms(60);
+        // The key is pressed in the very moment in which the plan is ordered, before the service looks.
+        b.orders
+            .try_send(Order::Plan {
+                start_ns: b.now() + 5 * MS,
+                duration_s: 1.0,
+                load: Box::new(constant(5.0)),
+            })
+            .unwrap();
+        NeutralHandle(b.shared.clone()).bar(NeutralReason::Request);
+        b.run_ms(300);
+        assert!(
+            matches!(state(&b), PlanState::Refused(why) if why.contains("someone stopped")),
+            "{kind:?} {:?}",
+            state(&b)
+        );
+        // Nor later, nor by hand.
+        b.plan(1.0, constant(5.0));
+        b.orders.try_send(Order::Arm).unwrap();
+        b.orders
+            .try_send(Order::SetPoint(SetPoint {
+                due_ns: 0,
+                thrust_n: vec![5.0, 5.0],
+                plan_step: 0,
+            }))
+            .unwrap();
+        b.run_ms(1500);
+        let moved = b.commands().into_iter().find(|c| c.pulse_us != 1500.0);
+        assert!(moved.is_none(), "{kind:?} {moved:?}");
+    }
+}
+
+#[test]
 fn every_early_end_names_its_reason() {
     type End = fn(&mut Bench);
     let ends: [(End, NeutralReason); 3] = [
