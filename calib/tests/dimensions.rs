@@ -126,7 +126,6 @@ fn calibrate(offset_m: f64, method: Method) -> Calibration {
 #[test]
 fn dimensions_of_a_test_object_from_rendered_boards() {
     let rig = Rig::behind_port();
-    let mut best = f64::INFINITY;
     for method in Method::ALL {
         let calibration = calibrate(0.0, method);
         let (least, most, rms) = dimensions(&calibration, &rig, 0.0);
@@ -139,11 +138,13 @@ fn dimensions_of_a_test_object_from_rendered_boards() {
                 // The literal map is of the published size: the scallop, once or twice.
                 assert!(most < 1.1 && most > 0.3, "{most}");
             }
-            Method::Homography | Method::Refractive => best = best.min(most),
+            // Each, not the better of the two: the default is one of them.
+            Method::Homography | Method::Refractive => {
+                assert!(most <= 0.10, "{method:?}: {most} mm")
+            }
             _ => {}
         }
     }
-    assert!(best <= 0.10, "best map: {best} mm");
 }
 
 #[test]

@@ -169,6 +169,8 @@ fn all_boards_are_found_under_hard_conditions() {
             worst[0],
             worst[1]
         );
+        // The nodes' own covariances: of 1 at truth; a third to either side is what blur leaves.
+        assert!((0.6..1.5).contains(&chi2), "{pattern:?}: chi2 {chi2}");
         assert!(sum.sqrt() <= 0.05);
     }
     println!("missed {} of 300: {missed:#?}", missed.len());
