@@ -44,7 +44,16 @@ def run(bench, report: Report) -> None:
         stamps(report, log, name, camera["exposure_s"])
         pixels(report, log, name, camera, bench.cache, late)
         controller(report, log, name, SECONDS, PLAN_SECONDS * rigs.command_rate_hz(bench.repository))
+        low_latency(report, log, name)
     controller_saw(report, bench, logs)
+
+
+def low_latency(report: Report, log: Log, name: str) -> None:
+    """ftdi_sio holds bytes back for 16 ms unless told otherwise: told, and read back, at every opening of the port."""
+    said = [e.message for e in log.events("serial.low_latency")]
+    good = [m for m in said if "low-latency mode set and read back" in m and "latency timer 1 ms" in m]
+    report.check(f"{name}: serial low-latency mode", said, "set and read back, latency timer 1 ms, every time",
+                 bool(said) and good == said)
 
 
 def controller_saw(report: Report, bench, logs: list[Log]) -> None:
