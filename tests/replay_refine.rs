@@ -113,11 +113,17 @@ fn a_sheet_that_is_not_the_rigs_is_found_and_the_poses_follow_it() {
     // Thickness to a hundredth of what it is off by, or the claim above says little.
     assert!(found["thickness_m"][1].as_f64().unwrap() < 0.1 * (THICKNESS_M - 0.002));
 
-    let (before, _) = worst(&plain, &log);
+    let (before, without) = worst(&plain, &log);
     let (after, poses) = worst(&refined, &log);
-    println!("x, theta at most: {before:?} without, {after:?} with, {poses} poses");
-    assert!(poses > 10);
-    assert!(after[0] < 0.5 * before[0] && after[1] < 0.5 * before[1]);
+    println!("{without} poses, x and theta off by {before:?} at most; refined {poses}, {after:?}");
+    // Under the rig's own sheet the frames do not fit, and are not said to.
+    assert_eq!(without, 0);
+    assert_eq!(poses, 25);
+    // Four sds of single frames with the thickness known.
+    assert!(
+        after[0] < 1.4e-3 && after[1] < 0.1f64.to_radians(),
+        "{after:?}"
+    );
 }
 
 #[test]
