@@ -28,7 +28,7 @@ const APPROACHED: f64 = 100.0;
 /// Where the noise is known well enough to go on with.
 const ROUGHLY: f64 = 1000.0;
 /// Of the columns without edges every so many, until the last look.
-const FEW: usize = 2;
+const FEW: usize = 3;
 const TO_APPROACH: Choice = Choice {
     step: 3,
     keep: 2,

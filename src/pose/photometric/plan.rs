@@ -11,8 +11,8 @@ use crate::pose::outline::Outline;
 const REACH: f64 = 3.7;
 /// Room for the pose to move after the pixels were chosen \[px\].
 const MOVE_PX: f64 = 1.0;
-/// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out.
-const EDGE_SPREADS: f64 = 4.5;
+/// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out (to 1e-4 of the light).
+const EDGE_SPREADS: f64 = 3.8;
 const EDGE_SHIFT_M: f64 = 0.0015;
 /// Points this near the ends of the fan are not used, as a tangent.
 const FAN_MARGIN: f64 = 0.012;
@@ -212,7 +212,7 @@ impl Photometric {
         .collect()
     }
 
-    /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
+    /// Some spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
     fn edge_reach_m(&self, turned: &Turned) -> f64 {
         let middle = self.table.width_px / 2;
         let start = 0.5 * (self.table.height_px as f64 - 2.0);
