@@ -64,12 +64,12 @@ impl<const N: usize> Lanes<N> {
         self.len = 0;
         let weight = fours(&self.weight);
         let residual = fours(&self.residual);
-        for a in 0..N {
+        for (a, (row, slope)) in information.iter_mut().zip(gradient).enumerate() {
             let j = fours(&self.j[a]);
             let weighted: Fours = std::array::from_fn(|k| j[k] * weight[k]);
-            gradient[a] += sum_of_products(&weighted, &residual);
-            for b in 0..=a {
-                information[a][b] += sum_of_products(&weighted, &fours(&self.j[b]));
+            *slope += sum_of_products(&weighted, &residual);
+            for (sum, j) in row.iter_mut().zip(&self.j[..=a]) {
+                *sum += sum_of_products(&weighted, &fours(j));
             }
         }
     }
