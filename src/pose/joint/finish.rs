@@ -57,27 +57,9 @@ impl PoseFitter {
             redescending: false,
             saturation: self.saturation,
         };
-        // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is known
-        // once the fit is about there.
-        let mut approach = |from: State, settled: f64| -> Result<(State, Sums), PoseFault> {
-            let doubts = &mut Doubts::default();
-            let limits = (6, settled);
-            let found = self.settle_where_planned(
-                model,
-                TO_APPROACH,
-                image,
-                from,
-                &free,
-                &weighting,
-                doubts,
-                limits,
-            );
-            let (state, sums) = found.ok_or(PoseFault::Unsettled)?;
-            weighting.noise_sd = lit_noise(&sums).unwrap_or(weighting.noise_sd).max(0.3);
-            Ok((state, sums))
-        };
-        let (from, _) = approach(start, ROUGHLY)?;
-        let (mut from, mut sums) = approach(from, APPROACHED)?;
+        let (mut from, mut sums) = self
+            .approach(model, image, start, &free, &mut weighting)
+            .ok_or(PoseFault::Unsettled)?;
         weighting.cut = CUT;
         weighting.redescending = true;
         let mut again = PLANS;
@@ -129,30 +111,42 @@ impl PoseFitter {
         })
     }
 
-    /// [`Self::settle`] with the pixels that the state calls for, chosen anew as long as it leaves the room that they
-    /// were chosen for: beyond it edges cut light that the plan takes for whole.
-    #[allow(clippy::too_many_arguments)]
-    fn settle_where_planned(
+    /// From a start to about the pose, on some of the pixels; these are chosen anew as long as the pose leaves the room
+    /// that they were chosen for: beyond it edges cut light that the plan takes for whole.
+    fn approach(
         &self,
         model: &Photometric,
-        choice: Choice,
         image: &GreyImage,
         start: State,
         free: &[bool; PARAMETERS],
-        weighting: &Weighting,
-        doubts: &mut Doubts,
-        limits: (usize, f64),
+        weighting: &mut Weighting,
     ) -> Option<(State, Sums)> {
         let mut from = start;
         for again in (0..PLANS).rev() {
-            let plan = model.plan(&from, choice);
-            doubts.forget_pixels();
-            let (state, sums) =
-                self.settle(model, &plan, image, from, free, weighting, doubts, limits)?;
-            if again == 0 || self.shift_m(&from.pose, &state.pose) <= choice.room_m {
-                return Some((state, sums));
-            }
-            from = state;
+            let plan = model.plan(&from, TO_APPROACH);
+            let mut settle = |from: State, settled: f64| {
+                let none = &mut Doubts::default();
+                let limits = (6, settled);
+                let found = self.settle(model, &plan, image, from, free, weighting, none, limits);
+                // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is
+                // known once the fit is about there.
+                let noise_sd = found.as_ref().and_then(|(_, sums)| lit_noise(sums));
+                weighting.noise_sd = noise_sd.unwrap_or(weighting.noise_sd).max(0.3);
+                found
+            };
+            let in_room = |state: &State| {
+                self.shift_m(&from.pose, &state.pose) <= TO_APPROACH.room_m || again == 0
+            };
+            let (rough, _) = settle(from, ROUGHLY)?;
+            from = if in_room(&rough) {
+                let (state, sums) = settle(rough, APPROACHED)?;
+                if in_room(&state) {
+                    return Some((state, sums));
+                }
+                state
+            } else {
+                rough
+            };
         }
         None
     }
