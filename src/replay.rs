@@ -18,6 +18,7 @@ use crate::log::{
     SummaryInput, WriteSettings,
 };
 use crate::pose::joint::Ahead;
+use crate::pose::joint::refine::{RefineError, Wanted};
 use crate::pose::run::{PoseRun, RunPose, motion_message};
 use crate::stripe::{ExtractorConfig, Profile};
 use hydroline_calib::Calibration;
@@ -32,8 +33,10 @@ use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+mod refined;
 mod smoothed;
 
+pub use refined::RefineReport;
 pub use smoothed::SmoothReport;
 
 /// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
@@ -50,6 +53,8 @@ pub struct Options {
     pub map: Option<Arc<dyn PlaneMap>>,
     /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
     pub poses: Option<PoseRun>,
+    /// Refines what the frames share before they are fitted: one pass more over the log. Needs `poses`.
+    pub refine: Option<Wanted>,
     /// Binds the poses of the run through this rig's dynamics ([`crate::smooth`]): two passes over the log.
     pub smooth: Option<Box<Rig>>,
     /// The rig to state in the new log, when it is another than the recording's own.
@@ -83,6 +88,8 @@ pub struct Report {
     pub poses: u64,
     /// Frames whose pose was left out, by reason.
     pub without_pose: std::collections::BTreeMap<String, u64>,
+    /// What the frames were found to share, where it was asked for.
+    pub refined: Option<RefineReport>,
     /// What binding the frames did, where it was asked for.
     pub smoothed: Option<SmoothReport>,
     /// Commands carried over.
@@ -119,6 +126,9 @@ pub enum ReplayError {
     /// Reading or writing a log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Refining what they share.
+    #[error("--refine: {0}")]
+    Refine(#[from] RefineError),
     /// Binding the frames.
     #[error(transparent)]
     Smooth(#[from] crate::smooth::SmoothError),
@@ -167,8 +177,15 @@ pub fn replay(
             path: log.to_owned(),
         });
     }
+    let mut report = Report::default();
+    let mut poses = options.poses.clone();
+    if let Some((wanted, run)) = options.refine.zip(options.poses.as_ref()) {
+        let (run, refined) = refined::refined(log, options, run, wanted)?;
+        report.refined = Some(refined);
+        poses = Some(run);
+    }
     let bound = match &options.smooth {
-        Some(rig) => Some(smoothed::bound(log, options, rig)?),
+        Some(rig) => Some(smoothed::bound(log, options, poses.as_ref(), rig)?),
         None => None,
     };
     let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
@@ -179,10 +196,10 @@ pub fn replay(
         ours: HashMap::new(),
         pending: Vec::with_capacity(BATCH),
         frames_pending: 0,
-        report: Report::default(),
+        report,
         index: 0,
         info: None,
-        run: options.poses.clone().filter(|_| bound.is_none()),
+        run: poses.filter(|_| bound.is_none()),
         bound: HashMap::new(),
         posed: HashSet::new(),
         still: StillWatch::default(),
@@ -210,6 +227,10 @@ pub fn replay(
         "replay.live_different".to_owned(),
         state.report.live_different.to_string(),
     );
+    let refined = state.report.refined.iter();
+    summary
+        .more
+        .extend(refined.flat_map(RefineReport::metadata));
     for (topic, n) in &state.report.foreign {
         summary
             .more

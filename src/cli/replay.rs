@@ -5,8 +5,9 @@ use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::calibrate::medium;
 use crate::log::LogReader;
+use crate::pose::joint::refine::Wanted;
 use crate::pose::run::PoseRun;
-use crate::replay::{Options, Report, replay};
+use crate::replay::{Options, RefineReport, Report, replay};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
@@ -39,6 +40,10 @@ pub struct Args {
     whole_pixel: bool,
     #[command(flatten)]
     using: UseArgs,
+    /// Refines over the whole run what is only nearly known of the rig, prints it with its sd and fits
+    /// the poses under it; several with commas
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    refine: Vec<Refine>,
     /// Binds the poses of the run through the rig's vehicle and the log's commands, and states the
     /// smoothed sd; smoothed poses lean on the rig's coefficients: identify from unsmoothed ones
     #[arg(long)]
@@ -48,7 +53,46 @@ pub struct Args {
     json: bool,
 }
 
+/// What a run may show of the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Refine {
+    /// The laser sheet's thickness
+    Thickness,
+    /// Brightness of the line (each frame's own; its mean and scatter)
+    Brightness,
+    /// The sheet's tilt against the rig's upright one, both ways
+    SheetTilt,
+    /// Refused: no image shows it
+    TargetOffset,
+    /// Refused: no image shows it
+    FloorSlope,
+}
+
+/// What of it can be refined; what no image shows is refused with the reason.
+fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
+    let has = |what: Refine| asked.contains(&what);
+    if has(Refine::TargetOffset) {
+        return Err(CliError::Config(
+            "--refine target-offset: frames of the target do not show where it lies in the tank: moving it moves every pose \
+             with it and leaves every image as it is; measure it and give it as `origin` in the target's file"
+                .to_owned(),
+        ));
+    }
+    if has(Refine::FloorSlope) {
+        return Err(CliError::Config(
+            "--refine floor-slope: frames of the target do not show how the floor slopes: tilting floor and target tilts every \
+             pose with them and leaves every image as it is; level it, or give the slope as floor_slope in [[physics]]"
+                .to_owned(),
+        ));
+    }
+    Ok((!asked.is_empty()).then(|| Wanted {
+        tilt: has(Refine::SheetTilt),
+        thickness: has(Refine::Thickness) || has(Refine::Brightness),
+    }))
+}
+
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    wanted(&args.refine)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let calibration = args.using.load()?;
     let targets = targets(args)?;
@@ -168,6 +212,13 @@ fn options(
     options.poses = rig
         .zip(options.map.clone())
         .map(|(rig, map)| PoseRun::new(rig, map));
+    options.refine = wanted(&args.refine)?;
+    if options.refine.is_some() && options.poses.is_none() {
+        return Err(CliError::Config(format!(
+            "--refine needs the rig and its target: {} holds no rig, give --rig",
+            log.display()
+        )));
+    }
     if args.smooth {
         let rig = rig.ok_or_else(|| {
             CliError::Config(format!(
@@ -217,6 +268,37 @@ fn same_calibration(logged: Option<&Calibration>, used: Option<&Calibration>) ->
     }
 }
 
+fn print_refined(refined: &RefineReport) {
+    outln!(
+        "  refined over {} frames ({} of them gave no pose and were left out):",
+        refined.frames, refined.failed
+    );
+    if let Some([thickness_m, sd_m]) = refined.thickness_m {
+        outln!(
+            "    sheet's thickness (standard deviation of its light) {:.4} mm, sd {:.4}",
+            thickness_m * 1e3,
+            sd_m * 1e3
+        );
+    }
+    let [brightness, scatter] = refined.brightness;
+    outln!(
+        "    brightness of the line {brightness:.2} grey levels, from frame to frame sd {scatter:.2}"
+    );
+    let tilts = [
+        ("pitch", refined.tilt_pitch_rad),
+        ("yaw", refined.tilt_yaw_rad),
+    ];
+    for (name, tilt) in tilts {
+        if let Some([tilt_rad, sd_rad]) = tilt {
+            outln!(
+                "    sheet's tilt in {name} {:.4} deg, sd {:.4}",
+                tilt_rad.to_degrees(),
+                sd_rad.to_degrees()
+            );
+        }
+    }
+}
+
 fn print_report(log: &Path, out: &Path, report: &Report) {
     outln!("{} -> {}", log.display(), out.display());
     outln!(
@@ -231,6 +313,9 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     }
     for (topic, n) in &report.foreign {
         outln!("  {n} messages of {topic} not carried over: not a topic and schema of hydroline");
+    }
+    if let Some(refined) = &report.refined {
+        print_refined(refined);
     }
     if report.poses > 0 || !report.without_pose.is_empty() {
         outln!("  {} poses in /vehicle/motion", report.poses);

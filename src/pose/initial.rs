@@ -21,6 +21,8 @@ const MATCH_RMS_M: f64 = 0.0025;
 /// Guesses that agree to this are one \[m\], \[rad\].
 const SAME_M: f64 = 0.003;
 const SAME_RAD: f64 = 0.01;
+/// Steps of a frame whose edges are remembered from one try to the next; more are only slower.
+const STEPS_REMEMBERED: usize = 8;
 /// A start this near to a place, as a share of that, has come to it.
 const JOINED: f64 = 0.1;
 
@@ -123,19 +125,27 @@ fn settle(
     known: impl Fn(&Pose) -> bool,
 ) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
+    // Of each step the edge that it was last given to.
+    let mut given = [None; STEPS_REMEMBERED];
     for _ in 0..8 {
         let rotation = pose.body_to_tank_rotation();
+        // To starboard of a step the top ends: the inward normal looks to port, −Y turned by ψ.
+        let (sin, cos) = pose.psi_rad.sin_cos();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
         let mut sum = 0.0;
-        for (measured, top) in steps {
+        for (i, (measured, top)) in steps.iter().enumerate() {
             let arm = rotation
                 * hydroline_calib::frames::plane_to_body(mounts, measured.xi_m, measured.eta_m);
             let p = [pose.x_m + arm.x, pose.y_m + arm.y];
-            // To starboard of this step the top ends: the inward normal looks to port, −Y turned by ψ.
-            let port = [pose.psi_rad.sin(), -pose.psi_rad.cos()];
             let sign = if measured.to_starboard { 1.0 } else { -1.0 };
-            let (square, edge) = nearest_facing(&top.outline, p, port.map(|n| sign * n))?;
+            let last = given.get(i).copied().flatten();
+            let side = [sign * sin, -sign * cos];
+            let (square, k) = nearest_facing(&top.outline, p, side, last)?;
+            if let Some(given) = given.get_mut(i) {
+                *given = Some(k);
+            }
+            let edge = &top.outline.edges[k];
             let d = edge.inside_m(p);
             let [nx, ny] = edge.inward;
             let j = Vector3::new(nx, ny, -nx * arm.y + ny * arm.x);
@@ -161,19 +171,32 @@ fn settle(
     (pose.psi_rad.abs() < 0.8 && rms_m.is_finite()).then_some(Guess { pose, rms_m })
 }
 
-/// Of the edges that look to a side the nearest, with its distance squared.
-fn nearest_facing(outline: &Outline, p: [f64; 2], side: [f64; 2]) -> Option<(f64, &Edge)> {
-    let mut best: Option<(f64, &Edge)> = None;
-    for e in &outline.edges {
-        let least = best.map_or(f64::INFINITY, |b| b.0);
-        let [low, high] = e.x_range_m();
-        let beside = (low - p[0]).max(p[0] - high).max(0.0);
-        if beside * beside >= least || side[0] * e.inward[0] + side[1] * e.inward[1] <= 0.1 {
+/// Of the edges that look to a side the nearest, the first where several are, with its distance
+/// squared. The one that was it before is looked at first: most others are then known by their X alone
+/// to be farther.
+fn nearest_facing(
+    outline: &Outline,
+    p: [f64; 2],
+    side: [f64; 2],
+    before: Option<usize>,
+) -> Option<(f64, usize)> {
+    let faces = |e: &Edge| side[0] * e.inward[0] + side[1] * e.inward[1] > 0.1;
+    let mut best = before
+        .and_then(|k| outline.edges.get(k).map(|e| (k, e)))
+        .filter(|(_, e)| faces(e))
+        .map(|(k, e)| (e.distance2_m2(p), k));
+    let mut reach_m = best.map_or(f64::INFINITY, |(square, _)| square.sqrt());
+    for (k, e) in outline.edges.iter().enumerate() {
+        let [low, high] = e.x_range_m;
+        if low > p[0] + reach_m || high < p[0] - reach_m || !faces(e) {
             continue;
         }
         let square = e.distance2_m2(p);
-        if square < least {
-            best = Some((square, e));
+        let (least, first) = best.unwrap_or((f64::INFINITY, usize::MAX));
+        if square < least || (square == least && k < first) {
+            best = Some((square, k));
+            // A hair more, for what rounding takes.
+            reach_m = square.sqrt() * (1.0 + 1e-12) + 1e-12;
         }
     }
     best

@@ -15,6 +15,8 @@ pub struct Edge {
     pub along: [f64; 2],
     /// Length \[m\].
     pub length_m: f64,
+    /// Least and greatest X \[m\].
+    pub x_range_m: [f64; 2],
     /// The corner at `from_m` is convex.
     pub convex_at_start: bool,
 }
@@ -36,12 +38,6 @@ impl Edge {
         let beyond = (-along).max(along - self.length_m).max(0.0);
         let inside = self.inside_m(p);
         inside * inside + beyond * beyond
-    }
-
-    /// Least and greatest X \[m\].
-    pub fn x_range_m(&self) -> [f64; 2] {
-        let (a, b) = (self.from_m[0], self.to_m[0]);
-        [a.min(b), a.max(b)]
     }
 
     /// Distance of the line between two points from the edge, squared \[m²\]: zero where they cross.
@@ -99,9 +95,11 @@ impl Outline {
             .map(|i| {
                 let (along, length_m) = direction(i);
                 let (before, _) = direction(i + n - 1);
+                let (from_m, to_m) = (corners_m[i], corners_m[(i + 1) % n]);
                 Edge {
-                    from_m: corners_m[i],
-                    to_m: corners_m[(i + 1) % n],
+                    from_m,
+                    to_m,
+                    x_range_m: [from_m[0].min(to_m[0]), from_m[0].max(to_m[0])],
                     inward: [-along[1], along[0]],
                     along,
                     length_m,

@@ -14,6 +14,7 @@
 
 mod bulk;
 mod doubts;
+mod lanes;
 mod passing;
 mod plan;
 mod sums;
@@ -32,8 +33,8 @@ use nalgebra::{SMatrix, SVector};
 use passing::{Doubt, Look};
 use plan::{Strip, groups};
 use std::sync::Arc;
-use sums::{ALL, BULK, Counter};
-use torn::Scratch;
+use sums::Counter;
+use torn::{Scratch, lit};
 use turned::{Ray, Turned};
 
 /// x, y, z, φ, θ, ψ, brightness, thickness, background.
@@ -41,6 +42,9 @@ pub(super) const PARAMETERS: usize = 9;
 pub(super) const BRIGHTNESS: usize = 6;
 pub(super) const THICKNESS: usize = 7;
 pub(super) const BACKGROUND: usize = 8;
+
+/// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
+const DARK: f64 = 12.5;
 
 /// Normal equations' matrix and vectors.
 pub(super) type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
@@ -196,11 +200,7 @@ impl Photometric {
                 if judged.share != 1.0 {
                     j = j.map(|d| d * judged.share);
                 }
-                if light.torn {
-                    counter.add(&ALL, &j, judged.weight, judged.residual);
-                } else {
-                    counter.add(&BULK, &j, judged.weight, judged.residual);
-                }
+                counter.add(&j, judged.weight, judged.residual);
             });
         }
         if first {
@@ -234,7 +234,7 @@ impl Photometric {
                     let (p, d) = (cumulative(x), density(x));
                     p - x * d + d * d / cumulative(-x).max(1e-12)
                 };
-                counter.add(&ALL, &j, share / (noise_sd * noise_sd), 0.0);
+                counter.add(&j, share / (noise_sd * noise_sd), 0.0);
             });
         }
         counter.done().information
@@ -255,6 +255,10 @@ impl Photometric {
         let slopes = self
             .table
             .slopes_over(strip.column, strip.first_row, strip.end_row);
+        let lit: Vec<[f64; 2]> = strips
+            .iter()
+            .map(|strip| self.lit_rows(turned, strip, state))
+            .collect();
         for row in strip.first_row..strip.end_row {
             let light = slopes.as_ref().and_then(|slopes| {
                 let [y, z] = self.table.sight(strip.column, row);
@@ -269,14 +273,47 @@ impl Photometric {
                     ray: &ray,
                     tables,
                 };
-                self.light(&look, state, strips)
+                let at = row as f64;
+                let lit = strips
+                    .iter()
+                    .zip(&lit)
+                    .filter(|(_, lit)| at >= lit[0] && at <= lit[1]);
+                self.light(&look, state, lit.map(|(strip, _)| strip))
             });
             then(row, light);
         }
     }
 
+    /// First and last row of a strip where its light counts.
+    fn lit_rows(&self, turned: &Turned, strip: &Strip, state: &State) -> [f64; 2] {
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        let rows = self
+            .table
+            .sound_rows(strip.column, strip.first_row, strip.end_row);
+        let Some([first, last]) = rows else {
+            return everywhere;
+        };
+        let stripe = |row: usize| {
+            let hit = self.hit(
+                turned,
+                &self.ray(strip.column, row),
+                self.height(strip.level),
+            )?;
+            Some(self.stripe(&hit, state))
+        };
+        match (stripe(first), stripe(last)) {
+            (Some(a), Some(b)) => lit([first as f64, last as f64], &a, &b),
+            _ => everywhere,
+        }
+    }
+
     /// Laser light of one pixel.
-    fn light(&self, look: &Look<'_>, state: &State, strips: &[Strip]) -> Option<Light> {
+    fn light<'a>(
+        &self,
+        look: &Look<'_>,
+        state: &State,
+        strips: impl Iterator<Item = &'a Strip>,
+    ) -> Option<Light> {
         let sigma = state.thickness_m;
         let mut out = Light::default();
         for strip in strips {
@@ -288,7 +325,7 @@ impl Photometric {
             if exponent.is_nan() {
                 return None;
             }
-            if exponent > 14.0 {
+            if exponent > DARK {
                 continue;
             }
             let bare =
@@ -303,7 +340,6 @@ impl Photometric {
                     continue;
                 }
                 if passing.torn {
-                    out.torn = true;
                     out.doubt.edge += full * 4.0 * share * (1.0 - share);
                     for (k, d) in passing.by_pose.iter().enumerate() {
                         out.j[k] += full * d;
@@ -332,8 +368,6 @@ struct Light {
     j: [f64; PARAMETERS],
     /// How much of it hangs on edges.
     doubt: Doubt,
-    /// An edge cuts it: x, y and ψ move it.
-    torn: bool,
 }
 
 #[cfg(test)]

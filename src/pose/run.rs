@@ -58,6 +58,15 @@ impl PoseRun {
         &self.fitter
     }
 
+    /// The same from the start with another fitter of the same rig.
+    pub fn with_fitter(&self, fitter: PoseFitter) -> Self {
+        PoseRun {
+            fitter,
+            start_x_m: self.start_x_m,
+            last: None,
+        }
+    }
+
     /// The pose of the frame that was true at `stamp_ns` (UNIX).
     pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
         let fit = self.fitter.fit(image, profile, &self.hint(stamp_ns));
@@ -82,7 +91,8 @@ impl PoseRun {
         self.judged(stamp_ns, fit)
     }
 
-    fn hint(&self, stamp_ns: u64) -> Hint {
+    /// What is known of the frame that was true then before it is looked at.
+    pub fn hint(&self, stamp_ns: u64) -> Hint {
         Hint {
             x_m: Some(self.expected(stamp_ns).0),
             ..Hint::default()

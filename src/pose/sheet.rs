@@ -3,6 +3,7 @@
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Camera, Mounts};
 use nalgebra::{Rotation3, Vector3};
+use std::sync::Arc;
 
 /// Sheet points of all pixels, seen from the camera.
 #[derive(Debug, Clone)]
@@ -14,6 +15,8 @@ pub struct SheetTable {
     /// y and z of the way from the camera to each pixel's sheet point, body frame \[m\], column by
     /// column (a stripe is looked at along columns); NaN where the map does not answer.
     sights_m: Vec<[f64; 2]>,
+    /// Of each pixel whether the map answers there and beside it.
+    sound: Arc<[bool]>,
     /// Camera in the body frame \[m\].
     pub eye_m: Vector3<f64>,
     /// CG to the sheet, forward \[m\].
@@ -56,14 +59,23 @@ impl SheetTable {
                 }));
             }
         }
-        SheetTable {
+        let mut table = SheetTable {
             width_px,
             height_px,
             sights_m,
+            sound: Arc::default(),
             eye_m,
             l_laser_m: mounts.l_laser_m,
             lever_m: mounts.l_laser_m - eye_m.x,
-        }
+        };
+        let places = (0..width_px).flat_map(|c| (0..height_px).map(move |r| (c, r)));
+        table.sound = places
+            .map(|(column, row)| {
+                let [a, b] = table.slopes(column, row);
+                (a[0] + a[1] + b[0] + b[1] + table.sight(column, row)[0]).is_finite()
+            })
+            .collect();
+        table
     }
 
     /// The same rays seen from a turned body frame in which the sheet stands upright `l_laser_m` ahead.
@@ -77,10 +89,12 @@ impl SheetTable {
         });
         SheetTable {
             sights_m: sights.collect(),
+            sound: self.sound.clone(),
             eye_m,
             l_laser_m,
             lever_m,
-            ..*self
+            width_px: self.width_px,
+            height_px: self.height_px,
         }
     }
 
@@ -119,10 +133,7 @@ impl SheetTable {
 
     /// First and last of the rows `first..end` of a column in which the map answers.
     pub(super) fn sound_rows(&self, column: usize, first: usize, end: usize) -> Option<[usize; 2]> {
-        let sound = |row: &usize| {
-            let [a, b] = self.slopes(column, *row);
-            (a[0] + a[1] + b[0] + b[1] + self.sight(column, *row)[0]).is_finite()
-        };
+        let sound = |row: &usize| self.sound.get(column * self.height_px + row) == Some(&true);
         let from = (first..end).find(sound)?;
         Some([from, (from..end).rev().find(sound)?])
     }

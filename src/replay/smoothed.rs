@@ -43,8 +43,14 @@ pub struct SmoothReport {
 pub(super) type Bound = (HashMap<u64, VehicleMotion>, SmoothReport);
 
 /// Reads the log once for its poses and binds them through the rig's dynamics.
-pub(super) fn bound(log: &Path, options: &Options, rig: &Rig) -> Result<Bound, ReplayError> {
-    let mut run = options.poses.clone();
+/// It binds the sheet's thickness over the run by itself.
+pub(super) fn bound(
+    log: &Path,
+    options: &Options,
+    run: Option<&PoseRun>,
+    rig: &Rig,
+) -> Result<Bound, ReplayError> {
+    let mut run = run.map(|run| run.with_fitter(run.fitter().with_thickness_open()));
     let mut frames: Vec<MeasuredFrame> = Vec::new();
     let mut commands: Vec<(u64, String, f64)> = Vec::new();
     let mut pending: Vec<Frame> = Vec::with_capacity(BATCH);

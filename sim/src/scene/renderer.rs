@@ -4,7 +4,7 @@
 //!    heights (closed form); nothing else is traced.
 //! 2. Per pixel there, the pixel integral by 2 x 2 Gauss points (error of a stripe of
 //!    sigma >= 1 px: < 1e-3 of its peak, odd part zero); where the rays of a pixel or of
-//!    its neighbours end at different things, 55 points of a Fibonacci lattice instead.
+//!    its neighbours end at different things, 89 points of a Fibonacci lattice instead.
 //! 3. Point spread, ambient, noise, rounding.
 //!
 //! Work is cut into strips of columns, then into blocks of rows; each pixel's value
@@ -31,10 +31,12 @@ const STRIP_PX: usize = 48;
 const BLOCK_PX: usize = 16;
 /// Gauss-Legendre: +-1/(2 sqrt 3) of a pixel.
 const GAUSS_PX: f64 = 0.288_675_134_594_812_9;
-/// Fibonacci lattice for edge pixels: 55 points with generator 34 see an edge of any
-/// direction to about 1/55 of a pixel.
-const LATTICE: usize = 55;
-const LATTICE_STEP: usize = 34;
+/// Fibonacci lattice for edge pixels: 89 points with generator 55. A prime number of points, so that
+/// none lie behind each other along a diagonal: 55 points with generator 34 stand on five lines
+/// there (55 and 34 − 1 share 11), and an edge along the diagonal, which meets all of its pixels
+/// alike, was off by up to a tenth of a pixel all along.
+const LATTICE: usize = 89;
+const LATTICE_STEP: usize = 55;
 /// Grey levels that never show in 8 bits.
 const DARK: f32 = 0.02;
 

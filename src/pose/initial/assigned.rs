@@ -115,7 +115,7 @@ fn edges_near(step: &Step, top: &Top, p: [f64; 2], psi_rad: f64) -> Vec<u16> {
     (0u16..)
         .zip(&top.outline.edges)
         .filter(|(_, e)| {
-            let [low, high] = e.x_range_m();
+            let [low, high] = e.x_range_m;
             (low - p[0]).max(p[0] - high) < REACH_M
                 && side[0] * e.inward[0] + side[1] * e.inward[1] > 0.1
         })

@@ -1,7 +1,8 @@
 //! What a frame of a target can tell at best: the Cramér–Rao bound.
 
 use super::super::photometric::{Choice, PARAMETERS, State, Sums};
-use super::{Matrix7, PoseFitter, THICKNESS, covariance};
+use super::solve::covariance;
+use super::{Matrix7, PoseFitter, THICKNESS};
 use hydroline_calib::Pose;
 
 /// Light of a frame.

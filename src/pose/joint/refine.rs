@@ -9,14 +9,18 @@
 //! Seen from a body frame turned so that its x axis is the sheet's normal, a tilted sheet is an
 //! upright one in front of a camera that sits and looks otherwise: nothing else changes.
 //!
+//! [`PoseFitter::refined`] then fits single frames under it.
+//!
 //! Not among what is refined, since frames of the target alone do not show it: where the target lies
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Photometric, Plan, State, THICKNESS, Weighting,
+    Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
 };
 use super::super::sheet::SheetTable;
-use super::{CUT, Hint, PoseFitter, lit_noise};
+use super::finish::CUT;
+use super::settle::lit_noise;
+use super::{Hint, PoseFitter};
 use crate::frame::GreyImage;
 use crate::pose::initial;
 use crate::stripe::Profile;
@@ -24,6 +28,10 @@ use hydroline_calib::Pose;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
+
+mod applied;
+
+pub(super) use applied::Sheet;
 
 /// Fewest frames with a pose.
 pub const FRAMES_MIN: usize = 3;
@@ -44,6 +52,28 @@ const SETTLED_SD: f64 = 0.1;
 /// Tilt beyond which the sheet is not nearly where the rig says \[rad\] (6°).
 const TILT_MOST_RAD: f64 = 0.1;
 
+/// What is to be refined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wanted {
+    /// The sheet's tilt, both ways.
+    pub tilt: bool,
+    /// The sheet's thickness; the brightness, each frame's own, comes with it.
+    pub thickness: bool,
+}
+
+impl Wanted {
+    /// All that frames of a target show.
+    pub const ALL: Wanted = Wanted {
+        tilt: true,
+        thickness: true,
+    };
+
+    /// Of the two tilts and the thickness.
+    fn axes(self) -> [bool; 3] {
+        [self.tilt, self.tilt, self.thickness]
+    }
+}
+
 /// What the frames of a run share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
@@ -58,9 +88,11 @@ pub struct Geometry {
 /// Refined geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// As found.
+    /// What was asked for.
+    pub wanted: Wanted,
+    /// As found; what was not asked for is as the rig has it.
     pub geometry: Geometry,
-    /// Covariance of the two tilts and the thickness \[rad², m²\].
+    /// Covariance of the two tilts and the thickness \[rad², m²\]; zero where not asked for.
     pub covariance: Matrix3<f64>,
     /// Mean brightness of the line \[grey levels\], and its standard deviation from frame to frame.
     pub brightness: [f64; 2],
@@ -126,10 +158,12 @@ fn turned(pose: &Pose, turn: &Rotation3<f64>) -> Pose {
     }
 }
 
-/// A frame with a pose: its place among the frames, and its state with the body's pose.
+/// A frame with a pose: its place among the frames, its state with the body's pose, and what of it
+/// is free beside what is refined.
 struct Own {
     index: usize,
     state: State,
+    free: [bool; PARAMETERS],
 }
 
 /// A Newton step, and what it was found from.
@@ -138,30 +172,31 @@ struct Step {
     covariance: Matrix3<f64>,
 }
 
-/// Refines the geometry over frames of a run, each with its hint.
+/// Refines the geometry over frames of a run, each with its hint. A frame that has no pose under some
+/// geometry on the way is left out.
 ///
 /// # Errors
 /// [`RefineError`].
 pub fn refine(
     fitter: &PoseFitter,
     frames: &[(GreyImage, Profile, Hint)],
+    wanted: Wanted,
 ) -> Result<Refined, RefineError> {
+    let axes = wanted.axes();
     let fits: Vec<Option<State>> = frames
         .par_iter()
-        .map(|(image, profile, hint)| fitter.begun(image, profile, hint))
+        .map(|(image, profile, hint)| fitter.begun(image, profile, hint, wanted))
         .collect();
-    let own = fits.into_iter().enumerate();
+    let own = fits.into_iter().zip(frames).enumerate();
     let mut own: Vec<Own> = own
-        .filter_map(|(index, state)| {
-            Some(Own {
-                index,
-                state: state?,
-            })
+        .filter_map(|(index, (state, (_, _, hint)))| {
+            let mut free = fitter.free_of(hint);
+            free[THICKNESS] = false;
+            let state = state?;
+            Some(Own { index, state, free })
         })
         .collect();
-    if own.len() < FRAMES_MIN {
-        return Err(RefineError::TooFew { frames: own.len() });
-    }
+    enough(&own)?;
     let mut thicknesses_m: Vec<f64> = own.iter().map(|o| o.state.thickness_m).collect();
     thicknesses_m.sort_by(f64::total_cmp);
     let mut geometry = Geometry {
@@ -171,9 +206,17 @@ pub fn refine(
     };
     let mut tried = TRIED;
     for _ in 0..ITERATIONS {
-        let step =
-            newton(fitter, frames, &mut own, geometry, tried).ok_or(RefineError::Unsettled)?;
-        let in_sds = |i: usize| (step.by[i] / step.covariance[(i, i)].sqrt()).abs();
+        let step = newton(fitter, frames, &mut own, geometry, tried, axes);
+        enough(&own)?;
+        let step = step.ok_or(RefineError::Unsettled)?;
+        let in_sds = |i: usize| {
+            let sd = step.covariance[(i, i)].sqrt();
+            if axes[i] {
+                (step.by[i] / sd).abs()
+            } else {
+                0.0
+            }
+        };
         geometry = geometry.moved(step.by);
         let tilt_rad = geometry
             .tilt_pitch_rad
@@ -186,17 +229,44 @@ pub fn refine(
         }
         // Differences of a few sds next: wider ones see the cost's bends, narrower ones its noise.
         for (i, tried) in tried.iter_mut().enumerate() {
+            if !axes[i] {
+                continue;
+            }
             let sd = step.covariance[(i, i)].sqrt();
             *tried = (4.0 * sd).min(TRIED[i]).max(0.1 * TRIED[i]);
         }
         if (0..3).all(|i| in_sds(i) < SETTLED_SD) {
-            return Ok(finished(geometry, step.covariance, &own, frames.len()));
+            let found = Found {
+                wanted,
+                geometry,
+                covariance: step.covariance,
+            };
+            return Ok(finished(found, &own, frames.len()));
         }
     }
     Err(RefineError::Unsettled)
 }
 
-fn finished(geometry: Geometry, covariance: Matrix3<f64>, own: &[Own], frames: usize) -> Refined {
+fn enough(own: &[Own]) -> Result<(), RefineError> {
+    if own.len() < FRAMES_MIN {
+        return Err(RefineError::TooFew { frames: own.len() });
+    }
+    Ok(())
+}
+
+/// What was asked for and what was found.
+struct Found {
+    wanted: Wanted,
+    geometry: Geometry,
+    covariance: Matrix3<f64>,
+}
+
+fn finished(found: Found, own: &[Own], frames: usize) -> Refined {
+    let Found {
+        wanted,
+        geometry,
+        covariance,
+    } = found;
     let n = own.len() as f64;
     let mean = own.iter().map(|o| o.state.brightness).sum::<f64>() / n;
     let square: f64 = own
@@ -210,6 +280,7 @@ fn finished(geometry: Geometry, covariance: Matrix3<f64>, own: &[Own], frames: u
         }
     }
     Refined {
+        wanted,
         geometry,
         covariance,
         brightness: [mean, (square / (n - 1.0)).sqrt()],
@@ -217,17 +288,19 @@ fn finished(geometry: Geometry, covariance: Matrix3<f64>, own: &[Own], frames: u
     }
 }
 
-/// One Newton step from a geometry; the frames' states are brought to it.
+/// One Newton step from a geometry along some of its axes; the frames' states are brought to it, and
+/// frames that cannot be are left out.
 fn newton(
     fitter: &PoseFitter,
     frames: &[(GreyImage, Profile, Hint)],
-    own: &mut [Own],
+    own: &mut Vec<Own>,
     geometry: Geometry,
     sizes: [f64; 3],
+    axes: [bool; 3],
 ) -> Option<Step> {
     // Where it is, a difference on and back along each axis, and on along two axes at once.
     let mut places = vec![[0.0; 3]];
-    for i in 0..3 {
+    for i in (0..3).filter(|i| axes[*i]) {
         for sign in [1.0, -1.0] {
             let mut by = [0.0; 3];
             by[i] = sign;
@@ -235,7 +308,7 @@ fn newton(
         }
     }
     const PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
-    for [i, j] in PAIRS {
+    for [i, j] in PAIRS.into_iter().filter(|[i, j]| axes[*i] && axes[*j]) {
         let mut by = [0.0; 3];
         (by[i], by[j]) = (1.0, 1.0);
         places.push(by);
@@ -255,43 +328,67 @@ fn newton(
         })
         .collect();
     let mut sums = vec![0.0; places.len()];
-    for costs in costs {
-        for (sum, cost) in sums.iter_mut().zip(costs?) {
+    let mut kept = costs.iter();
+    own.retain(|_| kept.next().is_some_and(Option::is_some));
+    for costs in costs.iter().flatten() {
+        for (sum, cost) in sums.iter_mut().zip(costs) {
             *sum += cost;
         }
     }
-    // In units of what is tried.
-    let (on, back) = (|i: usize| sums[1 + 2 * i], |i: usize| sums[2 + 2 * i]);
-    let gradient = Vector3::from_fn(|i, _| 0.5 * (on(i) - back(i)));
-    let mut bend = Matrix3::from_fn(|i, j| {
-        if i == j {
-            on(i) + back(i) - 2.0 * sums[0]
-        } else {
-            0.0
-        }
+    let at = |by: [f64; 3]| {
+        let tried = places.iter().zip(&sums).find(|(place, _)| **place == by);
+        tried.map_or(0.0, |(_, sum)| sum - sums[0])
+    };
+    // In units of what is tried; an axis that is not asked for has a bend of one and stays.
+    let along = |i: usize, sign: f64| {
+        let mut by = [0.0; 3];
+        by[i] = sign;
+        at(by)
+    };
+    let gradient = Vector3::from_fn(|i, _| 0.5 * (along(i, 1.0) - along(i, -1.0)));
+    let mut bend = Matrix3::from_fn(|i, j| match (i == j, axes[i]) {
+        (true, true) => along(i, 1.0) + along(i, -1.0),
+        (true, false) => 1.0,
+        _ => 0.0,
     });
-    for (k, [i, j]) in PAIRS.into_iter().enumerate() {
-        let cross = sums[7 + k] - on(i) - on(j) + sums[0];
+    for [i, j] in PAIRS.into_iter().filter(|[i, j]| axes[*i] && axes[*j]) {
+        let mut both = [0.0; 3];
+        (both[i], both[j]) = (1.0, 1.0);
+        let cross = at(both) - along(i, 1.0) - along(j, 1.0);
         (bend[(i, j)], bend[(j, i)]) = (cross, cross);
     }
     let inverse = bend.cholesky()?.inverse();
     let by = -inverse * gradient;
     Some(Step {
         by: std::array::from_fn(|i| by[i] * sizes[i]),
-        covariance: Matrix3::from_fn(|i, j| inverse[(i, j)] * sizes[i] * sizes[j]),
+        covariance: Matrix3::from_fn(|i, j| {
+            let wanted = axes[i] && axes[j];
+            if wanted {
+                inverse[(i, j)] * sizes[i] * sizes[j]
+            } else {
+                0.0
+            }
+        }),
     })
 }
 
 impl PoseFitter {
     /// Where a frame's fit starts, the place on the target chosen: under a wrong geometry no fit may hold.
-    fn begun(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Option<State> {
+    fn begun(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        hint: &Hint,
+        wanted: Wanted,
+    ) -> Option<State> {
         let levels = self.levels(image, profile).ok()?;
         let all = initial::guesses(&levels, &self.model.surfaces, &self.mounts);
         let starts = self.starts(image, profile, &levels, &all, hint).ok()?;
         if starts.bare {
             return None;
         }
-        let free = self.free([true; 6], hint);
+        let mut free = self.free_of(hint);
+        free[THICKNESS] &= wanted.thickness;
         let start = self.choose(image, profile, starts.states, &free, &mut Vec::new())?;
         let plan = self.model.plan(&start, COLUMNS);
         let huber = self.first_weighting(profile);
@@ -344,7 +441,8 @@ impl PoseFitter {
         let plan = model.plan(&start, COLUMNS);
         let huber = self.first_weighting(profile);
         let none = &mut Doubts::default();
-        let (near, seen) = self.frame(model, &plan, image, start, &huber, none)?;
+        let free = &own.free;
+        let (near, seen) = self.frame(model, &plan, image, start, free, &huber, none)?;
         let weighting = Weighting {
             noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
             cut: CUT,
@@ -352,7 +450,8 @@ impl PoseFitter {
             ..huber
         };
         let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-        let (state, first) = self.frame(model, &plan, image, near, &weighting, &mut doubts)?;
+        let (state, first) =
+            self.frame(model, &plan, image, near, free, &weighting, &mut doubts)?;
         own.state = State {
             pose: turned(&state.pose, &here.turn()),
             ..state
@@ -360,26 +459,33 @@ impl PoseFitter {
         let mut costs = vec![first.cost];
         for (geometry, model) in tried.iter().skip(1) {
             let start = at(&own.state, geometry);
-            let (_, sums) = self.frame(model, &plan, image, start, &weighting, &mut doubts)?;
+            let (_, sums) =
+                self.frame(model, &plan, image, start, free, &weighting, &mut doubts)?;
             costs.push(sums.cost);
         }
         Some(costs)
     }
 
-    /// Fits pose, brightness and background of a frame.
+    /// Fits what is a frame's own: pose (but what of it is held), brightness and background.
+    #[allow(clippy::too_many_arguments)]
     fn frame(
         &self,
         model: &Photometric,
         plan: &Plan,
         image: &GreyImage,
         start: State,
+        free: &[bool; PARAMETERS],
         weighting: &Weighting,
         doubts: &mut Doubts,
-    ) -> Option<(State, super::Sums)> {
-        let mut free = [true; PARAMETERS];
-        free[THICKNESS] = false;
+    ) -> Option<(State, Sums)> {
         let limits = (FRAME_ITERATIONS, FRAME_SETTLED);
-        self.settle(model, plan, image, start, &free, weighting, doubts, limits)
+        self.settle(model, plan, image, start, free, weighting, doubts, limits)
+    }
+
+    /// What of a frame over its target is free under a hint.
+    fn free_of(&self, hint: &Hint) -> [bool; PARAMETERS] {
+        let theta = hint.held.theta_rad.is_none();
+        self.free([true, true, true, true, theta, true], hint)
     }
 }
 

@@ -4,6 +4,7 @@
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 
+use super::lanes::Lanes;
 use super::plan::Strip;
 use super::sums::{BULK, Counter};
 use super::turned::{Ray, Turned, dot};
@@ -75,6 +76,7 @@ impl Photometric {
         // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1.
         let mut products = [[0.0; 5]; 5];
         let mut right = [0.0; 5];
+        let mut waiting = Lanes::<5>::new();
         let sights = self.table.sights(strip.column, first, last + 1);
         let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
         for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
@@ -105,17 +107,14 @@ impl Photometric {
                 light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share,
                 judged.share,
             ];
-            for a in 0..5 {
-                let wj = judged.weight * j[a];
-                right[a] += wj * judged.residual;
-                for b in 0..=a {
-                    products[a][b] += wj * j[b];
-                }
+            if waiting.push(&j, judged.weight, judged.residual) {
+                waiting.empty_into(&mut products, &mut right);
             }
         }
         if !derivatives {
             return;
         }
+        waiting.empty_into(&mut products, &mut right);
         // Of each pose parameter: ds in the middle, and what it gains per row.
         let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
         for (n, &(m, g)) in pose.iter().enumerate() {

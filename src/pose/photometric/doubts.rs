@@ -55,11 +55,6 @@ impl Doubts {
         }
     }
 
-    /// Other pixels are looked at from now on.
-    pub fn forget_pixels(&mut self) {
-        self.of_pixels.clear();
-    }
-
     pub(super) fn known(&self) -> bool {
         self.edges.is_some()
     }

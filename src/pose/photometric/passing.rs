@@ -160,7 +160,7 @@ impl Photometric {
         let near = look.plan.near(&cut.foot).iter();
         let near = near.chain(look.plan.near(&cut.head));
         let reach_m = 1.5 * look.plan.edge_reach_m;
-        let (k, upright) = upright_corner(outline, near.copied(), foot.p, head.p, reach_m)?;
+        let (k, upright) = upright_corner(outline, near.copied(), foot.p, head.p, [reach_m; 2])?;
         let along = upright.along;
         let toward = |e: &Edge| e.inward[0] * along[0] + e.inward[1] * along[1];
         let (before, after) = ((k + n - 1) % n, k);
@@ -332,13 +332,14 @@ pub(super) fn correlation(first: &Standard, second: &Standard, stripe: &Stripe) 
 
 /// The upright edge of a slab's silhouette nearest to where a ray passes, and the corner it stands
 /// on: a convex one with one face towards the camera and one away from it, between where the ray
-/// meets the top (`head`) and where it meets the level below (`foot`). `None` where none is near.
+/// meets the top (`head`) and where it meets the level below (`foot`). `None` where none is near: so
+/// far beside the sight, or beyond its ends.
 pub(super) fn upright_corner(
     outline: &Outline,
     near: impl Iterator<Item = u16>,
     foot: [f64; 2],
     head: [f64; 2],
-    reach_m: f64,
+    [beside_m, beyond_m]: [f64; 2],
 ) -> Option<(usize, Edge)> {
     let n = outline.edges.len();
     let away = [foot[0] - head[0], foot[1] - head[1]];
@@ -365,6 +366,7 @@ pub(super) fn upright_corner(
         let upright = Edge {
             from_m: after.from_m,
             to_m: after.from_m,
+            x_range_m: [after.from_m[0]; 2],
             inward,
             along: away,
             length_m,
@@ -373,8 +375,8 @@ pub(super) fn upright_corner(
         // Along the sight the corner must lie between top and foot.
         let beside = upright.inside_m(foot).abs();
         let behind = upright.along_m(foot);
-        let between = behind > -reach_m && behind < length_m + reach_m;
-        if between && beside < reach_m && best.as_ref().is_none_or(|b| beside < b.0) {
+        let between = behind > -beyond_m && behind < length_m + beyond_m;
+        if between && beside < beside_m && best.as_ref().is_none_or(|b| beside < b.0) {
             best = Some((beside, k, upright));
         }
     }

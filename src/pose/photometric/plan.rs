@@ -11,8 +11,8 @@ use crate::pose::outline::Outline;
 const REACH: f64 = 3.7;
 /// Room for the pose to move after the pixels were chosen \[px\].
 const MOVE_PX: f64 = 1.0;
-/// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out.
-const EDGE_SPREADS: f64 = 4.5;
+/// A hit this many spreads of its pixel from an edge, and this far, is wholly in or out (to 1e-4 of the light).
+const EDGE_SPREADS: f64 = 3.8;
 const EDGE_SHIFT_M: f64 = 0.0015;
 /// Points this near the ends of the fan are not used, as a tangent.
 const FAN_MARGIN: f64 = 0.012;
@@ -203,7 +203,7 @@ impl Photometric {
             (0u16..)
                 .zip(&top.outline.edges)
                 .filter(|(_, e)| {
-                    let [low, high] = e.x_range_m();
+                    let [low, high] = e.x_range_m;
                     low < most + across_m && high > least - across_m
                 })
                 .map(|(k, _)| k)
@@ -212,7 +212,7 @@ impl Photometric {
         .collect()
     }
 
-    /// Five spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
+    /// Some spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
     fn edge_reach_m(&self, turned: &Turned) -> f64 {
         let middle = self.table.width_px / 2;
         let start = 0.5 * (self.table.height_px as f64 - 2.0);
@@ -302,10 +302,8 @@ impl Photometric {
                 _ => {
                     let mut slack_m = LOOK_AHEAD_M;
                     let span = Span {
-                        rays: [
-                            self.ray(column, low as usize),
-                            self.ray(column, high as usize),
-                        ],
+                        column,
+                        rows: [low as usize, high as usize],
                         middle: met.ray,
                         p: hit.p,
                         reach_m,
@@ -360,12 +358,11 @@ impl Photometric {
         let mut simple = true;
         // Where the strip's first and last pixels meet a height.
         let ends = |height_m: f64| -> Option<[[f64; 2]; 2]> {
-            let [a, b] = &span.rays;
-            let (a, b) = (
-                self.hit(turned, a, height_m)?,
-                self.hit(turned, b, height_m)?,
-            );
-            Some([a.p, b.p])
+            let [a, b] = span.rows.map(|row| {
+                let hit = self.hit(turned, &self.ray(span.column, row), height_m);
+                hit.map(|hit| hit.p)
+            });
+            Some([a?, b?])
         };
         let mut look =
             |k: usize, p: [f64; 2], height_m: f64, edges: &mut Vec<u16>, slack_m: &mut f64| {
@@ -375,7 +372,7 @@ impl Photometric {
                 for k in setting.reachable_of(k) {
                     let e = &outline.edges[usize::from(*k)];
                     // Most edges are too far along X to matter to either answer.
-                    let [low, high] = e.x_range_m();
+                    let [low, high] = e.x_range_m;
                     let beside = (low - p[0]).max(p[0] - high);
                     if beside > room_m + reach_m + slack_m.max(0.0) {
                         continue;
@@ -450,7 +447,9 @@ impl Photometric {
                 dark |= foot.inside || head.inside;
             } else {
                 let near = plan.near(&foot).iter().chain(plan.near(&head));
-                let room_m = 1.5 * plan.edge_reach_m + plan.room_m + reach_m;
+                // The pixels of a strip lie one behind the other, along the sight.
+                let room_m = 1.5 * plan.edge_reach_m + plan.room_m;
+                let room_m = [room_m, room_m + reach_m];
                 let upright =
                     upright_corner(&top.outline, near.copied(), p, above, room_m).is_some();
                 uprights |= upright;
@@ -499,8 +498,9 @@ impl Setting<'_> {
 
 /// A strip on its level before it is known what cuts it.
 struct Span {
-    /// Of its first and last pixel.
-    rays: [Ray; 2],
+    column: usize,
+    /// First and last pixel.
+    rows: [usize; 2],
     /// Where the sheet's middle meets the level.
     middle: Ray,
     p: [f64; 2],

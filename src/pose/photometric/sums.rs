@@ -1,13 +1,15 @@
 //! What a comparison adds up, and how a residual counts.
 
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
+use super::lanes::Lanes;
 use super::{BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Square, THICKNESS};
 use crate::pose::normal::Tables;
 
+/// Beyond so many noise sds a residual counts less and less in what the noise is found from.
+const OUTLYING: f64 = 4.0;
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
 
-pub(super) const ALL: [usize; PARAMETERS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 /// What moves light that no edge cuts: x, y and ψ move edges only.
 pub(super) const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND];
 
@@ -25,6 +27,9 @@ pub(in crate::pose) struct Sums {
     /// Squared residuals of lit pixels away from edges, robustly cut, and their number.
     pub bright_square: f64,
     pub bright_count: usize,
+    /// Weights of lit and edge pixels, and what their weighted residuals change by per residual.
+    pub weights: f64,
+    pub slopes: f64,
     /// Number of edge pixels.
     pub edge_count: usize,
     /// Pixels whose weight is below one half.
@@ -46,26 +51,29 @@ pub(in crate::pose) struct Weighting {
 }
 
 impl Weighting {
-    /// Cost and weight of a residual in units of the noise.
+    /// Cost, weight and d(weight r)/dr of a residual, squared, in units of the noise.
     #[inline]
-    fn weigh(&self, scaled: f64) -> (f64, f64) {
-        let c = self.cut;
+    fn weigh(&self, square: f64) -> (f64, f64, f64) {
+        let c2 = self.cut * self.cut;
         if self.redescending {
             // Tukey's biweight, scaled so that ρ = r²/2 near zero.
-            let rest = 1.0 - scaled * scaled / (c * c);
+            let share = square / c2;
+            let rest = 1.0 - share;
             if rest <= 0.0 {
-                (c * c / 6.0, 0.0)
+                (c2 / 6.0, 0.0, 0.0)
             } else {
                 let rest2 = rest * rest;
-                (c * c / 6.0 * (1.0 - rest2 * rest), rest2)
+                (
+                    c2 / 6.0 * (1.0 - rest2 * rest),
+                    rest2,
+                    rest2 - 4.0 * share * rest,
+                )
             }
+        } else if square <= c2 {
+            (0.5 * square, 1.0, 1.0)
         } else {
-            let a = scaled.abs();
-            if a <= c {
-                (0.5 * a * a, 1.0)
-            } else {
-                (c * a - 0.5 * c * c, c / a)
-            }
+            let a = square.sqrt();
+            (self.cut * a - 0.5 * c2, self.cut / a, 0.0)
         }
     }
 }
@@ -84,7 +92,10 @@ pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
     tables: &'static Tables,
     bright: f64,
+    /// 1 / noise².
+    of_variance: f64,
     pub sums: Sums,
+    waiting: Lanes<PARAMETERS>,
     /// Lower triangle of the information.
     pub information: [[f64; PARAMETERS]; PARAMETERS],
     pub gradient: [f64; PARAMETERS],
@@ -99,7 +110,9 @@ impl<'a> Counter<'a> {
             weighting,
             tables,
             bright: LIT * brightness,
+            of_variance: 1.0 / (weighting.noise_sd * weighting.noise_sd),
             sums: Sums::default(),
+            waiting: Lanes::new(),
             information: [[0.0; PARAMETERS]; PARAMETERS],
             gradient: [0.0; PARAMETERS],
             edges: Vec::new(),
@@ -123,18 +136,25 @@ impl<'a> Counter<'a> {
     #[inline]
     pub fn bulk(&mut self, grey: u8, light: f64, background: f64) -> Option<Judged> {
         let (residual, share) = self.residual(grey, light + background)?;
-        let inverse = 1.0 / self.weighting.noise_sd;
-        let (cost, weight) = self.weighting.weigh(residual * inverse);
+        let (cost, weight, slope) = self.weighting.weigh(residual * residual * self.of_variance);
         self.sums.cost += cost;
         self.sums.pixels += 1;
         if light > self.bright {
-            self.sums.bright_square += weight * residual * residual;
+            let square = residual * residual;
+            let most = OUTLYING * self.weighting.noise_sd;
+            self.sums.bright_square += if square <= most * most {
+                square
+            } else {
+                most * residual.abs()
+            };
             self.sums.bright_count += 1;
+            self.sums.weights += weight;
+            self.sums.slopes += slope;
             self.sums.rejected += usize::from(weight < 0.5);
         }
         Some(Judged {
             residual,
-            weight: weight * inverse * inverse,
+            weight: weight * self.of_variance,
             share,
         })
     }
@@ -151,18 +171,24 @@ impl<'a> Counter<'a> {
     ) -> Option<Judged> {
         let (residual, share) = self.residual(grey, light + background)?;
         let noise_sd = self.weighting.noise_sd;
-        let variance = noise_sd * noise_sd + doubt_sd * doubt_sd;
-        let (cost, weight) = self.weighting.weigh(residual / variance.sqrt());
+        let of_variance = if doubt_sd == 0.0 {
+            self.of_variance
+        } else {
+            1.0 / (noise_sd * noise_sd + doubt_sd * doubt_sd)
+        };
+        let (cost, weight, slope) = self.weighting.weigh(residual * residual * of_variance);
         self.sums.cost += cost;
         self.sums.pixels += 1;
         self.sums.edge_count += 1;
+        self.sums.weights += weight;
+        self.sums.slopes += slope;
         self.sums.rejected += usize::from(weight < 0.5);
         if let (Some(torn), Some(edge)) = (torn, self.edges.get_mut(self.edge)) {
             edge.see(torn, residual, noise_sd);
         }
         Some(Judged {
             residual,
-            weight: weight / variance,
+            weight: weight * of_variance,
             share,
         })
     }
@@ -183,25 +209,26 @@ impl<'a> Counter<'a> {
         Some((f64::from(grey) - expected, share))
     }
 
-    /// Adds one pixel to the lower triangle of the normal equations, for the parameters in `which`.
+    /// Adds one pixel to the normal equations.
     #[inline]
-    pub fn add<const N: usize>(
-        &mut self,
-        which: &[usize; N],
-        j: &[f64; PARAMETERS],
-        weight: f64,
-        residual: f64,
-    ) {
-        for (n, &a) in which.iter().enumerate() {
-            let wj = weight * j[a];
-            self.gradient[a] += wj * residual;
-            for &b in &which[..=n] {
-                self.information[a][b] += wj * j[b];
-            }
+    pub fn add(&mut self, j: &[f64; PARAMETERS], weight: f64, residual: f64) {
+        if self.waiting.push(j, weight, residual) {
+            self.waiting
+                .empty_into(&mut self.information, &mut self.gradient);
         }
     }
 
-    pub fn done(self) -> Sums {
+    /// Adds one pixel that no laser light reaches: it tells of the background alone.
+    #[inline]
+    pub fn add_dark(&mut self, judged: &Judged) {
+        let weighted = judged.weight * judged.share;
+        self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
+        self.gradient[BACKGROUND] += weighted * judged.residual;
+    }
+
+    pub fn done(mut self) -> Sums {
+        self.waiting
+            .empty_into(&mut self.information, &mut self.gradient);
         Sums {
             information: Square::from_fn(|a, b| self.information[a.max(b)][a.min(b)]),
             gradient: Column::from_column_slice(&self.gradient),

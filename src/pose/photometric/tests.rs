@@ -1,6 +1,7 @@
 //! The closed form against the renderer, and its derivatives against differences of itself.
 
 use super::plan::groups;
+use super::sums::BULK;
 use super::turned::Turned;
 use super::*;
 use hydroline_calib::IdealMap;
@@ -161,7 +162,7 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
             let mut j = light.j;
             j[BACKGROUND] = 1.0;
             let j = j.map(|d| d * judged.share);
-            counter.add(&BULK, &j, judged.weight, judged.residual);
+            counter.add(&j, judged.weight, judged.residual);
         }
     }
     let slow = counter.done();
@@ -236,8 +237,8 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
             fast.cost,
             slow.cost
         );
-        for a in ALL {
-            for b in ALL {
+        for a in 0..PARAMETERS {
+            for b in 0..PARAMETERS {
                 let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
                 let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
                 // Half a per cent of the information is a quarter of a per cent of an sd.

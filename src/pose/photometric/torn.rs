@@ -7,9 +7,9 @@
 
 use super::passing::{FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
-use super::sums::{ALL, BULK, Counter};
+use super::sums::Counter;
 use super::turned::{Hit, Ray, Turned, dot};
-use super::{BACKGROUND, BRIGHTNESS, Doubt, PARAMETERS, Photometric, State, THICKNESS};
+use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, PARAMETERS, Photometric, State, THICKNESS};
 use crate::pose::normal::{Pair, Tables};
 
 /// Value in the middle, and gain per row.
@@ -27,8 +27,9 @@ fn at(line: &Line, u: f64) -> f64 {
 struct Edge {
     /// Distance in spreads: a + b u + c u².
     x: [f64; 3],
-    /// Its derivatives by the pose and the thickness.
-    dx: [Line; 7],
+    /// Its derivatives by the parameters in the middle, and what they gain per row: those by pose and
+    /// thickness, the brightness' is zero.
+    dx: [[f64; THICKNESS + 1]; 2],
 }
 
 /// The edges of one outline near a strip: one, or two that meet at a corner.
@@ -49,6 +50,45 @@ impl Passed<'_> {
         share: 1.0,
         by: [(0.0, None), (0.0, None)],
     };
+
+    /// Adds what the edges move of so much light.
+    #[inline]
+    fn add(&self, j: &mut [f64; PARAMETERS], light: f64, u: f64) {
+        for (slope, edge) in self.by {
+            if let Some(edge) = edge.filter(|_| slope != 0.0) {
+                edge.add(j, light * slope, u);
+            }
+        }
+    }
+}
+
+/// What passes several cuts of so much light, and what their edges move of it.
+fn passing_all(cuts: &[Cut], j: &mut [f64; PARAMETERS], full: f64, u: f64, tables: &Tables) -> f64 {
+    let mut passed = [const { Passed::ALL }; CUTS_MOST];
+    let mut share = 1.0;
+    for (cut, own) in cuts.iter().zip(&mut passed) {
+        *own = cut.passing(u, tables);
+        share *= own.share;
+    }
+    if share > 0.0 && share < 1.0 {
+        for own in passed.iter().take(cuts.len()) {
+            own.add(j, full * share / own.share, u);
+        }
+    }
+    share
+}
+
+/// First and last place along a strip where its light counts, from the stripe at two places, between which the distance from the sheet is nearly a line.
+pub(super) fn lit(u: [f64; 2], first: &Stripe, last: &Stripe) -> [f64; 2] {
+    let slope = (last.s - first.s) / (u[1] - u[0]);
+    let centre = u[0] - first.s / slope;
+    let half = ((2.0 * DARK * first.total2.max(last.total2)).sqrt() / slope).abs();
+    // A strip of one row has no slope.
+    if half.is_finite() && centre.is_finite() {
+        [centre - half, centre + half]
+    } else {
+        [f64::NEG_INFINITY, f64::INFINITY]
+    }
 }
 
 /// What cuts a strip.
@@ -67,6 +107,8 @@ struct Ready {
     height: Line,
     total2: Line,
     ds: [Line; 3],
+    /// First and last place about the middle that it lights.
+    lit: [f64; 2],
     /// In [`Scratch::cuts`].
     cuts: (usize, usize),
 }
@@ -141,8 +183,10 @@ impl Photometric {
             let mut doubt = Doubt::default();
             let mut j = [0.0; PARAMETERS];
             let mut level = 0.0;
-            let mut torn = false;
             for ready in &scratch.strips {
+                if u < ready.lit[0] || u > ready.lit[1] {
+                    continue;
+                }
                 let total2 = at(&ready.total2, u);
                 let both = 1.0 / (down * total2);
                 let of_total2 = both * down;
@@ -154,34 +198,31 @@ impl Photometric {
                 }
                 let full = state.brightness * bare;
                 let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
-                let mut passed = [const { Passed::ALL }; CUTS_MOST];
-                let mut share = 1.0;
-                for (cut, own) in cuts.iter().zip(&mut passed) {
-                    *own = cut.passing(u, tables);
-                    share *= own.share;
-                }
+                let share = match cuts {
+                    [] => 1.0,
+                    [only] => {
+                        let passed = only.passing(u, tables);
+                        if derivatives && passed.share > 0.0 {
+                            passed.add(&mut j, full, u);
+                        }
+                        passed.share
+                    }
+                    several => passing_all(several, &mut j, full, u, tables),
+                };
                 if share == 0.0 {
                     continue;
                 }
                 let light = full * share;
-                if share < 1.0 {
-                    torn = true;
-                    for own in passed.iter().take(cuts.len()) {
-                        for (slope, edge) in own.by {
-                            if let Some(edge) = edge.filter(|_| slope != 0.0) {
-                                edge.add(&mut j, light / own.share * slope, u);
-                            }
-                        }
-                    }
-                }
                 level += light;
                 doubt.edge += light * 4.0 * (1.0 - share);
-                let by_s = -light * s * of_total2;
-                for (j, ds) in j[2..5].iter_mut().zip(&ready.ds) {
-                    *j += by_s * at(ds, u);
+                if derivatives {
+                    let by_s = -light * s * of_total2;
+                    for (j, ds) in j[2..5].iter_mut().zip(&ready.ds) {
+                        *j += by_s * at(ds, u);
+                    }
+                    j[BRIGHTNESS] += bare * share;
+                    j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off));
                 }
-                j[BRIGHTNESS] += bare * share;
-                j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off));
             }
             let doubt_sd = if cut { doubt_sd(&doubt) } else { 0.0 };
             let Some(&grey) = pixels.get(row * self.table.width_px + strip.column) else {
@@ -198,15 +239,15 @@ impl Photometric {
             let Some(judged) = judged.filter(|_| derivatives) else {
                 continue;
             };
+            if level == 0.0 {
+                counter.add_dark(&judged);
+                continue;
+            }
             j[BACKGROUND] = 1.0;
             if judged.share != 1.0 {
                 j = j.map(|d| d * judged.share);
             }
-            if torn {
-                counter.add(&ALL, &j, judged.weight, judged.residual);
-            } else {
-                counter.add(&BULK, &j, judged.weight, judged.residual);
-            }
+            counter.add(&j, judged.weight, judged.residual);
         }
     }
 
@@ -253,12 +294,14 @@ impl Photometric {
             }
             let [a, _, c] = &nodes;
             let (a, c) = (&a.stripe, &c.stripe);
+            let lit = lit([rows.u[0], rows.u[2]], a, c);
             let full = self.albedo(strip.level) * state.thickness_m;
             scratch.strips.push(Ready {
                 over: -own_m - fallen,
                 height: line(full / a.total2.sqrt(), full / c.total2.sqrt(), count),
                 total2: line(a.total2, c.total2, count),
                 ds: std::array::from_fn(|i| line(a.ds[i], c.ds[i], count)),
+                lit,
                 cuts: (first_cut, scratch.cuts.len()),
             });
         }
@@ -333,13 +376,17 @@ impl Edge {
         let rows = (u[2] - u[0]).max(1.0);
         Edge {
             x: parabola(u, [a.x, b.x, c.x]),
-            dx: std::array::from_fn(|i| {
-                if i < 6 {
-                    line(a.dx[i], c.dx[i], rows)
-                } else {
-                    line(a.dx_thickness, c.dx_thickness, rows)
+            dx: {
+                let mut dx = [[0.0; THICKNESS + 1]; 2];
+                let mut put = |i: usize, a: f64, c: f64| {
+                    [dx[0][i], dx[1][i]] = line(a, c, rows);
+                };
+                for i in 0..6 {
+                    put(i, a.dx[i], c.dx[i]);
                 }
-            }),
+                put(THICKNESS, a.dx_thickness, c.dx_thickness);
+                dx
+            },
         }
     }
 
@@ -348,12 +395,13 @@ impl Edge {
     }
 
     /// Adds `gain` times the distance's derivatives.
+    #[inline]
     fn add(&self, j: &mut [f64; PARAMETERS], gain: f64, u: f64) {
         let per_row = gain * u;
-        for (j, dx) in j.iter_mut().zip(&self.dx[..6]) {
-            *j += gain * dx[0] + per_row * dx[1];
+        let [middle, slope] = &self.dx;
+        for i in 0..=THICKNESS {
+            j[i] += gain * middle[i] + per_row * slope[i];
         }
-        j[THICKNESS] += gain * self.dx[6][0] + per_row * self.dx[6][1];
     }
 }
 

@@ -377,3 +377,42 @@ fn extreme_poses_and_bad_rigs_are_harmless() {
     });
     assert!(matches!(Renderer::new(&rig), Err(SceneError::Effect(_))));
 }
+
+/// Edges that meet every pixel alike: what one pixel is off by, the whole edge is.
+#[test]
+fn an_edge_along_columns_rows_or_diagonals_is_seen_to_a_fortieth_of_a_pixel() {
+    for (nx, ny) in [
+        (1.0, 0.0),
+        (0.0, 1.0),
+        (1.0, 1.0),
+        (1.0, -1.0),
+        (1.0, 2.0),
+        (2.0, -1.0),
+    ] {
+        let length = f64::hypot(nx, ny);
+        let (nx, ny) = (nx / length, ny / length);
+        for k in 0..200 {
+            let offset = (f64::from(k) / 200.0 - 0.5) * (nx.abs() + ny.abs());
+            let shade = |u: f64, v: f64| (Code(0), f64::from(u8::from(nx * u + ny * v < offset)));
+            let seen = f64::from(lattice(&shade, 0.0, 0.0));
+            // Area of the unit square below the line, column by column.
+            let columns = 4000;
+            let below: f64 = (0..columns)
+                .map(|i| {
+                    let u = (f64::from(i) + 0.5) / f64::from(columns) - 0.5;
+                    if ny == 0.0 {
+                        return f64::from(u8::from(nx * u < offset));
+                    }
+                    let v = (offset - nx * u) / ny;
+                    let share = (v + 0.5).clamp(0.0, 1.0);
+                    if ny > 0.0 { share } else { 1.0 - share }
+                })
+                .sum();
+            let exact = below / f64::from(columns);
+            assert!(
+                (seen - exact).abs() < 0.025,
+                "({nx}, {ny}) {offset}: {seen} {exact}"
+            );
+        }
+    }
+}

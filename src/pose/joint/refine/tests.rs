@@ -57,7 +57,7 @@ fn a_tilted_and_thicker_sheet_is_found_and_the_poses_with_it() {
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let poses = run(6);
     let frames = frames(TILT_RAD, &poses);
-    let found = refine(&fitter, &frames).unwrap();
+    let found = refine(&fitter, &frames, Wanted::ALL).unwrap();
     let off = [
         found.geometry.tilt_pitch_rad - TILT_RAD[0],
         found.geometry.tilt_yaw_rad - TILT_RAD[1],
@@ -87,7 +87,7 @@ fn a_tilted_and_thicker_sheet_is_found_and_the_poses_with_it() {
 fn an_upright_sheet_is_left_upright() {
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
-    let found = refine(&fitter, &frames([0.0; 2], &run(4))).unwrap();
+    let found = refine(&fitter, &frames([0.0; 2], &run(4)), Wanted::ALL).unwrap();
     let sd = |i: usize| found.covariance[(i, i)].sqrt();
     assert!(
         found.geometry.tilt_pitch_rad.abs() < 4.5 * sd(0),
@@ -102,7 +102,70 @@ fn too_few_frames_are_an_error() {
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let two = frames([0.0; 2], &run(2));
     assert_eq!(
-        refine(&fitter, &two),
+        refine(&fitter, &two, Wanted::ALL),
         Err(RefineError::TooFew { frames: 2 })
     );
+}
+
+#[test]
+fn a_frame_that_fails_is_left_out_and_a_pitch_that_is_held_stays() {
+    let rig = lshpi_rig();
+    let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
+    let poses: Vec<Pose> = run(5)
+        .into_iter()
+        .map(|pose| Pose {
+            theta_rad: 0.0,
+            ..pose
+        })
+        .collect();
+    let mut frames = frames([0.0; 2], &poses);
+    for (_, _, hint) in &mut frames {
+        hint.held.theta_rad = Some(0.0);
+    }
+    // Its stripe was seen, but its image is dark: a start without a fit.
+    frames[2].0.pixels.fill(0);
+    let wanted = Wanted {
+        tilt: false,
+        thickness: true,
+    };
+    let found = refine(&fitter, &frames, wanted).unwrap();
+    assert_eq!(found.poses[2], None);
+    for (k, pose) in found.poses.iter().enumerate().filter(|(k, _)| *k != 2) {
+        assert_eq!(pose.unwrap().theta_rad, 0.0, "{k}");
+    }
+    let sd_m = found.covariance[(2, 2)].sqrt();
+    let off_m = found.geometry.thickness_m - THICKNESS_M;
+    assert!(off_m.abs() < 4.5 * sd_m, "off by {off_m}, sd {sd_m}");
+    // With pitch known the stripe's width alone says it: to a thousandth.
+    assert!(sd_m < 1e-3 * THICKNESS_M, "{sd_m}");
+    assert_eq!(found.geometry.tilt_pitch_rad, 0.0);
+}
+
+#[test]
+fn poses_under_what_was_refined_are_those_of_the_true_sheet() {
+    let rig = lshpi_rig();
+    let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
+    let poses = run(8);
+    let frames = frames(TILT_RAD, &poses);
+    let found = refine(&fitter, &frames, Wanted::ALL).unwrap();
+    let refined = fitter.refined(&found);
+    for ((image, profile, hint), truth) in frames.iter().zip(&poses) {
+        let fit = refined.fit(image, profile, hint).unwrap();
+        let open = refined
+            .with_thickness_open()
+            .fit(image, profile, hint)
+            .unwrap();
+        for i in 0..6 {
+            let off = fit.pose.to_array()[i] - truth.to_array()[i];
+            let sd = fit.covariance[(i, i)].sqrt();
+            // What the tilt's own sd moves is not in it.
+            let tilt = [1.0, 0.3, 0.3, 1.0, 1.0, 1.0][i] * found.covariance[(0, 0)].sqrt();
+            assert!(
+                off.abs() < 4.5 * sd.hypot(tilt),
+                "{i}: off by {off}, sd {sd}"
+            );
+        }
+        // The weak direction is the thickness' own.
+        assert!(fit.covariance[(4, 4)].sqrt() < 0.8 * open.covariance[(4, 4)].sqrt());
+    }
 }

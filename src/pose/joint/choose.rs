@@ -1,0 +1,117 @@
+//! Which of several places on the target a frame shows.
+
+use super::super::photometric::{Choice, Doubts, PARAMETERS, Plan, State, Weighting};
+use super::settle::sane;
+use super::solve::solve;
+use super::valley::Valley;
+use super::{PoseCaveat, PoseFitter};
+use crate::frame::GreyImage;
+use crate::stripe::Profile;
+
+/// Cost by which the best guess must beat a different one: log-likelihood ratio.
+const CLEAR_COST: f64 = 12.0;
+/// Places are told apart, and a pose is first settled, on some of the columns.
+const TO_CHOOSE: Choice = Choice {
+    step: 7,
+    keep: 3,
+    room_m: 0.003,
+};
+/// Tops far apart in height offer many places that differ little.
+const TO_CHOOSE_TALL: Choice = Choice {
+    step: 3,
+    keep: 4,
+    room_m: 0.003,
+};
+/// A start whose cost is this many times the best one's is none.
+const BEHIND: f64 = 3.0;
+
+impl PoseFitter {
+    /// Settles every start a little and keeps the best.
+    pub(super) fn choose(
+        &self,
+        image: &GreyImage,
+        profile: &Profile,
+        mut starts: Vec<State>,
+        free: &[bool; PARAMETERS],
+        caveats: &mut Vec<PoseCaveat>,
+    ) -> Option<State> {
+        if starts.len() < 2 {
+            return starts.pop();
+        }
+        let weighting = Weighting {
+            noise_sd: profile.noise_sd.max(1.0),
+            cut: 8.0,
+            redescending: true,
+            saturation: self.saturation,
+        };
+        // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
+        // height that a degree moves their edges by millimetres against each other.
+        let tall = self.tall();
+        let mut held = *free;
+        held[4] = free[4] && tall;
+        let (choice, tries) = if tall {
+            (TO_CHOOSE_TALL, (6, 4e-4))
+        } else {
+            (TO_CHOOSE, (2, 0.04))
+        };
+        let huber = Weighting {
+            cut: 4.0,
+            redescending: false,
+            ..weighting
+        };
+        // A start is judged by the cost that it would come down to if the light were linear in what
+        // is free: half the gradient's way (Gauss–Newton) below its own.
+        let judged = |start: State| {
+            let plan = self.model.plan(&start, choice);
+            let none = &mut Doubts::default();
+            let sums = self
+                .model
+                .compare(&plan, &image.pixels, &start, &huber, none, true);
+            let valley = Valley::new(&start.pose, &self.mounts);
+            let turned = valley.turn(&sums);
+            let step = solve(&turned, &held, 1e-9);
+            let gain = step.map_or(0.0, |s| 0.5 * s.dot(&turned.gradient));
+            // The way there is known: it need not be found again, unless it is far.
+            let next = step.map_or(start, |s| valley.moved(&start, &s));
+            let near = sane(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
+            let start = if near { next } else { start };
+            let least = 0.1 * sums.cost;
+            let pixels = sums.pixels.max(1) as f64;
+            ((sums.cost - gain).max(least) / pixels, start, plan)
+        };
+        let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
+        first.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
+        // guesses: those that do not fall far behind are settled a little before they are compared.
+        let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
+        first.retain(|f| f.0 <= limit);
+        if let [(_, only, _)] = first.as_slice() {
+            return Some(*only);
+        }
+        let mut tried: Vec<(f64, State, f64)> = first
+            .into_iter()
+            .filter_map(|(_, start, plan)| {
+                let none = &mut Doubts::default();
+                let (state, _) =
+                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
+                let sums =
+                    self.model
+                        .compare(&plan, &image.pixels, &state, &weighting, none, false);
+                let pixels = sums.pixels.max(1) as f64;
+                Some((sums.cost / pixels, state, pixels))
+            })
+            .collect();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Several guesses may have come to the same place: the rival is the best of another one.
+        if let Some((best, rest)) = tried.split_first() {
+            let elsewhere = |t: &&(f64, State, f64)| (best.1.pose.x_m - t.1.pose.x_m).abs() > 0.002;
+            let rival = rest.iter().find(elsewhere);
+            if rival
+                .is_some_and(|next| (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST)
+            {
+                caveats.push(PoseCaveat::Ambiguous);
+            }
+        }
+        tried.first().map(|t| t.1)
+    }
+}

@@ -1,0 +1,174 @@
+//! From one start to the pose, with covariance.
+
+use super::super::photometric::{
+    Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums, Weighting,
+};
+use super::settle::{lit_noise, sane};
+use super::solve::covariance;
+use super::{JointPose, PoseCaveat, PoseFault, PoseFitter};
+use crate::frame::GreyImage;
+use crate::stripe::Profile;
+use hydroline_calib::Pose;
+
+/// Final robust cut in noise sds.
+pub(super) const CUT: f64 = 6.0;
+/// Residual per pixel beyond which a fit does not explain the frame.
+const MISFIT: f64 = 4.0;
+const ITERATIONS: usize = 14;
+/// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
+const PLANS: usize = 4;
+/// The squared way to go, in sds, from which one more step is enough without looking at it again. What a
+/// step of n sds leaves is the bend of the light over it, found to be n²/60 sds: of three sds a
+/// seventh at most, by which the estimate scatters a hundredth more. The edges' doubts and the
+/// covariance are those of before that step.
+const SETTLED: f64 = 9.0;
+/// What is only a start for the next fit, of other pixels, need not come nearer than these pixels say.
+const NEARLY: f64 = 100.0;
+const APPROACHED: f64 = 100.0;
+/// Where the noise is known well enough to go on with.
+const ROUGHLY: f64 = 1000.0;
+/// Of the columns without edges every so many, until the last look.
+const FEW: usize = 3;
+const TO_APPROACH: Choice = Choice {
+    step: 3,
+    keep: 2,
+    room_m: 0.003,
+};
+/// After that it moves by its sd.
+const TO_FINISH: Choice = Choice {
+    room_m: 0.001,
+    ..Choice::ALL
+};
+
+impl PoseFitter {
+    /// The whole fit from a start, with covariance.
+    pub(super) fn finish(
+        &self,
+        model: &Photometric,
+        image: &GreyImage,
+        profile: &Profile,
+        start: State,
+        free: [bool; PARAMETERS],
+        mut caveats: Vec<PoseCaveat>,
+    ) -> Result<JointPose, PoseFault> {
+        let mut weighting = Weighting {
+            noise_sd: profile.noise_sd.max(0.3),
+            cut: 4.0,
+            redescending: false,
+            saturation: self.saturation,
+        };
+        let (mut from, mut sums) = self
+            .approach(model, image, start, &free, &mut weighting)
+            .ok_or(PoseFault::Unsettled)?;
+        weighting.cut = CUT;
+        weighting.redescending = true;
+        let mut again = PLANS;
+        let (state, sums, edge_doubt) = loop {
+            again -= 1;
+            let plan = model.plan(&from, TO_FINISH);
+            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64| {
+                weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
+                let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
+                let limits = (ITERATIONS, settled);
+                self.settle(model, plan, image, from, &free, &weighting, doubts, limits)
+                    .ok_or(PoseFault::Unsettled)
+            };
+            // All pixels of the edges, and how good the edges are by the way.
+            let few = plan.thinned(FEW);
+            let (near, edges) = settle(&few, from, &sums, NEARLY)?;
+            let (state, all) = settle(&plan, near, &edges, SETTLED)?;
+            if again == 0 || self.shift_m(&from.pose, &state.pose) <= TO_FINISH.room_m {
+                let edge_doubt = edges.edges.doubt(weighting.noise_sd);
+                break (state, all, edge_doubt);
+            }
+            (from, sums) = (state, all);
+        };
+        let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
+        // Relative to the frame's own dark noise the residual says whether the model holds at all.
+        let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);
+        if chi > MISFIT || !sane(&state) {
+            return Err(PoseFault::Unexplained { chi });
+        }
+        if rejected > 0.05 || chi > 0.5 * MISFIT {
+            caveats.push(PoseCaveat::Misfit);
+        }
+        let covariance_with_thickness = covariance(&sums, &free).ok_or(PoseFault::Unsettled)?;
+        let mut measured = [false; 6];
+        measured.copy_from_slice(&free[..6]);
+        Ok(JointPose {
+            pose: state.pose,
+            covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
+            covariance_with_thickness,
+            measured,
+            thickness_m: state.thickness_m,
+            brightness: state.brightness,
+            background: state.background,
+            noise_sd: weighting.noise_sd,
+            rejected,
+            edge_doubt,
+            pixels: sums.pixels,
+            caveats,
+        })
+    }
+
+    /// From a start to about the pose, on some of the pixels; these are chosen anew as long as the pose leaves the room
+    /// that they were chosen for: beyond it edges cut light that the plan takes for whole.
+    fn approach(
+        &self,
+        model: &Photometric,
+        image: &GreyImage,
+        start: State,
+        free: &[bool; PARAMETERS],
+        weighting: &mut Weighting,
+    ) -> Option<(State, Sums)> {
+        let mut from = start;
+        for again in (0..PLANS).rev() {
+            let plan = model.plan(&from, TO_APPROACH);
+            let mut settle = |from: State, settled: f64| {
+                let none = &mut Doubts::default();
+                let limits = (6, settled);
+                let found = self.settle(model, &plan, image, from, free, weighting, none, limits);
+                // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is
+                // known once the fit is about there.
+                let noise_sd = found.as_ref().and_then(|(_, sums)| lit_noise(sums));
+                weighting.noise_sd = noise_sd.unwrap_or(weighting.noise_sd).max(0.3);
+                found
+            };
+            let in_room = |state: &State| {
+                self.shift_m(&from.pose, &state.pose) <= TO_APPROACH.room_m || again == 0
+            };
+            let (rough, _) = settle(from, ROUGHLY)?;
+            from = if in_room(&rough) {
+                let (state, sums) = settle(rough, APPROACHED)?;
+                if in_room(&state) {
+                    return Some((state, sums));
+                }
+                state
+            } else {
+                rough
+            };
+        }
+        None
+    }
+
+    /// How far the sheet's line on the floor has moved over the target between two poses, at most \[m\].
+    pub(super) fn shift_m(&self, a: &Pose, b: &Pose) -> f64 {
+        // η of the floor, θ and φ small: η₀ = h_centre − (l sin θ − z).
+        let eta_m =
+            |p: &Pose| self.mounts.h_centre_m - self.mounts.l_laser_m * p.theta_rad.sin() + p.z_m;
+        [-0.5, 0.0, 0.5]
+            .map(|xi_m| {
+                let at = |p: &Pose| {
+                    p.body_to_tank(&hydroline_calib::frames::plane_to_body(
+                        &self.mounts,
+                        xi_m,
+                        eta_m(p),
+                    ))
+                };
+                let (a, b) = (at(a), at(b));
+                (a.x - b.x).hypot(a.y - b.y)
+            })
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+}
