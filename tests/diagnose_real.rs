@@ -11,6 +11,8 @@ use hydroline::import::{Map, import, read as read_table};
 use hydroline_rigs::Rig;
 
 const ROLL: &str = "[time]\ncolumn = \"time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+/// The simulation writes the same angle under another name of the time.
+const FNPF: &str = "[time]\ncolumn = \"Time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// Force over voltage as the drive's data sheet has it.
 const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\nclock = \"relative\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
                      [[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
@@ -96,6 +98,9 @@ fn show(v: &Verdict) {
             a.log_evidence, a.probability, a.effects, a.held_out
         );
     }
+    for r in &v.ladder {
+        println!("  + {:?}: {:?} {:?}", r.effect, r.train, r.held_out);
+    }
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
 }
 
@@ -161,4 +166,41 @@ fn the_drive_lacks_friction_offset_and_direction() {
             found.verdict.sentence
         );
     }
+}
+
+/// The published simulation of the same test is inviscid. A rig is made to move as it does (its own
+/// refitted coefficients, and what its restoring has beyond a straight line), and is then asked what it
+/// lacks of the recording: damping that grows faster than the rate.
+#[test]
+#[ignore = "a minute of processor time"]
+fn the_inviscid_simulation_left_out_damping() {
+    let Some(real) = shared() else { return };
+    let rig = ship();
+    let sim = source(
+        &real.join("roll-decay/fnpf_kvlcc2_rolldecay_0kn.csv"),
+        FNPF,
+        &rig,
+    );
+    let parts = [
+        stretch(&sim, "a", 0.0, 45.0, 5),
+        stretch(&sim, "b", 90.0, 135.0, 5),
+    ];
+    let apart = [stretch(&sim, "c", 45.0, 90.0, 5)];
+    let inviscid = diagnose(&parts, &apart, &rig, &|_| {}).unwrap();
+    show(&inviscid.verdict);
+    let all = source(
+        &real.join("roll-decay/model_test_21338.csv"),
+        ROLL,
+        &inviscid.rig,
+    );
+    let fitted = [
+        stretch(&all, "a", 9.0, 34.0, 10),
+        stretch(&all, "b", 64.0, 100.0, 10),
+    ];
+    let held = [
+        stretch(&all, "c", 34.0, 64.0, 10),
+        stretch(&all, "d", 100.0, 150.0, 10),
+    ];
+    let found = diagnose(&fitted, &held, &inviscid.rig, &|_| {}).unwrap();
+    show(&found.verdict);
 }

@@ -5,12 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bank::{Promise, Response, View, joined, motion, pursue, responses, whitened, without};
+use super::bank::{
+    Promise, Response, View, begin, joined, motion, pursue, responses, whitened, without,
+};
 use super::descent::Effort;
-use super::explain::look;
+use super::explain::{Care, look};
 use super::family::regimes;
 use super::fit::{Fit, Posed};
-use super::setting::{COEFFICIENTS, Setting};
+use super::setting::Setting;
 use super::weights::{Weights, noise_beyond};
 
 /// Sets carried from one depth to the next.
@@ -74,6 +76,11 @@ impl<'a> Search<'a> {
             whitened: Vec::new(),
             progress,
         }
+    }
+
+    /// Whether the search ended because a free force was better than all of the vocabulary.
+    pub fn stopped_early(&self) -> bool {
+        self.hopeless
     }
 
     /// The fit of a set, if there is one.
@@ -291,37 +298,10 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Where a promised candidate begins: its starting point, with the first parameter scaled to the
-    /// promised amplitude where the response grows in proportion to it.
     fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
-        let candidate = &self.setting.vocabulary[promise.candidate];
-        let plain = candidate.starts[promise.start].clone();
-        let full = self
-            .bank
-            .iter()
-            .find(|r| r.candidate == promise.candidate && r.start == promise.start);
-        let (Some(full), Some(first)) = (full, plain.first()) else {
-            return plain;
-        };
-        let (low, high) = candidate.bounds[0];
-        let scaled = first * promise.amplitude;
-        if (0.5..2.0).contains(&promise.amplitude) || !(low..=high).contains(&scaled) {
-            return plain;
-        }
-        let mut point = plain.clone();
-        point[0] = scaled;
-        let runs = self.setting.tracks.len();
-        let starts: Vec<(f64, f64)> = (0..runs).map(|r| fit.start(self.setting, r)).collect();
-        let (set, at) = joined(self.setting, fit, promise.candidate, &point);
-        let globals = &at[..COEFFICIENTS + self.setting.parameters(&set)];
-        let moved = motion(self.setting, &set, globals, &starts)
-            - motion(self.setting, &fit.set, fit.globals(self.setting), &starts);
-        let expected = &full.column * promise.amplitude;
-        if (&moved - &expected).norm() < 0.5 * expected.norm() {
-            point
-        } else {
-            plain
-        }
+        begin(self.setting, fit, &self.bank, promise, &|set, globals, starts| {
+            motion(self.setting, set, globals, starts)
+        })
     }
 
     /// Fits a set with each of its most promising additions.
@@ -540,7 +520,7 @@ impl<'a> Search<'a> {
             .cloned();
         let nothing = self.get(&[]).cloned();
         [nothing, single].into_iter().flatten().any(|fit| {
-            let seen = look(self, &fit);
+            let seen = look(self, &fit, Care::Glance);
             seen.unnamed()
                 && seen.log_evidence > best.log_evidence
                 && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
