@@ -235,8 +235,13 @@ impl View {
                 if set.contains(&r.candidate) {
                     return None;
                 }
-                let left = outside(&self.basis, w);
-                let energy = left.norm_squared();
+                let mut left = w - &self.basis * self.basis.tr_mul(w);
+                let mut energy = left.norm_squared();
+                if energy < 1e-6 * w.norm_squared() {
+                    // Mostly cancelled: once more, for the digits that are left.
+                    left = outside(&self.basis, &left);
+                    energy = left.norm_squared();
+                }
                 // Nothing but rounding is left: not to be told from what is already there.
                 if energy < 1e-10 * w.norm_squared() || energy <= 0.0 {
                     return None;

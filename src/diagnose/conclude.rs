@@ -181,7 +181,7 @@ fn one(
     search.settle();
     let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
     progress("explanations");
-    let Some(found) = explain(&mut search) else {
+    let Some(found) = explain(&mut search, &held_tracks) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
     let Some(plain) = search.finished(&[]) else {
@@ -190,9 +190,15 @@ fn one(
     let post = posterior(&search);
     made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
-    let simple = found.family.is_none() && found.twice.is_none();
+    let simple = found.simple();
     let mut groups: Vec<Group> = if simple {
         post.tied().into_iter().cloned().collect()
+    } else if found.by_prediction {
+        vec![Group {
+            matters: found.matters(setting.tolerance),
+            fit: found.fit.clone(),
+            probability: 1.0,
+        }]
     } else {
         Vec::new()
     };
@@ -213,7 +219,7 @@ fn one(
         }
         groups = missed.into_iter().map(|m| m.1).collect();
     }
-    if simple && groups.len() == 1 && !held_tracks.is_empty() {
+    if groups.len() == 1 && !held_tracks.is_empty() {
         let kin = as_good(&search, &groups[0], &held_tracks);
         if !kin.is_empty() {
             let names: Vec<&str> = kin.iter().map(|k| k.0).collect();
@@ -265,6 +271,7 @@ fn one(
     let predicting = found.twice.as_ref().map_or(&first, |(_, two)| two);
     predictions(verdict, &search, [&plain, &first, predicting], &held_tracks);
     let mut rivals = Rivals::of(&search, &first, &shares, &held_tracks);
+    verdict.notes.extend(rivals.undecided());
     alternatives(verdict, &search, &post, &rivals, &first, &held_tracks);
     verdict.ladder.extend(rivals.ladder());
     test(verdict, &search, &plain, &first);

@@ -10,21 +10,38 @@ mod look;
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
+
 use super::bank::without;
 use super::family::{Acts, FamilyFit, Variable};
-use super::fit::Fit;
+use super::fit::{Fit, Posed};
+use super::predict::{held_out, predicted_beside};
 use super::search::Search;
+use super::setting::Track;
 use super::weight::{weight_beyond, weights};
 use beside::{beside, squeezed};
 
+use look::{kinds, modest};
+
 pub use look::{Care, look};
 
-/// Single effects tried beside an unnamed force.
-const SINGLES: usize = 2;
+/// Kinds of functions looked at beside nothing and beside the heaviest effect.
+const KINDS: usize = 2;
 /// Functions, of different kinds, beside which the set is searched again.
-const GROWN: usize = 2;
-/// A function this far below the best explanation before its set is searched again has no chance.
-const TOO_LATE: f64 = 2000.0;
+const GROWN: usize = 3;
+/// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
+const FAR_FROM_NOISE: f64 = 0.75;
+/// The same below which it does.
+const ALL_BUT_NOISE: f64 = 0.6;
+/// Log evidence below an explanation that leaves only noise, from where no set comes near it.
+const OUT_OF_REACH: f64 = 200.0;
+/// rms of the runs held out over the least one, and over noise, above which an explanation is none.
+const MISSED: f64 = 2.0;
+/// rms of the runs held out without a member over that with it up to which it is not needed.
+const AS_WELL: f64 = 1.02;
+/// rms of the runs held out with a function over that of named effects alone below which it is believed
+/// where nothing reaches the noise.
+const CLEARLY: f64 = 0.7;
 /// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
 /// evidence: invent nothing.
 const SPARING: f64 = 4.0;
@@ -44,6 +61,8 @@ pub struct Explanation {
     pub family_weight: f64,
     /// Log evidence of both.
     pub log_evidence: f64,
+    /// Its members were chosen by what they gain in prediction: no law reaches the noise here.
+    pub by_prediction: bool,
     /// Members (candidates) with what the best explanation without them lacks in log evidence.
     pub needed: Vec<(usize, f64)>,
 }
@@ -58,6 +77,7 @@ impl Explanation {
             twice: None,
             family_weight: 0.0,
             log_evidence: fit.log_evidence,
+            by_prediction: false,
             needed: Vec::new(),
         }
     }
@@ -71,11 +91,11 @@ impl Explanation {
         }
     }
 
-    /// What its function acts on, and of what.
+    /// What its function acts on, and of what kind of variable.
     fn kind(&self) -> Option<(Acts, Variable)> {
         self.family
             .as_ref()
-            .map(|f| (f.family.acts, f.family.variable))
+            .map(|f| (f.family.acts, f.family.variable.kind()))
     }
 
     /// The member (candidate index) whose law bends.
@@ -89,6 +109,22 @@ impl Explanation {
         }
     }
 
+    /// Whether it is a set among the sets of the search, by their posterior.
+    pub fn simple(&self) -> bool {
+        self.family.is_none() && self.twice.is_none() && !self.by_prediction
+    }
+
+    /// Members (candidates) heavier than this.
+    pub fn matters(&self, tolerance: f64) -> Vec<usize> {
+        self.fit
+            .set
+            .iter()
+            .zip(&self.weights)
+            .filter(|(_, w)| **w > tolerance)
+            .map(|(c, _)| *c)
+            .collect()
+    }
+
     /// Whether an unnamed force is part of it.
     pub fn unnamed(&self) -> bool {
         self.family
@@ -99,7 +135,9 @@ impl Explanation {
 
 /// The best explanation: sets from the search, sets grown beside a free function, and sets with
 /// members taken out, each with its best free function.
-pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
+///
+/// `held` = runs that are only predicted: an explanation that misses them badly is none.
+pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let first = search.best()?.clone();
     let mut best = look(search, &first, Care::Above(f64::NEG_INFINITY));
     if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
@@ -108,12 +146,8 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
     }
     let mut tried: BTreeMap<Vec<usize>, Explanation> =
         BTreeMap::from([(first.set.clone(), best.clone())]);
-    challenge(search, &best, &mut tried);
-    let mut seeds: Vec<Explanation> = tried
-        .values()
-        .filter(|e| e.family.is_some())
-        .cloned()
-        .collect();
+    let mut seeds = challenge(search, &best, &mut tried);
+    seeds.extend(tried.values().filter(|e| e.family.is_some()).cloned());
     if let Some(other) = tried
         .values()
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
@@ -126,25 +160,50 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
     seeds.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let mut kinds = Vec::new();
     seeds.retain(|s| {
-        let new = !kinds.contains(&s.kind()) && s.log_evidence > best.log_evidence - TOO_LATE;
+        let new = !kinds.contains(&s.kind());
         kinds.push(s.kind());
         new
     });
-    let mut grown_best = false;
+    let mut contenders: Vec<Explanation> = Vec::new();
     for seed in seeds.iter().take(GROWN) {
-        let grown = grow(search, seed);
-        if grown.log_evidence > best.log_evidence - sparing(&grown, &best) {
-            best = grown;
-            grown_best = true;
+        let bar = contenders
+            .iter()
+            .map(|c| c.log_evidence)
+            .fold(best.log_evidence, f64::max);
+        let explains_all = bar > first.log_evidence
+            && seed.log_evidence < bar - OUT_OF_REACH
+            && contenders.iter().chain([&best]).any(|c| {
+                c.fit.cost < ALL_BUT_NOISE * search.weights.samples() as f64
+            });
+        if explains_all {
+            continue;
+        }
+        let grown = grow(search, seed, bar);
+        let kept = grown
+            .family
+            .as_ref()
+            .is_some_and(|f| modest(search.setting, &grown.fit, f));
+        if kept {
+            contenders.push(grown);
         }
     }
+    let beaten = contenders
+        .iter()
+        .any(|g| g.log_evidence > best.log_evidence - sparing(g, &best));
+    if !beaten {
+        best = reduce(search, best, &mut tried);
+    }
+    contenders.push(best);
+    let mut best = elect(search, contenders, held)?;
     if best.unnamed()
         && search.stopped_early()
+        && best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
         && let Some(job) = squeezed(search, &best)
     {
         // What the search gave up as hopeless the vocabulary may yet explain.
         search.fit(vec![job.clone()]);
-        if let Some(named) = search.finished(&job.0) {
+        search.exchange();
+        if let Some(named) = search.best().cloned() {
             let seen = look(search, &named, Care::Above(best.log_evidence));
             tracing::debug!(
                 "squeezed to {:?}: {:.1} for {:.1}",
@@ -152,26 +211,32 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
                 seen.log_evidence,
                 best.log_evidence
             );
-            if seen.log_evidence > best.log_evidence {
-                best = seen;
-                grown_best = false;
-            }
+            best = elect(search, vec![best, seen], held)?;
         }
     }
-    if best.unnamed() && grown_best {
-        // Beside the set as it is now another function may be the better one.
-        if let Some(plain) = alone(search, &best.fit) {
-            let again = look(search, &plain, Care::Above(best.log_evidence));
-            if again.log_evidence > best.log_evidence && again.kind() != best.kind() {
-                best = grow(search, &again);
-            }
-            if let Some(family) = &mut best.family {
-                family.gain = best.log_evidence - plain.log_evidence;
-            }
+    if best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
+        && let Some(sparse) = by_prediction(search, &first, held)
+    {
+        // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
+        // must predict clearly better than named effects alone.
+        let noise = search.weights.noise;
+        let named = held_out(search.setting, held, &sparse.fit, noise).unwrap_or(f64::INFINITY);
+        let free = best
+            .family
+            .as_ref()
+            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise));
+        tracing::debug!(
+            "by prediction {:?}: {named:.2e}, with a function {free:?}",
+            sparse.fit.set
+        );
+        if free.is_none_or(|f| f > CLEARLY * named) {
+            return Some(sparse);
         }
     }
-    if !grown_best {
-        best = reduce(search, best, &mut tried);
+    if let (true, Some(plain)) = (best.family.is_some(), alone(search, &best.fit))
+        && let Some(family) = &mut best.family
+    {
+        family.gain = best.log_evidence - plain.log_evidence;
     }
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands.
@@ -186,12 +251,13 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
     Some(best)
 }
 
-/// Looks at nothing at all, at the heaviest alone and, where a force seems unnamed, at the best singles.
+/// Looks at the heaviest alone and, where something seems to be left or bent, at nothing at all: with
+/// what they are beside functions of different kinds.
 fn challenge(
     search: &Search<'_>,
     best: &Explanation,
     tried: &mut BTreeMap<Vec<usize>, Explanation>,
-) {
+) -> Vec<Explanation> {
     let heaviest = best
         .fit
         .set
@@ -203,26 +269,102 @@ fn challenge(
     if best.family.is_some() || best.twice.is_some() {
         sets.push(Vec::new());
     }
-    if best.unnamed() {
-        // Beside an unnamed force another single effect may be right than without it.
-        let singles = search.ranked();
-        let singles = singles.iter().filter(|f| f.set.len() == 1);
-        sets.extend(singles.take(SINGLES).map(|f| f.set.clone()));
-    }
+    let mut seeds = Vec::new();
     for set in sets {
-        if tried.contains_key(&set) {
+        let Some(fit) = search.get(&set) else {
             continue;
-        }
-        if let Some(fit) = search.get(&set) {
+        };
+        if !tried.contains_key(&set) {
             let seen = look(search, fit, Care::Above(f64::NEG_INFINITY));
             tried.insert(set, seen);
         }
+        if best.unnamed() {
+            seeds.extend(kinds(search, fit, KINDS));
+        }
     }
+    seeds
+}
+
+/// The most likely of those that do not miss the runs held out by far more than noise and than
+/// another one does. A force in time tells nothing of other runs and is not asked.
+fn elect(
+    search: &Search<'_>,
+    contenders: Vec<Explanation>,
+    held: &[Track],
+) -> Option<Explanation> {
+    let setting = search.setting;
+    let noise = search.weights.noise;
+    let miss = |e: &Explanation| match (&e.family, &e.twice) {
+        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise),
+        (None, Some((_, two))) => held_out(setting, held, two, noise),
+        (None, None) => held_out(setting, held, &e.fit, noise),
+    };
+    let missed: Vec<Option<f64>> = contenders.iter().map(miss).collect();
+    let nothing = search
+        .get(&[])
+        .and_then(|f| held_out(setting, held, f, noise));
+    let least = missed
+        .iter()
+        .chain([&nothing])
+        .flatten()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    let bar = MISSED * least.max(noise.total_sd());
+    for (e, m) in contenders.iter().zip(&missed) {
+        tracing::debug!(
+            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}",
+            e.fit.set,
+            e.kind(),
+            e.log_evidence
+        );
+    }
+    let sound = |m: &Option<f64>| m.is_none_or(|m| m <= bar);
+    let any = missed.iter().any(sound);
+    let mut best: Option<Explanation> = None;
+    for (e, _) in contenders
+        .into_iter()
+        .zip(&missed)
+        .filter(|(_, m)| !any || sound(m))
+    {
+        let better = best.as_ref().is_none_or(|b| {
+            e.log_evidence - sparing(b, &e) > b.log_evidence - sparing(&e, b)
+        });
+        if better {
+            best = Some(e);
+        }
+    }
+    best
+}
+
+/// Members of a set taken out as long as the runs held out are predicted as well without them.
+fn by_prediction(search: &Search<'_>, from: &Fit, held: &[Track]) -> Option<Explanation> {
+    let setting = search.setting;
+    let noise = search.weights.noise;
+    let mut now = from.clone();
+    let mut miss = held_out(setting, held, &now, noise)?;
+    while !now.set.is_empty() {
+        let best = (0..now.set.len())
+            .into_par_iter()
+            .filter_map(|m| {
+                let (set, at) = without(setting, &now, m);
+                let fit = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
+                let miss = held_out(setting, held, &fit, noise)?;
+                Some((fit, miss))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .filter(|(_, without)| *without <= AS_WELL * miss);
+        let Some((fit, without)) = best else { break };
+        (now, miss) = (fit, without.min(miss));
+    }
+    Some(Explanation {
+        by_prediction: true,
+        ..Explanation::plain(search, &now)
+    })
 }
 
 /// A seed's set searched again beside its function, and the function made sharper where that pays.
-fn grow(search: &Search<'_>, seed: &Explanation) -> Explanation {
-    let grown = beside(search, seed);
+fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
+    let grown = beside(search, seed, bar);
     let Some(family) = grown.family.clone() else {
         return grown;
     };
@@ -236,7 +378,7 @@ fn grow(search: &Search<'_>, seed: &Explanation) -> Explanation {
     if family.family.knots.len() == knots {
         return grown;
     }
-    beside(search, &Explanation::with(search, joint, family))
+    beside(search, &Explanation::with(search, joint, family), bar)
 }
 
 /// What a bent law with fewer mechanisms may be worse than a plain set.
@@ -265,7 +407,7 @@ fn reduce(
 ) -> Explanation {
     for _ in 0..8 {
         // Without the function's help: a plain set is the parent of its parts.
-        search.reduce(std::slice::from_ref(&best.fit.set));
+        search.reduce_below(std::slice::from_ref(&best.fit.set), f64::INFINITY);
         let mut better: Option<Explanation> = None;
         let mut needed = Vec::new();
         for member in 0..best.fit.set.len() {

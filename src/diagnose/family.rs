@@ -75,6 +75,15 @@ impl Variable {
         }
     }
 
+    /// Times in one run, in each or in all are one kind, and so are places.
+    pub fn kind(self) -> Variable {
+        match self {
+            Variable::TimeIn(_) | Variable::Time => Variable::TimeEach,
+            Variable::PlaceAgainst => Variable::Place,
+            other => other,
+        }
+    }
+
     fn of<T: Real>(self, here: &Instant<T>) -> T {
         let plain = |v: f64| T::from_f64(v);
         match self {

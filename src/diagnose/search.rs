@@ -23,6 +23,10 @@ const WIDTH: usize = 5;
 const LEAST_GAIN: f64 = 3.0;
 /// Starting points fitted per candidate.
 const STARTS: usize = 2;
+/// Ways to the same set that are followed in one round.
+const WAYS: usize = 2;
+/// Half chi-square of a member's size above which sets without it are not looked at.
+const SURELY_THERE: f64 = 60.0;
 /// Most effects together.
 const DEPTH: usize = 9;
 /// A set this far below the best one in log evidence is out of the race.
@@ -39,6 +43,8 @@ const NEAR_TWIN: f64 = 12.0;
 const HOPELESS: f64 = 1.0;
 /// Cost over that of pure noise below which a free force explains all there is.
 const ALL_BUT_NOISE: f64 = 3.0;
+/// Log evidence that a free force must gain beside a set for the search to end.
+const PLAINLY: f64 = 30.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;
 /// Most columns taken out before the noise is estimated.
@@ -325,16 +331,28 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        jobs.retain(|(set, _)| !self.fits.contains_key(set));
+        // The same set comes up from several parents: two ways to it are enough.
+        let mut ways: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        jobs.retain(|(set, _)| {
+            let way = ways.entry(set.clone()).or_default();
+            *way += 1;
+            *way <= WAYS && !self.fits.contains_key(set)
+        });
         self.fit(jobs);
     }
 
-    /// Fits sets with each of their members taken out.
+    /// Fits sets with each of their members taken out that is not surely there.
     pub fn reduce(&mut self, sets: &[Vec<usize>]) {
+        self.reduce_below(sets, SURELY_THERE);
+    }
+
+    /// Fits sets with each of their members taken out whose size is below this half chi-square.
+    pub fn reduce_below(&mut self, sets: &[Vec<usize>], sure: f64) {
         let mut jobs = Vec::new();
         for set in sets {
             let Some(fit) = self.get(set) else { continue };
-            for member in 0..set.len() {
+            let sizes = fit.sizes(self.setting);
+            for member in (0..set.len()).filter(|m| sizes[*m] < sure) {
                 let (smaller, from) = without(self.setting, fit, member);
                 if !self.fits.contains_key(&smaller) {
                     jobs.push((smaller, from));
@@ -462,7 +480,10 @@ impl<'a> Search<'a> {
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         for round in 0..2 * DEPTH {
-            if round == 2 && self.unnamed_is_better(false) {
+            let look_around = round >= 2 && round % 2 == 0;
+            if look_around
+                && (round == 2 && self.unnamed_is_better(false) || self.imitates_unnamed())
+            {
                 self.hopeless = true;
                 return;
             }
@@ -527,6 +548,18 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Whether beside the best set so far a free force is left that matters and gains more than effects
+    /// still to come: then what comes only imitates it.
+    fn imitates_unnamed(&self) -> bool {
+        let Some(best) = self.best() else {
+            return false;
+        };
+        let seen = look(self, best, Care::Glance);
+        seen.unnamed()
+            && seen.family_weight > self.setting.tolerance
+            && seen.log_evidence > best.log_evidence + PLAINLY
+    }
+
     /// Every member of the best set against every other candidate, with responses taken beside it.
     pub fn exchange(&mut self) {
         for _ in 0..3 {
@@ -534,7 +567,7 @@ impl<'a> Search<'a> {
                 return;
             };
             self.refresh(&best.set);
-            self.reduce(std::slice::from_ref(&best.set));
+            self.reduce_below(std::slice::from_ref(&best.set), f64::INFINITY);
             let smaller: Vec<Vec<usize>> = (0..best.set.len())
                 .map(|m| without(self.setting, &best, m).0)
                 .collect();

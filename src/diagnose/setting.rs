@@ -401,7 +401,7 @@ impl Setting {
         match all.len() {
             0..=6 => self.passes::<6>(run, set, &all),
             7..=8 => self.passes::<8>(run, set, &all),
-            9..=12 => self.passes::<12>(run, set, &all),
+            9..=12 | 17..=24 => self.passes::<12>(run, set, &all),
             _ => self.passes::<PASS>(run, set, &all),
         }
     }

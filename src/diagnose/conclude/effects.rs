@@ -22,7 +22,7 @@ pub fn effects(
     groups: &[Group],
 ) -> Vec<Effect> {
     let setting = search.setting;
-    let simple = found.family.is_none() && found.twice.is_none();
+    let simple = found.simple();
     let covariance = first.covariance();
     let places = setting.places(&first.set);
     let bent = found.bent();
@@ -61,12 +61,12 @@ pub fn effects(
             .map(|(i, p)| {
                 let k = places[member] + i;
                 let variance = covariance[(k, k)];
-                if *weight > setting.tolerance
-                    && !(p.plausible.0..=p.plausible.1).contains(&values[i])
-                {
+                // As scaled to the loads of these runs.
+                let (low, high) = setting.vocabulary[*candidate].flat[i];
+                if *weight > setting.tolerance && !(low..=high).contains(&values[i]) {
                     notes.push(format!(
-                        "{} = {:.4} {} lies outside of the {} .. {} that a tank run may show",
-                        p.name, values[i], p.unit, p.plausible.0, p.plausible.1
+                        "{} = {:.4} {} lies outside of the {low:.4} .. {high:.4} that such a run may show",
+                        p.name, values[i], p.unit
                     ));
                 }
                 let plain = Value {

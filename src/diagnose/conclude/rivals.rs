@@ -16,6 +16,10 @@ use crate::diagnose::verdict::{Alternative, Rung};
 const MEMBERS: usize = 4;
 /// Members in whose place kin are tried.
 const REPLACED: usize = 2;
+/// rms of the runs held out over that of the first set up to which another is as good.
+const AS_GOOD: f64 = 1.1;
+/// rms of the runs held out over the noise below which likelihoods decide.
+const AT_NOISE: f64 = 1.5;
 /// Of the tolerance: what is lighter is not asked.
 const LIGHT: f64 = 0.25;
 
@@ -145,9 +149,30 @@ impl<'a> Rivals<'a> {
         self.made.extend(made);
     }
 
-    /// Kin in the place of members.
-    pub fn in_place(&self) -> impl Iterator<Item = &Rival> {
-        self.made.values().filter(|r| r.in_place.is_some())
+    /// Kin that, in the place of a member, predict the runs held out as well: which of the two laws it is
+    /// these data leave open, whatever their likelihoods say where no law reaches the noise.
+    pub fn undecided(&self) -> Vec<String> {
+        let search = self.search;
+        let id = |c: usize| search.setting.vocabulary[c].info.id;
+        let Some(own) = held_out(search.setting, self.held, self.first, search.weights.noise)
+        else {
+            return Vec::new();
+        };
+        if own < AT_NOISE * search.weights.noise.total_sd() {
+            return Vec::new();
+        }
+        self.made
+            .values()
+            .filter_map(|r| Some((r.in_place?, r.held?)))
+            .filter(|(_, held)| *held < AS_GOOD * own)
+            .map(|((member, kin), held)| {
+                format!(
+                    "{} or {}: not decided, the runs held out are predicted to {own:.2e} and {held:.2e} rms",
+                    id(member),
+                    id(kin)
+                )
+            })
+            .collect()
     }
 
     /// As alternatives of the verdict, best first.

@@ -18,7 +18,7 @@ use crate::diagnose::fit::Fit;
 use crate::diagnose::search::Search;
 
 /// Steps at most.
-const STEPS: usize = 12;
+const STEPS: usize = 9;
 /// Additions fitted per step.
 const ADDED: usize = 4;
 /// Half chi-square that an addition must promise.
@@ -29,6 +29,10 @@ const SURELY_THERE: f64 = 20.0;
 const TOO_FAR: f64 = 40.0;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
+/// Of what is lacking to the best explanation so far, the share that a step must gain.
+const PACE: f64 = 0.08;
+/// Lacking less than this a climb goes on at any pace.
+const NEAR: f64 = 60.0;
 
 /// Share of a function's prior sd that is left at each step when it is squeezed out.
 const SQUEEZED: f64 = 0.3;
@@ -66,14 +70,15 @@ impl Bank {
     }
 }
 
-/// The best set beside the function of `seed`, from the seed's set.
-pub fn beside(search: &Search<'_>, seed: &Explanation) -> Explanation {
+/// The best set beside the function of `seed`, from the seed's set; given up where it will not come
+/// near the log evidence `bar`.
+pub fn beside(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
     let Some(family) = seed.family.clone() else {
         return seed.clone();
     };
     let now = (seed.fit.clone(), family);
     let bank = Bank::of(search, &now);
-    let (now, needed) = climb(search, &bank, now);
+    let (now, needed) = climb(search, &bank, now, bar);
     let mut found = Explanation::with(search, now.0, now.1);
     found.needed = needed;
     found
@@ -89,14 +94,27 @@ pub fn squeezed(search: &Search<'_>, grown: &Explanation) -> Option<(Vec<usize>,
         now.1.prior_sd *= SQUEEZED;
         now = now
             .1
-            .refine(search.setting, &search.weights, &now.0, Effort::FULL)?;
-        now = climb(search, &bank, now).0;
+            .refine(search.setting, &search.weights, &now.0, roughly(search))?;
+        now = climb(search, &bank, now, f64::NEG_INFINITY).0;
     }
     Some((now.0.set, now.0.at))
 }
 
+/// Far from the noise a percent will do.
+fn roughly(search: &Search<'_>) -> Effort {
+    Effort {
+        floor: 0.5 * search.weights.samples() as f64,
+        limit: f64::INFINITY,
+    }
+}
+
 /// Additions and removals until none is better; with what each member is needed for.
-fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair) -> (Pair, Vec<(usize, f64)>) {
+fn climb(
+    search: &Search<'_>,
+    bank: &Bank,
+    mut now: Pair,
+    bar: f64,
+) -> (Pair, Vec<(usize, f64)>) {
     let mut tried = Tried::new();
     tried.insert(now.0.set.clone(), Some(now.clone()));
     for step in 0..STEPS {
@@ -109,8 +127,8 @@ fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair) -> (Pair, Vec<(usize, 
         jobs.extend(additions(search, bank, &now));
         jobs.retain(|j| !tried.contains_key(&j.0));
         let effort = Effort {
-            floor: 0.5 * search.weights.samples() as f64,
             limit: now.0.cost + TOO_FAR,
+            ..roughly(search)
         };
         let made: Vec<(Vec<usize>, Option<Pair>)> = jobs
             .into_par_iter()
@@ -153,7 +171,14 @@ fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair) -> (Pair, Vec<(usize, 
                 .collect();
             return (now, needed);
         };
+        let (gained, lacking) = (
+            better.0.log_evidence - now.0.log_evidence,
+            bar - better.0.log_evidence,
+        );
         now = better;
+        if lacking > NEAR && gained < PACE * lacking {
+            break;
+        }
     }
     (now, Vec::new())
 }
@@ -172,18 +197,10 @@ type Removal = (usize, (Vec<usize>, Vec<f64>), f64);
 fn removals(search: &Search<'_>, now: &Pair) -> Vec<Removal> {
     let setting = search.setting;
     let (fit, function) = now;
-    let covariance = fit.covariance();
-    let places = setting.places(&fit.set);
+    let sizes = fit.sizes(setting);
     (0..fit.set.len())
         .filter(|m| function.family.acts != Acts::Bends(fit.set[*m]))
-        .map(|m| {
-            let k = places[m];
-            let sure = setting.vocabulary[fit.set[m]].size.map_or(0.0, |size| {
-                0.5 * (fit.at[k] - size.nothing).powi(2) / covariance[(k, k)].max(1e-300)
-            });
-            let sure = if sure.is_finite() { sure } else { 0.0 };
-            (fit.set[m], without(setting, fit, m), sure)
-        })
+        .map(|m| (fit.set[m], without(setting, fit, m), sizes[m]))
         .collect()
 }
 

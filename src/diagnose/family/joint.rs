@@ -73,6 +73,18 @@ impl<'a> Joint<'a> {
             .drive(self.setting, run, self.set, &own[..g], start, amplitudes, mark)
     }
 
+    /// Predicted minus measured per run, unweighted \[m, rad\].
+    pub fn raw(&self, at: &[f64]) -> Vec<Vec<f64>> {
+        let n = self.sizes.1;
+        (0..self.setting.tracks.len())
+            .map(|run| {
+                let values = self.motion(run, &self.own(run, at), &at[n..], &|v, _, _| v);
+                let measured = &self.setting.tracks[run].measured;
+                values.iter().zip(measured).map(|(v, y)| v - y).collect()
+            })
+            .collect()
+    }
+
     /// Motion of all runs less that of the set alone \[m, rad\].
     pub(super) fn response(&self, at: &[f64]) -> DVector<f64> {
         let (g, n, _) = self.sizes;
