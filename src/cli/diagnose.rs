@@ -222,7 +222,10 @@ fn print(v: &Verdict) {
     for pair in v.ladder.windows(2) {
         for (channel, after) in rms_of(&pair[1]) {
             let before = rms_of(&pair[0]).get(channel).copied().unwrap_or(f64::NAN);
-            outln!("  + {}: {channel} {before:.3e} -> {after:.3e}", pair[1].effect);
+            outln!(
+                "  + {}: {channel} {before:.3e} -> {after:.3e}",
+                pair[1].effect
+            );
         }
     }
     for f in &v.data_faults {

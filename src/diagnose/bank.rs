@@ -136,8 +136,7 @@ pub fn begin(
         .collect();
     let (set, at) = joined(setting, fit, promise.candidate, &point);
     let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
-    let moved =
-        motion(&set, globals, &starts) - motion(&fit.set, fit.globals(setting), &starts);
+    let moved = motion(&set, globals, &starts) - motion(&fit.set, fit.globals(setting), &starts);
     let expected = &full.column * promise.amplitude;
     if (&moved - &expected).norm() < 0.5 * expected.norm() {
         point

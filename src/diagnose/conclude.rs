@@ -330,4 +330,3 @@ fn one(
     adopt(&mut made.rig, &setting, &first, &made.verdict.effects);
     Ok(())
 }
-

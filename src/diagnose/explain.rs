@@ -6,21 +6,21 @@
 //! force, do with better evidence? And beside such a function the set is searched again (`beside`).
 
 mod beside;
+mod elect;
 mod look;
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::bank::without;
 use super::family::{Acts, FamilyFit, Variable};
-use super::fit::{Fit, Posed};
+use super::fit::Fit;
 use super::predict::{held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
 use super::weight::{weight_beyond, weights};
 use beside::{beside, squeezed};
 
+use elect::{SPARING, by_prediction, elect, sparing};
 use look::{kinds, modest};
 
 pub use look::{Care, look};
@@ -35,16 +35,9 @@ const FAR_FROM_NOISE: f64 = 0.75;
 const ALL_BUT_NOISE: f64 = 0.6;
 /// Log evidence below an explanation that leaves only noise, from where no set comes near it.
 const OUT_OF_REACH: f64 = 200.0;
-/// rms of the runs held out over the least one, and over noise, above which an explanation is none.
-const MISSED: f64 = 2.0;
-/// rms of the runs held out without a member over that with it up to which it is not needed.
-const AS_WELL: f64 = 1.02;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
-/// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
-/// evidence: invent nothing.
-const SPARING: f64 = 4.0;
 
 /// A set, and what is left beside it.
 #[derive(Debug, Clone)]
@@ -173,7 +166,7 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
         let explains_all = bar > first.log_evidence
             && seed.log_evidence < bar - OUT_OF_REACH
             && contenders.iter().chain([&best]).any(|c| {
-                c.fit.cost < ALL_BUT_NOISE * search.weights.samples() as f64
+                c.unnamed() && c.fit.cost < ALL_BUT_NOISE * search.weights.samples() as f64
             });
         if explains_all {
             continue;
@@ -274,92 +267,14 @@ fn challenge(
         let Some(fit) = search.get(&set) else {
             continue;
         };
-        if !tried.contains_key(&set) {
-            let seen = look(search, fit, Care::Above(f64::NEG_INFINITY));
-            tried.insert(set, seen);
-        }
-        if best.unnamed() {
+        tried
+            .entry(set)
+            .or_insert_with(|| look(search, fit, Care::Above(f64::NEG_INFINITY)));
+        if best.family.is_some() {
             seeds.extend(kinds(search, fit, KINDS));
         }
     }
     seeds
-}
-
-/// The most likely of those that do not miss the runs held out by far more than noise and than
-/// another one does. A force in time tells nothing of other runs and is not asked.
-fn elect(
-    search: &Search<'_>,
-    contenders: Vec<Explanation>,
-    held: &[Track],
-) -> Option<Explanation> {
-    let setting = search.setting;
-    let noise = search.weights.noise;
-    let miss = |e: &Explanation| match (&e.family, &e.twice) {
-        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise),
-        (None, Some((_, two))) => held_out(setting, held, two, noise),
-        (None, None) => held_out(setting, held, &e.fit, noise),
-    };
-    let missed: Vec<Option<f64>> = contenders.iter().map(miss).collect();
-    let nothing = search
-        .get(&[])
-        .and_then(|f| held_out(setting, held, f, noise));
-    let least = missed
-        .iter()
-        .chain([&nothing])
-        .flatten()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
-    let bar = MISSED * least.max(noise.total_sd());
-    for (e, m) in contenders.iter().zip(&missed) {
-        tracing::debug!(
-            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}",
-            e.fit.set,
-            e.kind(),
-            e.log_evidence
-        );
-    }
-    let sound = |m: &Option<f64>| m.is_none_or(|m| m <= bar);
-    let any = missed.iter().any(sound);
-    let mut best: Option<Explanation> = None;
-    for (e, _) in contenders
-        .into_iter()
-        .zip(&missed)
-        .filter(|(_, m)| !any || sound(m))
-    {
-        let better = best.as_ref().is_none_or(|b| {
-            e.log_evidence - sparing(b, &e) > b.log_evidence - sparing(&e, b)
-        });
-        if better {
-            best = Some(e);
-        }
-    }
-    best
-}
-
-/// Members of a set taken out as long as the runs held out are predicted as well without them.
-fn by_prediction(search: &Search<'_>, from: &Fit, held: &[Track]) -> Option<Explanation> {
-    let setting = search.setting;
-    let noise = search.weights.noise;
-    let mut now = from.clone();
-    let mut miss = held_out(setting, held, &now, noise)?;
-    while !now.set.is_empty() {
-        let best = (0..now.set.len())
-            .into_par_iter()
-            .filter_map(|m| {
-                let (set, at) = without(setting, &now, m);
-                let fit = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
-                let miss = held_out(setting, held, &fit, noise)?;
-                Some((fit, miss))
-            })
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .filter(|(_, without)| *without <= AS_WELL * miss);
-        let Some((fit, without)) = best else { break };
-        (now, miss) = (fit, without.min(miss));
-    }
-    Some(Explanation {
-        by_prediction: true,
-        ..Explanation::plain(search, &now)
-    })
 }
 
 /// A seed's set searched again beside its function, and the function made sharper where that pays.
@@ -379,16 +294,6 @@ fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
         return grown;
     }
     beside(search, &Explanation::with(search, joint, family), bar)
-}
-
-/// What a bent law with fewer mechanisms may be worse than a plain set.
-fn sparing(other: &Explanation, best: &Explanation) -> f64 {
-    let fewer = other.fit.set.len() < best.fit.set.len();
-    if fewer && other.bent().is_some() && best.bent().is_none() && !best.unnamed() {
-        SPARING
-    } else {
-        0.0
-    }
 }
 
 /// A set's own fit, without any function.
@@ -424,7 +329,9 @@ fn reduce(
             needed.push((candidate, best.log_evidence - other.log_evidence));
             let bar = better
                 .as_ref()
-                .map_or(best.log_evidence - sparing(&other, &best), |b| b.log_evidence);
+                .map_or(best.log_evidence - sparing(&other, &best), |b| {
+                    b.log_evidence
+                });
             if other.log_evidence > bar {
                 better = Some(other);
             }

@@ -152,9 +152,7 @@ impl Family {
     fn value<T: Real>(&self, setting: &Setting, run: usize, here: &Instant<T>) -> T {
         let track = &setting.tracks[run];
         match self.variable {
-            Variable::TimeEach => {
-                T::from_f64(here.t_s.value() + kinds::laid_out_s(setting, run))
-            }
+            Variable::TimeEach => T::from_f64(here.t_s.value() + kinds::laid_out_s(setting, run)),
             Variable::Place | Variable::PlaceAgainst if self.measured => {
                 T::from_f64(track.at(here.t_s.value()))
             }
@@ -264,6 +262,10 @@ impl Touched {
     /// First and number.
     fn range(&self) -> (usize, usize) {
         let (low, high) = self.0.get();
-        if low > high { (0, 0) } else { (low, high + 1 - low) }
+        if low > high {
+            (0, 0)
+        } else {
+            (low, high + 1 - low)
+        }
     }
 }

@@ -49,14 +49,16 @@ pub fn predicted_beside(
     judged(&other, noise, |weights| {
         let mut at = Posed::new(&other, weights, &fit.set).start();
         at[..g].copy_from_slice(&fit.at[..g]);
-        let there = Fit {
-            at,
-            ..fit.clone()
-        };
+        let there = Fit { at, ..fit.clone() };
         let joint = Joint::new(&other, weights, &there, function);
         let starts = Starts {
             joint: &joint,
-            fixed: there.at.iter().chain(&function.amplitudes).copied().collect(),
+            fixed: there
+                .at
+                .iter()
+                .chain(&function.amplitudes)
+                .copied()
+                .collect(),
             range: g..there.at.len(),
         };
         let from = there.at[g..].to_vec();

@@ -305,9 +305,13 @@ impl<'a> Search<'a> {
     }
 
     fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
-        begin(self.setting, fit, &self.bank, promise, &|set, globals, starts| {
-            motion(self.setting, set, globals, starts)
-        })
+        begin(
+            self.setting,
+            fit,
+            &self.bank,
+            promise,
+            &|set, globals, starts| motion(self.setting, set, globals, starts),
+        )
     }
 
     /// Fits a set with each of its most promising additions.

@@ -160,7 +160,10 @@ fn averaged(edges: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     }
     // What holds behind the last edge holds from the end of its while.
     if made.last().is_none_or(|e| e.1 != load) {
-        made.push((begin_s + HOLD_S * ((span_s / HOLD_S) as usize + 1) as f64, load));
+        made.push((
+            begin_s + HOLD_S * ((span_s / HOLD_S) as usize + 1) as f64,
+            load,
+        ));
     }
     made
 }
@@ -454,7 +457,14 @@ mod tests {
         let dense: Vec<(f64, f64)> = (0..=3000)
             .map(|k| {
                 let t_s = 0.001 * f64::from(k);
-                (t_s, if k == 3000 { 0.0 } else { (7.0 * t_s).sin() + 0.3 })
+                (
+                    t_s,
+                    if k == 3000 {
+                        0.0
+                    } else {
+                        (7.0 * t_s).sin() + 0.3
+                    },
+                )
             })
             .collect();
         let impulse = |edges: &[(f64, f64)]| -> f64 {

@@ -34,6 +34,9 @@ pub struct Rival {
     pub in_place: Option<(usize, usize)>,
 }
 
+/// A set, where its fits begin, and whose place is taken by which kin.
+type Job = (Vec<usize>, Vec<Vec<f64>>, Option<(usize, usize)>);
+
 /// The first set's rivals.
 pub struct Rivals<'a> {
     search: &'a Search<'a>,
@@ -68,7 +71,7 @@ impl<'a> Rivals<'a> {
             heavy: heavy.into_iter().map(|h| h.1).collect(),
             made: BTreeMap::new(),
         };
-        let mut jobs: Vec<(Vec<usize>, Vec<Vec<f64>>, Option<(usize, usize)>)> = Vec::new();
+        let mut jobs: Vec<Job> = Vec::new();
         let heavy = rivals.heavy.clone();
         let all = first.set.clone();
         let mut parts = vec![Vec::new()];
@@ -120,7 +123,7 @@ impl<'a> Rivals<'a> {
         (now.set, now.at)
     }
 
-    fn fit(&mut self, mut jobs: Vec<(Vec<usize>, Vec<Vec<f64>>, Option<(usize, usize)>)>) {
+    fn fit(&mut self, mut jobs: Vec<Job>) {
         let search = self.search;
         let setting = search.setting;
         jobs.retain(|j| !self.made.contains_key(&j.0));

@@ -35,12 +35,17 @@ pub fn predictions(
         Some(rms(search, plain)),
         Some(rms(search, first)),
     );
-    let (by, of): (&str, &dyn Fn(&Fit) -> Option<f64>) = if held.is_empty() {
-        ("each run predicted by the others", &|f| {
-            left_out(setting, &search.weights, f)
-        })
+    let by = if held.is_empty() {
+        "each run predicted by the others"
     } else {
-        ("runs held out", &|f| held_out(setting, held, f, noise))
+        "runs held out"
+    };
+    let of = |fit: &Fit| {
+        if held.is_empty() {
+            left_out(setting, &search.weights, fit)
+        } else {
+            held_out(setting, held, fit, noise)
+        }
     };
     verdict.fit.held_out_by = by.to_owned();
     put(&mut verdict.fit.held_out, of(plain), of(predicting));

@@ -29,6 +29,13 @@ const SURELY_THERE: f64 = 20.0;
 const TOO_FAR: f64 = 40.0;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
+/// The same as a share of the cost above the noise's own: where no law is exact there is always one more
+/// that mends a little.
+const STEP_SHARE: f64 = 0.05;
+/// Half chi-square per sample that noise, not too well known, leaves at most.
+const NOISE: f64 = 0.75;
+/// Most effects beside a function.
+const MOST: usize = 8;
 /// Of what is lacking to the best explanation so far, the share that a step must gain.
 const PACE: f64 = 0.08;
 /// Lacking less than this a climb goes on at any pace.
@@ -109,12 +116,7 @@ fn roughly(search: &Search<'_>) -> Effort {
 }
 
 /// Additions and removals until none is better; with what each member is needed for.
-fn climb(
-    search: &Search<'_>,
-    bank: &Bank,
-    mut now: Pair,
-    bar: f64,
-) -> (Pair, Vec<(usize, f64)>) {
+fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair, bar: f64) -> (Pair, Vec<(usize, f64)>) {
     let mut tried = Tried::new();
     tried.insert(now.0.set.clone(), Some(now.clone()));
     for step in 0..STEPS {
@@ -124,7 +126,9 @@ fn climb(
             .filter(|r| r.2 < SURELY_THERE)
             .map(|r| (r.1.0.clone(), r.1.1.clone()))
             .collect();
-        jobs.extend(additions(search, bank, &now));
+        if now.0.set.len() < MOST {
+            jobs.extend(additions(search, bank, &now));
+        }
         jobs.retain(|j| !tried.contains_key(&j.0));
         let effort = Effort {
             limit: now.0.cost + TOO_FAR,
@@ -146,11 +150,13 @@ fn climb(
             })
             .collect();
         tried.extend(made);
+        let over = now.0.cost - NOISE * search.weights.samples() as f64;
+        let least = STEP_GAIN.max(STEP_SHARE * over);
         let best = tried
             .values()
             .flatten()
             .max_by(|a, b| a.0.log_evidence.total_cmp(&b.0.log_evidence))
-            .filter(|(joint, _)| joint.log_evidence > now.0.log_evidence + STEP_GAIN)
+            .filter(|(joint, _)| joint.log_evidence > now.0.log_evidence + least)
             .cloned();
         tracing::debug!(
             "beside a function, step {step}: {:?} {:.1} -> {:?}",

@@ -69,8 +69,15 @@ impl<'a> Joint<'a> {
     ) -> Vec<T> {
         let g = self.sizes.0;
         let start = (own[g], own[g + 1]);
-        self.family
-            .drive(self.setting, run, self.set, &own[..g], start, amplitudes, mark)
+        self.family.drive(
+            self.setting,
+            run,
+            self.set,
+            &own[..g],
+            start,
+            amplitudes,
+            mark,
+        )
     }
 
     /// Predicted minus measured per run, unweighted \[m, rad\].

@@ -61,9 +61,7 @@ impl Family {
                 made
             };
             let out = match self.acts {
-                Acts::Force => {
-                    setting.simulate(run, &fit.set, &globals, start, |h| push(h, 0.0))
-                }
+                Acts::Force => setting.simulate(run, &fit.set, &globals, start, |h| push(h, 0.0)),
                 Acts::Bends(candidate) => {
                     let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
                         return block;

@@ -73,7 +73,11 @@ impl FamilyFit {
                 at: found.0.at.clone(),
                 ..base.clone()
             };
-            match found.1.split().refine(setting, weights, &from, Effort::FULL) {
+            match found
+                .1
+                .split()
+                .refine(setting, weights, &from, Effort::FULL)
+            {
                 Some(finer) if finer.0.log_evidence > found.0.log_evidence + WORTH_KNOTS => {
                     found = finer;
                 }
@@ -149,9 +153,7 @@ impl FamilyFit {
         let made = FamilyFit {
             gain: joint.log_evidence - fit.log_evidence,
             amplitudes: found.at[n..].to_vec(),
-            sds: (n..n + m)
-                .map(|i| spread[(i, i)].max(0.0).sqrt())
-                .collect(),
+            sds: (n..n + m).map(|i| spread[(i, i)].max(0.0).sqrt()).collect(),
             response: problem.response(&found.at),
             ..self.clone()
         };
@@ -159,8 +161,7 @@ impl FamilyFit {
         let h = &joint.hessian;
         let cross = h.view((0, n), (n, m)).into_owned();
         let own = h.view((n, n), (m, m)).into_owned();
-        joint.hessian =
-            h.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
+        joint.hessian = h.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
         Some((joint, made))
     }
 }
