@@ -1,11 +1,12 @@
 //! `hydroline diagnose`: which physics the rig's model left out, from logs.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::diagnose::profiles::{Findings, level};
-use crate::diagnose::verdict::{Verdict, Word};
+use crate::diagnose::verdict::{Rung, Verdict, Word};
 use crate::diagnose::{Diagnosis, Source, diagnose, read, report};
 use crate::identify::data::LoadError;
 use crate::identify::report::significant;
@@ -145,6 +146,15 @@ fn command() -> String {
     format!("hydroline {}", words.join(" "))
 }
 
+/// What a rung is judged by.
+fn rms_of(rung: &Rung) -> &BTreeMap<String, f64> {
+    if rung.held_out.is_empty() {
+        &rung.train
+    } else {
+        &rung.held_out
+    }
+}
+
 fn print(v: &Verdict) {
     outln!("{}", v.sentence);
     for e in &v.effects {
@@ -208,6 +218,15 @@ fn print(v: &Verdict) {
                 .copied()
                 .unwrap_or(f64::NAN)
         );
+    }
+    for pair in v.ladder.windows(2) {
+        for (channel, after) in rms_of(&pair[1]) {
+            let before = rms_of(&pair[0]).get(channel).copied().unwrap_or(f64::NAN);
+            outln!(
+                "  + {}: {channel} {before:.3e} -> {after:.3e}",
+                pair[1].effect
+            );
+        }
     }
     for f in &v.data_faults {
         outln!(

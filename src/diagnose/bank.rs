@@ -71,12 +71,22 @@ pub fn motion(
     DVector::from_vec(all.into_iter().flatten().collect())
 }
 
+/// Motion of all runs under a set, its globals and the runs' starts.
+pub type Motion<'a> = &'a (dyn Fn(&[usize], &[f64], &[(f64, f64)]) -> DVector<f64> + Sync);
+
 /// Responses of every candidate outside of the fit's set that moves anything.
 pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
+    responses_by(setting, fit, &|set, globals, starts| {
+        motion(setting, set, globals, starts)
+    })
+}
+
+/// The same, of a motion that knows more than the set (a free function).
+pub fn responses_by(setting: &Setting, fit: &Fit, motion: Motion<'_>) -> Vec<Response> {
     let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
         .map(|r| fit.start(setting, r))
         .collect();
-    let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
+    let plain = motion(&fit.set, fit.globals(setting), &starts);
     let jobs: Vec<(usize, usize)> = (0..setting.vocabulary.len())
         .filter(|c| !fit.set.contains(c))
         .flat_map(|c| (0..setting.vocabulary[c].starts.len()).map(move |s| (c, s)))
@@ -86,7 +96,7 @@ pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
             let point = &setting.vocabulary[candidate].starts[start];
             let (set, at) = joined(setting, fit, candidate, point);
             let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
-            let column = motion(setting, &set, globals, &starts) - &plain;
+            let column = motion(&set, globals, &starts) - &plain;
             let moves = column.iter().all(|v| v.is_finite()) && column.amax() > 1e-9;
             moves.then_some(Response {
                 candidate,
@@ -95,6 +105,44 @@ pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
             })
         })
         .collect()
+}
+
+/// Where a promised candidate begins: its starting point, with the first parameter scaled to the
+/// promised amplitude where the response grows in proportion to it.
+pub fn begin(
+    setting: &Setting,
+    fit: &Fit,
+    bank: &[Response],
+    promise: &Promise,
+    motion: Motion<'_>,
+) -> Vec<f64> {
+    let candidate = &setting.vocabulary[promise.candidate];
+    let plain = candidate.starts[promise.start].clone();
+    let full = bank
+        .iter()
+        .find(|r| r.candidate == promise.candidate && r.start == promise.start);
+    let (Some(full), Some(first)) = (full, plain.first()) else {
+        return plain;
+    };
+    let (low, high) = candidate.bounds[0];
+    let scaled = first * promise.amplitude;
+    if (0.5..2.0).contains(&promise.amplitude) || !(low..=high).contains(&scaled) {
+        return plain;
+    }
+    let mut point = plain.clone();
+    point[0] = scaled;
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
+        .map(|r| fit.start(setting, r))
+        .collect();
+    let (set, at) = joined(setting, fit, promise.candidate, &point);
+    let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
+    let moved = motion(&set, globals, &starts) - motion(&fit.set, fit.globals(setting), &starts);
+    let expected = &full.column * promise.amplitude;
+    if (&moved - &expected).norm() < 0.5 * expected.norm() {
+        point
+    } else {
+        plain
+    }
 }
 
 /// Whitens a raw column, runs end to end.
@@ -186,8 +234,13 @@ impl View {
                 if set.contains(&r.candidate) {
                     return None;
                 }
-                let left = outside(&self.basis, w);
-                let energy = left.norm_squared();
+                let mut left = w - &self.basis * self.basis.tr_mul(w);
+                let mut energy = left.norm_squared();
+                if energy < 1e-6 * w.norm_squared() {
+                    // Mostly cancelled: once more, for the digits that are left.
+                    left = outside(&self.basis, &left);
+                    energy = left.norm_squared();
+                }
                 // Nothing but rounding is left: not to be told from what is already there.
                 if energy < 1e-10 * w.norm_squared() || energy <= 0.0 {
                     return None;

@@ -1,36 +1,43 @@
 //! From the best sets to an explanation: is a law only inexact, or is something unnamed at work?
 //!
 //! A law that is not quite the vocabulary's leaves residuals that other effects mend: the search
-//! then invents small ones. So each effect of the best set is challenged: would a free bend of a
-//! heavy effect's law, the same mechanism a second time (two stages, two springs, two modes), or a
-//! free force, do its work with better evidence?
+//! then invents small ones. So the best set is challenged (`look`): would a free bend of a heavy
+//! effect's law, the same mechanism a second time (two stages, two springs, two modes), or a free
+//! force, do with better evidence? And beside such a function the set is searched again (`beside`).
+
+mod beside;
+mod elect;
+mod look;
 
 use std::collections::BTreeMap;
 
-use super::bank::{View, joined, motion, outside, whitened, without};
-use super::family::{Acts, FamilyFit, bends, forces};
-use super::fit::{Fit, Posed};
+use super::bank::without;
+use super::family::{Acts, FamilyFit, Variable};
+use super::fit::Fit;
+use super::predict::{held_out, predicted_beside};
 use super::search::Search;
-use super::setting::COEFFICIENTS;
+use super::setting::Track;
 use super::weight::{weight_beyond, weights};
+use beside::{beside, squeezed};
 
-/// Log evidence that a free function must gain before it is believed.
-const BELIEVED: f64 = 5.0;
-/// Single effects tried beside an unnamed force.
-const SINGLES: usize = 5;
-/// Free functions refitted nonlinearly.
-const REFINED: usize = 3;
-/// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
-const FAR_FROM_NOISE: f64 = 2.0;
-/// Log of the choice between one law and the same law twice.
-const TWICE_PENALTY: f64 = 2.0;
-/// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
-/// evidence: invent nothing.
-const SPARING: f64 = 4.0;
-/// A second copy begins with this share of the first one's size.
-const SPLIT: f64 = 0.35;
-/// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
-const HEAVY_SHARE: f64 = 0.25;
+use elect::{SPARING, by_prediction, elect, sparing};
+use look::{kinds, modest};
+
+pub use look::{Care, look};
+
+/// Kinds of functions looked at beside nothing and beside the heaviest effect.
+const KINDS: usize = 2;
+/// Functions, of different kinds, beside which the set is searched again.
+const GROWN: usize = 3;
+/// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
+const FAR_FROM_NOISE: f64 = 0.75;
+/// The same below which it does.
+const ALL_BUT_NOISE: f64 = 0.6;
+/// Log evidence below an explanation that leaves only noise, from where no set comes near it.
+const OUT_OF_REACH: f64 = 200.0;
+/// rms of the runs held out with a function over that of named effects alone below which it is believed
+/// where nothing reaches the noise.
+const CLEARLY: f64 = 0.7;
 
 /// A set, and what is left beside it.
 #[derive(Debug, Clone)]
@@ -47,11 +54,43 @@ pub struct Explanation {
     pub family_weight: f64,
     /// Log evidence of both.
     pub log_evidence: f64,
+    /// Its members were chosen by what they gain in prediction: no law reaches the noise here.
+    pub by_prediction: bool,
     /// Members (candidates) with what the best explanation without them lacks in log evidence.
     pub needed: Vec<(usize, f64)>,
 }
 
 impl Explanation {
+    /// A set as it is.
+    fn plain(search: &Search<'_>, fit: &Fit) -> Explanation {
+        Explanation {
+            fit: fit.clone(),
+            weights: weights(search.setting, fit),
+            family: None,
+            twice: None,
+            family_weight: 0.0,
+            log_evidence: fit.log_evidence,
+            by_prediction: false,
+            needed: Vec::new(),
+        }
+    }
+
+    /// A set fitted together with a function.
+    fn with(search: &Search<'_>, joint: Fit, family: FamilyFit) -> Explanation {
+        Explanation {
+            family_weight: weight_beyond(search.setting, &joint, &family.response),
+            family: Some(family),
+            ..Explanation::plain(search, &joint)
+        }
+    }
+
+    /// What its function acts on, and of what kind of variable.
+    fn kind(&self) -> Option<(Acts, Variable)> {
+        self.family
+            .as_ref()
+            .map(|f| (f.family.acts, f.family.variable.kind()))
+    }
+
     /// The member (candidate index) whose law bends.
     pub fn bent(&self) -> Option<usize> {
         if let Some((candidate, _)) = &self.twice {
@@ -63,6 +102,22 @@ impl Explanation {
         }
     }
 
+    /// Whether it is a set among the sets of the search, by their posterior.
+    pub fn simple(&self) -> bool {
+        self.family.is_none() && self.twice.is_none() && !self.by_prediction
+    }
+
+    /// Members (candidates) heavier than this.
+    pub fn matters(&self, tolerance: f64) -> Vec<usize> {
+        self.fit
+            .set
+            .iter()
+            .zip(&self.weights)
+            .filter(|(_, w)| **w > tolerance)
+            .map(|(c, _)| *c)
+            .collect()
+    }
+
     /// Whether an unnamed force is part of it.
     pub fn unnamed(&self) -> bool {
         self.family
@@ -71,146 +126,131 @@ impl Explanation {
     }
 }
 
-/// A set with its best free function, if one is believed.
-pub fn look(search: &Search<'_>, fit: &Fit) -> Explanation {
-    let setting = search.setting;
-    let view = View::new(setting, &search.weights, fit);
-    let weights = weights(setting, fit);
-    let heaviest = weights.iter().copied().fold(0.0, f64::max);
-    let mut families = forces(setting, fit);
-    if fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64 {
-        families.iter_mut().for_each(|f| f.measured = true);
-    }
-    let mut double: Option<(usize, Fit)> = None;
-    for (member, (candidate, weight)) in fit.set.iter().zip(&weights).enumerate() {
-        if *weight > setting.tolerance && *weight >= HEAVY_SHARE * heaviest {
-            families.extend(bends(setting, fit, *candidate));
-            if let Some(two) = twice(search, fit, &view, member).filter(|two| {
-                double
-                    .as_ref()
-                    .is_none_or(|d| two.log_evidence > d.1.log_evidence)
-            }) {
-                double = Some((*candidate, two));
-            }
-        }
-    }
-    let double = double.filter(|d| d.1.log_evidence > fit.log_evidence + BELIEVED);
-    let mut found: Vec<FamilyFit> = families
-        .iter()
-        .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
-        .filter(|f| f.gain > BELIEVED)
-        .collect();
-    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    // Large ones are not linear: the front runners are fitted again, together with the set.
-    let refined: Option<(Fit, FamilyFit)> = found
-        .iter()
-        .take(REFINED)
-        .filter_map(|f| f.close(setting, &search.weights, fit))
-        .filter(|(_, f)| f.gain > BELIEVED)
-        .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
-        .map(|best| FamilyFit::sharpen(setting, &search.weights, fit, best));
-    tracing::debug!(
-        "beside {:?}: {:?}",
-        fit.set
-            .iter()
-            .map(|c| setting.vocabulary[*c].info.id)
-            .collect::<Vec<_>>(),
-        refined
-            .as_ref()
-            .map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
-    );
-    let bar = refined
-        .as_ref()
-        .map_or(f64::NEG_INFINITY, |(joint, _)| joint.log_evidence);
-    if let Some((candidate, two)) = double.filter(|d| d.1.log_evidence > bar) {
-        tracing::debug!(
-            "{} twice gains {:.1}",
-            setting.vocabulary[candidate].info.id,
-            two.log_evidence - fit.log_evidence
-        );
-        return Explanation {
-            log_evidence: two.log_evidence,
-            fit: fit.clone(),
-            weights,
-            family: None,
-            twice: Some((candidate, two)),
-            family_weight: 0.0,
-            needed: Vec::new(),
-        };
-    }
-    match refined {
-        Some((joint, family)) => Explanation {
-            twice: None,
-            log_evidence: joint.log_evidence,
-            family_weight: weight_beyond(setting, &joint, &family.response),
-            weights: super::weight::weights(setting, &joint),
-            fit: joint,
-            family: Some(family),
-            needed: Vec::new(),
-        },
-        None => Explanation {
-            log_evidence: fit.log_evidence,
-            fit: fit.clone(),
-            weights,
-            family: None,
-            twice: None,
-            family_weight: 0.0,
-            needed: Vec::new(),
-        },
-    }
-}
-
-/// A set with one of its members a second time, its evidence less the choice.
-fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<Fit> {
-    let setting = search.setting;
-    let candidate = fit.set[member];
-    let own = fit.member(setting, member).to_vec();
-    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
-        .map(|r| fit.start(setting, r))
-        .collect();
-    let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
-    // A share of the first one's size goes over to the copy, or the copy begins where it promises most.
-    let mut split = own.clone();
-    split[0] *= SPLIT;
-    let mut begins: Vec<(f64, Vec<f64>, f64)> = vec![(f64::INFINITY, split, 1.0 - SPLIT)];
-    if own.len() > 1 {
-        begins.extend(setting.vocabulary[candidate].starts.iter().filter_map(|p| {
-            let (set, at) = joined(setting, fit, candidate, p);
-            let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
-            let moved = motion(setting, &set, globals, &starts) - &plain;
-            let left = outside(&view.basis, &whitened(setting, &search.weights, &moved));
-            let (product, energy) = (left.dot(&view.residual), left.norm_squared());
-            (energy > 0.0 && product < 0.0)
-                .then(|| (0.5 * product * product / energy, p.clone(), 1.0))
-        }));
-        begins.sort_by(|a, b| b.0.total_cmp(&a.0));
-    }
-    begins
-        .into_iter()
-        .take(2)
-        .filter_map(|(_, copy, left)| {
-            let (set, mut at) = joined(setting, fit, candidate, &copy);
-            // The copy stands before the original.
-            at[setting.places(&set)[member + 1]] *= left;
-            let mut two = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
-            two.log_evidence -= TWICE_PENALTY;
-            two.log_evidence.is_finite().then_some(two)
-        })
-        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-}
-
-/// The best explanation: sets from the search and sets with members taken out, each with its best free function.
-pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
+/// The best explanation: sets from the search, sets grown beside a free function, and sets with
+/// members taken out, each with its best free function.
+///
+/// `held` = runs that are only predicted: an explanation that misses them badly is none.
+pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let first = search.best()?.clone();
-    let mut best = look(search, &first);
+    let mut best = look(search, &first, Care::Above(f64::NEG_INFINITY));
     if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
         // Nothing is left, and nothing to take away: what the search named stands on its own.
         return Some(best);
     }
-    // Nothing at all, and the heaviest alone, beside a free function: the search may have needed
-    // several effects to imitate one that it has no name for.
     let mut tried: BTreeMap<Vec<usize>, Explanation> =
         BTreeMap::from([(first.set.clone(), best.clone())]);
+    let mut seeds = challenge(search, &best, &mut tried);
+    seeds.extend(tried.values().filter(|e| e.family.is_some()).cloned());
+    if let Some(other) = tried
+        .values()
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+        .filter(|o| o.log_evidence > best.log_evidence)
+    {
+        best = other.clone();
+    }
+    // Nothing at all, and the heaviest alone, beside a free function: the search may have needed
+    // several effects to imitate one that it has no name for.
+    seeds.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let mut kinds = Vec::new();
+    seeds.retain(|s| {
+        let new = !kinds.contains(&s.kind());
+        kinds.push(s.kind());
+        new
+    });
+    let mut contenders: Vec<Explanation> = Vec::new();
+    for seed in seeds.iter().take(GROWN) {
+        let bar = contenders
+            .iter()
+            .map(|c| c.log_evidence)
+            .fold(best.log_evidence, f64::max);
+        let explains_all = bar > first.log_evidence
+            && seed.log_evidence < bar - OUT_OF_REACH
+            && contenders.iter().chain([&best]).any(|c| {
+                c.unnamed() && c.fit.cost < ALL_BUT_NOISE * search.weights.samples() as f64
+            });
+        if explains_all {
+            continue;
+        }
+        let grown = grow(search, seed, bar);
+        let kept = grown
+            .family
+            .as_ref()
+            .is_some_and(|f| modest(search.setting, &grown.fit, f));
+        if kept {
+            contenders.push(grown);
+        }
+    }
+    let beaten = contenders
+        .iter()
+        .any(|g| g.log_evidence > best.log_evidence - sparing(g, &best));
+    if !beaten {
+        best = reduce(search, best, &mut tried);
+    }
+    contenders.push(best);
+    let mut best = elect(search, contenders, held)?;
+    if best.unnamed()
+        && search.stopped_early()
+        && best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
+        && let Some(job) = squeezed(search, &best)
+    {
+        // What the search gave up as hopeless the vocabulary may yet explain.
+        search.fit(vec![job.clone()]);
+        search.exchange();
+        if let Some(named) = search.best().cloned() {
+            let seen = look(search, &named, Care::Above(best.log_evidence));
+            tracing::debug!(
+                "squeezed to {:?}: {:.1} for {:.1}",
+                job.0,
+                seen.log_evidence,
+                best.log_evidence
+            );
+            best = elect(search, vec![best, seen], held)?;
+        }
+    }
+    if best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
+        && let Some(sparse) = by_prediction(search, &first, held)
+    {
+        // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
+        // must predict clearly better than named effects alone.
+        let noise = search.weights.noise;
+        let named = held_out(search.setting, held, &sparse.fit, noise).unwrap_or(f64::INFINITY);
+        let free = best
+            .family
+            .as_ref()
+            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise));
+        tracing::debug!(
+            "by prediction {:?}: {named:.2e}, with a function {free:?}",
+            sparse.fit.set
+        );
+        if free.is_none_or(|f| f > CLEARLY * named) {
+            return Some(sparse);
+        }
+    }
+    if let (true, Some(plain)) = (best.family.is_some(), alone(search, &best.fit))
+        && let Some(family) = &mut best.family
+    {
+        family.gain = best.log_evidence - plain.log_evidence;
+    }
+    // A free force too light to matter is no reason to speak of something unnamed, nor to take from
+    // the named effects what they explain: the best explanation without one stands.
+    if best.unnamed() && best.family_weight <= search.setting.tolerance {
+        let named = tried
+            .into_values()
+            .filter(|e| !e.unnamed())
+            .chain([Explanation::plain(search, &first)])
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+        return named;
+    }
+    Some(best)
+}
+
+/// Looks at the heaviest alone and, where something seems to be left or bent, at nothing at all: with
+/// what they are beside functions of different kinds.
+fn challenge(
+    search: &Search<'_>,
+    best: &Explanation,
+    tried: &mut BTreeMap<Vec<usize>, Explanation>,
+) -> Vec<Explanation> {
     let heaviest = best
         .fit
         .set
@@ -218,31 +258,61 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
         .zip(&best.weights)
         .max_by(|a, b| a.1.total_cmp(b.1))
         .map(|(c, _)| vec![*c]);
-    let mut challengers = if best.family.is_some() || best.twice.is_some() {
-        vec![Some(Vec::new()), heaviest]
-    } else {
-        vec![heaviest]
-    };
-    if best.unnamed() {
-        // Beside an unnamed force another single effect may be right than without it.
-        let singles = search.ranked();
-        let singles = singles.iter().filter(|f| f.set.len() == 1);
-        challengers.extend(singles.take(SINGLES).map(|f| Some(f.set.clone())));
+    let mut sets: Vec<Vec<usize>> = heaviest.into_iter().collect();
+    if best.family.is_some() || best.twice.is_some() {
+        sets.push(Vec::new());
     }
-    for set in challengers.into_iter().flatten() {
-        if let Some(fit) = search.get(&set).cloned()
-            && !tried.contains_key(&set)
-        {
-            let other = look(search, &fit);
-            tried.insert(set, other.clone());
-            if other.log_evidence > best.log_evidence {
-                best = other;
-            }
+    let mut seeds = Vec::new();
+    for set in sets {
+        let Some(fit) = search.get(&set) else {
+            continue;
+        };
+        tried
+            .entry(set)
+            .or_insert_with(|| look(search, fit, Care::Above(f64::NEG_INFINITY)));
+        if best.family.is_some() {
+            seeds.extend(kinds(search, fit, KINDS));
         }
     }
+    seeds
+}
+
+/// A seed's set searched again beside its function, and the function made sharper where that pays.
+fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
+    let grown = beside(search, seed, bar);
+    let Some(family) = grown.family.clone() else {
+        return grown;
+    };
+    let knots = family.family.knots.len();
+    let (joint, family) = FamilyFit::sharpen(
+        search.setting,
+        &search.weights,
+        &grown.fit,
+        (grown.fit.clone(), family),
+    );
+    if family.family.knots.len() == knots {
+        return grown;
+    }
+    beside(search, &Explanation::with(search, joint, family), bar)
+}
+
+/// A set's own fit, without any function.
+fn alone(search: &mut Search<'_>, like: &Fit) -> Option<Fit> {
+    if search.get(&like.set).is_none() {
+        search.fit(vec![(like.set.clone(), like.at.clone())]);
+    }
+    search.finished(&like.set)
+}
+
+/// Members taken out as long as what is left explains more beside its best function.
+fn reduce(
+    search: &mut Search<'_>,
+    mut best: Explanation,
+    tried: &mut BTreeMap<Vec<usize>, Explanation>,
+) -> Explanation {
     for _ in 0..8 {
         // Without the function's help: a plain set is the parent of its parts.
-        search.reduce(std::slice::from_ref(&best.fit.set));
+        search.reduce_below(std::slice::from_ref(&best.fit.set), f64::INFINITY);
         let mut better: Option<Explanation> = None;
         let mut needed = Vec::new();
         for member in 0..best.fit.set.len() {
@@ -251,19 +321,17 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
             let Some(fit) = search.get(&smaller).cloned() else {
                 continue;
             };
+            let least = Care::Above(best.log_evidence - SPARING);
             let other = tried
                 .entry(smaller)
-                .or_insert_with(|| look(search, &fit))
+                .or_insert_with(|| look(search, &fit, least))
                 .clone();
             needed.push((candidate, best.log_evidence - other.log_evidence));
-            let sparing = if other.bent().is_some() && best.bent().is_none() && !best.unnamed() {
-                SPARING
-            } else {
-                0.0
-            };
             let bar = better
                 .as_ref()
-                .map_or(best.log_evidence - sparing, |b| b.log_evidence);
+                .map_or(best.log_evidence - sparing(&other, &best), |b| {
+                    b.log_evidence
+                });
             if other.log_evidence > bar {
                 better = Some(other);
             }
@@ -276,19 +344,5 @@ pub fn explain(search: &mut Search<'_>) -> Option<Explanation> {
             }
         }
     }
-    // A free force too light to matter is no reason to speak of something unnamed, nor to take from
-    // the named effects what they explain: the best set stands as it is.
-    if best.unnamed() && best.family_weight <= search.setting.tolerance {
-        let weights = weights(search.setting, &first);
-        return Some(Explanation {
-            log_evidence: first.log_evidence,
-            fit: first,
-            weights,
-            family: None,
-            twice: None,
-            family_weight: 0.0,
-            needed: Vec::new(),
-        });
-    }
-    Some(best)
+    best
 }

@@ -102,6 +102,22 @@ impl Fit {
             .collect()
     }
 
+    /// Half chi-square of each member's size against nothing; 0 where it is not known, or not what
+    /// its first parameter says.
+    pub fn sizes(&self, setting: &Setting) -> Vec<f64> {
+        let covariance = self.covariance();
+        self.set
+            .iter()
+            .zip(setting.places(&self.set))
+            .map(|(c, k)| {
+                let sure = setting.vocabulary[*c].size.map_or(0.0, |size| {
+                    0.5 * (self.at[k] - size.nothing).powi(2) / covariance[(k, k)].max(1e-300)
+                });
+                if sure.is_finite() { sure } else { 0.0 }
+            })
+            .collect()
+    }
+
     /// Covariance of all unknowns.
     pub fn covariance(&self) -> DMatrix<f64> {
         covariance(&self.hessian)

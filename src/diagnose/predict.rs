@@ -1,8 +1,13 @@
 //! Runs that were not fitted, predicted.
 
+use nalgebra::{DMatrix, DVector};
+
+use super::descent::{self, Effort, Linear, Linearised};
+use super::family::{FamilyFit, Joint, Variable};
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::Weights;
+use crate::identify::forward::ForwardError;
 use crate::identify::lm::descend;
 use crate::identify::noise::{Noise, Series, mask};
 
@@ -13,12 +18,9 @@ pub fn held_out(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
         return None;
     }
     let other = setting.with_tracks(tracks.to_vec());
-    let mut weights = Weights::first(&other.tracks);
-    weights = Weights::new(&other.tracks, noise, weights.used);
     let g = COEFFICIENTS + setting.parameters(&fit.set);
-    let mut last = f64::NAN;
-    for _ in 0..2 {
-        let posed = Posed::new(&other, &weights, &fit.set);
+    judged(&other, noise, |weights| {
+        let posed = Posed::new(&other, weights, &fit.set);
         let mut at = posed.start();
         at[..g].copy_from_slice(&fit.at[..g]);
         let held: Vec<bool> = (0..at.len()).map(|i| i < g).collect();
@@ -27,7 +29,103 @@ pub fn held_out(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
             at: found.parameters,
             ..fit.clone()
         };
-        let residuals = there.residuals(&other);
+        Some(there.residuals(&other))
+    })
+}
+
+/// The same of a set beside a free function; `None` for one of time, which tells nothing of other runs.
+pub fn predicted_beside(
+    setting: &Setting,
+    tracks: &[Track],
+    fit: &Fit,
+    function: &FamilyFit,
+    noise: Noise,
+) -> Option<f64> {
+    if tracks.is_empty() || function.family.variable.kind() == Variable::TimeEach {
+        return None;
+    }
+    let other = setting.with_tracks(tracks.to_vec());
+    let g = COEFFICIENTS + setting.parameters(&fit.set);
+    judged(&other, noise, |weights| {
+        let mut at = Posed::new(&other, weights, &fit.set).start();
+        at[..g].copy_from_slice(&fit.at[..g]);
+        let there = Fit { at, ..fit.clone() };
+        let joint = Joint::new(&other, weights, &there, function);
+        let starts = Starts {
+            joint: &joint,
+            fixed: there
+                .at
+                .iter()
+                .chain(&function.amplitudes)
+                .copied()
+                .collect(),
+            range: g..there.at.len(),
+        };
+        let from = there.at[g..].to_vec();
+        let found = descent::descend(&starts, from, Effort::FULL).ok()?;
+        Some(joint.raw(&starts.full(&found.at)))
+    })
+}
+
+/// A joint problem of which only the runs' starts are free.
+struct Starts<'a> {
+    joint: &'a Joint<'a>,
+    fixed: Vec<f64>,
+    range: std::ops::Range<usize>,
+}
+
+impl Starts<'_> {
+    fn full(&self, starts: &[f64]) -> Vec<f64> {
+        let mut all = self.fixed.clone();
+        all[self.range.clone()].copy_from_slice(starts);
+        all
+    }
+}
+
+impl Linearised for Starts<'_> {
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        self.joint.bounds(self.range.start + i)
+    }
+
+    fn residuals(&self, at: &[f64]) -> (f64, Vec<Vec<f64>>) {
+        self.joint.residuals(&self.full(at))
+    }
+
+    fn linearise(&self, at: &[f64]) -> Result<Linear, ForwardError> {
+        let all = self.joint.linearise(&self.full(at))?;
+        let (first, n) = (self.range.start, self.range.len());
+        Ok(Linear {
+            gradient: all.gradient.rows(first, n).into_owned(),
+            hessian: all.hessian.view((first, first), (n, n)).into_owned(),
+            ..all
+        })
+    }
+
+    fn gradient(
+        &self,
+        at: &[f64],
+        residuals: &[Vec<f64>],
+        jacobians: &[DMatrix<f64>],
+    ) -> DVector<f64> {
+        self.joint
+            .gradient(&self.full(at), residuals, jacobians)
+            .rows(self.range.start, self.range.len())
+            .into_owned()
+    }
+}
+
+/// rms of residuals over the samples that are no outliers under the noise; `residuals` are asked twice,
+/// the second time with those left out.
+fn judged(
+    other: &Setting,
+    noise: Noise,
+    residuals: impl Fn(&Weights) -> Option<Vec<Vec<f64>>>,
+) -> Option<f64> {
+    let mut weights = Weights::first(&other.tracks);
+    weights = Weights::new(&other.tracks, noise, weights.used);
+    let mut last = f64::NAN;
+    for _ in 0..2 {
+        let residuals = residuals(&weights)?;
         let series: Vec<Series<'_>> = other
             .tracks
             .iter()

@@ -172,6 +172,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     written(&mut page, found);
     place(&mut page, found);
     tables::unexplained(&mut page, v);
+    tables::ladder(&mut page, v);
     tables::alternatives(&mut page, v);
     tables::coefficients(&mut page, v);
     tables::noise(&mut page, v);

@@ -5,12 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bank::{Promise, Response, View, joined, motion, pursue, responses, whitened, without};
+use super::bank::{
+    Promise, Response, View, begin, joined, motion, pursue, responses, whitened, without,
+};
 use super::descent::Effort;
-use super::explain::look;
+use super::explain::{Care, look};
 use super::family::regimes;
 use super::fit::{Fit, Posed};
-use super::setting::{COEFFICIENTS, Setting};
+use super::setting::Setting;
 use super::weights::{Weights, noise_beyond};
 
 /// Sets carried from one depth to the next.
@@ -21,6 +23,10 @@ const WIDTH: usize = 5;
 const LEAST_GAIN: f64 = 3.0;
 /// Starting points fitted per candidate.
 const STARTS: usize = 2;
+/// Ways to the same set that are followed in one round.
+const WAYS: usize = 2;
+/// Half chi-square of a member's size above which sets without it are not looked at.
+const SURELY_THERE: f64 = 60.0;
 /// Most effects together.
 const DEPTH: usize = 9;
 /// A set this far below the best one in log evidence is out of the race.
@@ -37,6 +43,8 @@ const NEAR_TWIN: f64 = 12.0;
 const HOPELESS: f64 = 1.0;
 /// Cost over that of pure noise below which a free force explains all there is.
 const ALL_BUT_NOISE: f64 = 3.0;
+/// Log evidence that a free force must gain beside a set for the search to end.
+const PLAINLY: f64 = 30.0;
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;
 /// Most columns taken out before the noise is estimated.
@@ -74,6 +82,11 @@ impl<'a> Search<'a> {
             whitened: Vec::new(),
             progress,
         }
+    }
+
+    /// Whether the search ended because a free force was better than all of the vocabulary.
+    pub fn stopped_early(&self) -> bool {
+        self.hopeless
     }
 
     /// The fit of a set, if there is one.
@@ -291,37 +304,14 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Where a promised candidate begins: its starting point, with the first parameter scaled to the
-    /// promised amplitude where the response grows in proportion to it.
     fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
-        let candidate = &self.setting.vocabulary[promise.candidate];
-        let plain = candidate.starts[promise.start].clone();
-        let full = self
-            .bank
-            .iter()
-            .find(|r| r.candidate == promise.candidate && r.start == promise.start);
-        let (Some(full), Some(first)) = (full, plain.first()) else {
-            return plain;
-        };
-        let (low, high) = candidate.bounds[0];
-        let scaled = first * promise.amplitude;
-        if (0.5..2.0).contains(&promise.amplitude) || !(low..=high).contains(&scaled) {
-            return plain;
-        }
-        let mut point = plain.clone();
-        point[0] = scaled;
-        let runs = self.setting.tracks.len();
-        let starts: Vec<(f64, f64)> = (0..runs).map(|r| fit.start(self.setting, r)).collect();
-        let (set, at) = joined(self.setting, fit, promise.candidate, &point);
-        let globals = &at[..COEFFICIENTS + self.setting.parameters(&set)];
-        let moved = motion(self.setting, &set, globals, &starts)
-            - motion(self.setting, &fit.set, fit.globals(self.setting), &starts);
-        let expected = &full.column * promise.amplitude;
-        if (&moved - &expected).norm() < 0.5 * expected.norm() {
-            point
-        } else {
-            plain
-        }
+        begin(
+            self.setting,
+            fit,
+            &self.bank,
+            promise,
+            &|set, globals, starts| motion(self.setting, set, globals, starts),
+        )
     }
 
     /// Fits a set with each of its most promising additions.
@@ -345,16 +335,28 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        jobs.retain(|(set, _)| !self.fits.contains_key(set));
+        // The same set comes up from several parents: two ways to it are enough.
+        let mut ways: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        jobs.retain(|(set, _)| {
+            let way = ways.entry(set.clone()).or_default();
+            *way += 1;
+            *way <= WAYS && !self.fits.contains_key(set)
+        });
         self.fit(jobs);
     }
 
-    /// Fits sets with each of their members taken out.
+    /// Fits sets with each of their members taken out that is not surely there.
     pub fn reduce(&mut self, sets: &[Vec<usize>]) {
+        self.reduce_below(sets, SURELY_THERE);
+    }
+
+    /// Fits sets with each of their members taken out whose size is below this half chi-square.
+    pub fn reduce_below(&mut self, sets: &[Vec<usize>], sure: f64) {
         let mut jobs = Vec::new();
         for set in sets {
             let Some(fit) = self.get(set) else { continue };
-            for member in 0..set.len() {
+            let sizes = fit.sizes(self.setting);
+            for member in (0..set.len()).filter(|m| sizes[*m] < sure) {
                 let (smaller, from) = without(self.setting, fit, member);
                 if !self.fits.contains_key(&smaller) {
                     jobs.push((smaller, from));
@@ -482,7 +484,10 @@ impl<'a> Search<'a> {
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         for round in 0..2 * DEPTH {
-            if round == 2 && self.unnamed_is_better(false) {
+            let look_around = round >= 2 && round % 2 == 0;
+            if look_around
+                && (round == 2 && self.unnamed_is_better(false) || self.imitates_unnamed())
+            {
                 self.hopeless = true;
                 return;
             }
@@ -540,11 +545,23 @@ impl<'a> Search<'a> {
             .cloned();
         let nothing = self.get(&[]).cloned();
         [nothing, single].into_iter().flatten().any(|fit| {
-            let seen = look(self, &fit);
+            let seen = look(self, &fit, Care::Glance);
             seen.unnamed()
                 && seen.log_evidence > best.log_evidence
                 && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
         })
+    }
+
+    /// Whether beside the best set so far a free force is left that matters and gains more than effects
+    /// still to come: then what comes only imitates it.
+    fn imitates_unnamed(&self) -> bool {
+        let Some(best) = self.best() else {
+            return false;
+        };
+        let seen = look(self, best, Care::Glance);
+        seen.unnamed()
+            && seen.family_weight > self.setting.tolerance
+            && seen.log_evidence > best.log_evidence + PLAINLY
     }
 
     /// Every member of the best set against every other candidate, with responses taken beside it.
@@ -554,7 +571,7 @@ impl<'a> Search<'a> {
                 return;
             };
             self.refresh(&best.set);
-            self.reduce(std::slice::from_ref(&best.set));
+            self.reduce_below(std::slice::from_ref(&best.set), f64::INFINITY);
             let smaller: Vec<Vec<usize>> = (0..best.set.len())
                 .map(|m| without(self.setting, &best, m).0)
                 .collect();

@@ -19,6 +19,13 @@ const START_SLACK_S: f64 = 1.0;
 /// Derivatives per pass.
 pub const PASS: usize = 16;
 
+/// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a
+/// vehicle with time constants of a tenth of a second and more feels no difference.
+const HOLD_S: f64 = 0.02;
+/// Samples per second looked at: of denser ones every second, third … [1/s]. Slow motion and correlated
+/// noise say no more with more of them.
+const RATE_MOST_HZ: f64 = 60.0;
+
 /// One run along one DOF.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
@@ -68,6 +75,13 @@ impl Track {
         if times_s.len() < 8 {
             return None;
         }
+        let span_s = times_s.last().copied().unwrap_or(0.0) - times_s[0];
+        let every = ((times_s.len() - 1) as f64 / span_s.max(1e-9) / RATE_MOST_HZ).ceil();
+        // A few samples in a row say nothing of a rate.
+        if every > 1.0 && span_s > 1.0 {
+            let thin = |v: Vec<f64>| v.into_iter().step_by(every as usize).collect::<Vec<_>>();
+            (times_s, measured) = (thin(times_s), thin(measured));
+        }
         let first_s = times_s.first().copied().unwrap_or(0.0);
         let start_s = if first_s > START_SLACK_S {
             first_s
@@ -85,7 +99,7 @@ impl Track {
             name: run.name.clone(),
             times_s,
             measured,
-            edges,
+            edges: averaged(edges),
             start_s,
             line,
         })
@@ -113,6 +127,45 @@ impl Track {
     pub fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
     }
+}
+
+/// Edges as they are, or where they come faster than [`HOLD_S`] the mean load over each such while.
+fn averaged(edges: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let (Some(first), Some(last)) = (edges.first(), edges.last()) else {
+        return edges;
+    };
+    let (begin_s, span_s) = (first.0, last.0 - first.0);
+    if (edges.len() - 1) as f64 * HOLD_S <= span_s {
+        return edges;
+    }
+    let mut made: Vec<(f64, f64)> = Vec::new();
+    let (mut next, mut load) = (0, 0.0);
+    for k in 0..=(span_s / HOLD_S) as usize {
+        let (from_s, to_s) = (
+            begin_s + HOLD_S * k as f64,
+            begin_s + HOLD_S * (k + 1) as f64,
+        );
+        let (mut now_s, mut impulse) = (from_s, 0.0);
+        while let Some((t_s, new)) = edges.get(next).filter(|e| e.0 < to_s) {
+            impulse += load * (t_s - now_s).max(0.0);
+            now_s = t_s.max(now_s);
+            load = *new;
+            next += 1;
+        }
+        impulse += load * (to_s - now_s);
+        let mean = impulse / HOLD_S;
+        if made.last().is_none_or(|e| e.1 != mean) {
+            made.push((from_s, mean));
+        }
+    }
+    // What holds behind the last edge holds from the end of its while.
+    if made.last().is_none_or(|e| e.1 != load) {
+        made.push((
+            begin_s + HOLD_S * ((span_s / HOLD_S) as usize + 1) as f64,
+            load,
+        ));
+    }
+    made
 }
 
 /// The problem of one DOF.
@@ -351,7 +404,7 @@ impl Setting {
         match all.len() {
             0..=6 => self.passes::<6>(run, set, &all),
             7..=8 => self.passes::<8>(run, set, &all),
-            9..=12 => self.passes::<12>(run, set, &all),
+            9..=12 | 17..=24 => self.passes::<12>(run, set, &all),
             _ => self.passes::<PASS>(run, set, &all),
         }
     }
@@ -390,5 +443,36 @@ impl Setting {
             values = out.into_iter().map(|d| d.value).collect();
         }
         (values, jacobian)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::averaged;
+
+    #[test]
+    fn dense_commands_keep_their_impulse_and_sparse_ones_stay() {
+        let sparse = vec![(0.0, 4.0), (3.0, -4.0), (9.0, 0.0)];
+        assert_eq!(averaged(sparse.clone()), sparse);
+        let dense: Vec<(f64, f64)> = (0..=3000)
+            .map(|k| {
+                let t_s = 0.001 * f64::from(k);
+                (
+                    t_s,
+                    if k == 3000 {
+                        0.0
+                    } else {
+                        (7.0 * t_s).sin() + 0.3
+                    },
+                )
+            })
+            .collect();
+        let impulse = |edges: &[(f64, f64)]| -> f64 {
+            edges.windows(2).map(|e| e[0].1 * (e[1].0 - e[0].0)).sum()
+        };
+        let made = averaged(dense.clone());
+        assert!(made.len() < 160, "{}", made.len());
+        assert!((impulse(&made) - impulse(&dense)).abs() < 1e-9);
+        assert_eq!(made.last().map(|e| e.1), Some(0.0));
     }
 }

@@ -169,7 +169,21 @@ pub struct Alternative {
     pub log_evidence: f64,
     /// Probability.
     pub probability: f64,
+    /// rms on the runs fitted per channel \[SI\].
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub train: BTreeMap<String, f64>,
     /// rms on runs held out per channel \[SI\].
+    pub held_out: BTreeMap<String, f64>,
+}
+
+/// One effect more, in the order of what they gain; the first one stands for none at all.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Rung {
+    /// Added here; empty for the vehicle alone.
+    pub effect: String,
+    /// rms on the runs fitted per channel, all effects up to here refitted together \[SI\].
+    pub train: BTreeMap<String, f64>,
+    /// The same on runs held out \[SI\].
     pub held_out: BTreeMap<String, f64>,
 }
 
@@ -243,6 +257,9 @@ pub struct Verdict {
     pub data_faults: Vec<DataFault>,
     /// What else was considered.
     pub alternatives: Vec<Alternative>,
+    /// The heavy effects one after the other, by what each gains in prediction.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ladder: Vec<Rung>,
     /// What nothing explains.
     pub unexplained: Vec<Unexplained>,
     /// Remarks.

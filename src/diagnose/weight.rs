@@ -6,21 +6,30 @@ use super::bank::{basis, motion, outside};
 use super::fit::Fit;
 use super::setting::{COEFFICIENTS, Setting};
 
-/// Span of the raw derivatives of the motion without effects to the DOF's own coefficients.
+/// Span of the raw derivatives of the motion without effects to the DOF's own coefficients: those that
+/// the rig's model has. One that it says is exactly 0 it lacks, and cannot do an effect's work.
 fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
-    span(setting, fit, &[], &fit.at[..COEFFICIENTS])
+    let has: Vec<bool> = setting.coefficients().iter().map(|c| *c != 0.0).collect();
+    span(setting, fit, &[], &fit.at[..COEFFICIENTS], &has)
 }
 
-/// Span of the raw derivatives of the motion under a set to its coefficients and parameters.
-fn span(setting: &Setting, fit: &Fit, set: &[usize], globals: &[f64]) -> DMatrix<f64> {
-    let columns = globals.len();
+/// Span of the raw derivatives of the motion under a set to those of its coefficients and parameters
+/// that `has` says.
+fn span(
+    setting: &Setting,
+    fit: &Fit,
+    set: &[usize],
+    globals: &[f64],
+    has: &[bool],
+) -> DMatrix<f64> {
+    let kept: Vec<usize> = (0..globals.len()).filter(|i| has[*i]).collect();
+    let columns = kept.len();
     let blocks: Vec<DMatrix<f64>> = (0..setting.tracks.len())
         .map(|run| {
             setting
                 .sensitivities(run, set, globals, fit.start(setting, run))
                 .1
-                .columns(0, columns)
-                .into_owned()
+                .select_columns(&kept)
         })
         .collect();
     let rows: usize = blocks.iter().map(DMatrix::nrows).sum();
@@ -61,6 +70,11 @@ pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
 /// What an additional motion (a free function's response) leaves that neither the coefficients nor
 /// the parameters of the named effects can take over: only that is unexplained.
 pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
-    let taken = span(setting, fit, &fit.set, fit.globals(setting));
+    let globals = fit.globals(setting);
+    let mut has = vec![true; globals.len()];
+    for (h, c) in has.iter_mut().zip(setting.coefficients()) {
+        *h = c != 0.0;
+    }
+    let taken = span(setting, fit, &fit.set, globals, &has);
     rms(&outside(&taken, response))
 }

@@ -266,6 +266,7 @@ pub fn explain(
                     .map(|o| (Searched::score(o) - Searched::score(f)).exp())
                     .sum::<f64>()
                     .recip(),
+                train: BTreeMap::new(),
                 held_out: BTreeMap::new(),
             })
             .collect(),
@@ -658,6 +659,7 @@ impl Findings {
             noise: BTreeMap::new(),
             data_faults: Vec::new(),
             alternatives: self.alternatives.clone(),
+            ladder: Vec::new(),
             unexplained: Vec::new(),
             notes: self.notes.clone(),
             sets_looked_at: self.sets_looked_at,

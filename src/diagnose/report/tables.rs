@@ -172,7 +172,7 @@ pub(super) fn alternatives(page: &mut String, v: &Verdict) {
     if v.alternatives.is_empty() {
         return;
     }
-    page.push_str("<table><tr><th>explanation</th><th>log evidence below the first</th><th>probability</th><th>held-out rms</th><th></th></tr>\n");
+    page.push_str("<table><tr><th>explanation</th><th>log evidence below the first</th><th>probability</th><th>fitted rms</th><th>held-out rms</th><th></th></tr>\n");
     let best = v.alternatives.first();
     for a in &v.alternatives {
         let name = if a.effects.is_empty() {
@@ -182,12 +182,36 @@ pub(super) fn alternatives(page: &mut String, v: &Verdict) {
         };
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td>{:.1}</td><td>{:.3}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td>{}</td><td>{:.1}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             escape(&name),
             -a.log_evidence,
             a.probability,
+            escape(&amounts(&a.train)),
             escape(&amounts(&a.held_out)),
             escape(&why(v, a, best))
+        );
+    }
+    page.push_str("</table>\n");
+}
+
+/// The heavy effects in the order of what they gain.
+pub(super) fn ladder(page: &mut String, v: &Verdict) {
+    if v.ladder.len() < 2 {
+        return;
+    }
+    page.push_str("<h2>What each effect gains</h2><p>One after the other, each time the one that improves the prediction most, all refitted together.</p><table><tr><th></th><th>fitted rms</th><th>held-out rms</th></tr>\n");
+    for rung in &v.ladder {
+        let name = if rung.effect.is_empty() {
+            "the vehicle alone".to_owned()
+        } else {
+            format!("+ {}", rung.effect)
+        };
+        let _ = writeln!(
+            page,
+            "<tr><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(&name),
+            escape(&amounts(&rung.train)),
+            escape(&amounts(&rung.held_out))
         );
     }
     page.push_str("</table>\n");

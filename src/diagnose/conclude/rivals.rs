@@ -1,0 +1,264 @@
+//! Models with a term missing or a wrong one, refitted: what they lose is the proof of what was named.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::tables::rms;
+use crate::diagnose::bank::{joined, without};
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::predict::held_out;
+use crate::diagnose::search::Search;
+use crate::diagnose::setting::Track;
+use crate::diagnose::verdict::{Alternative, Rung};
+
+/// Members asked, heaviest first.
+const MEMBERS: usize = 4;
+/// Members in whose place kin are tried.
+const REPLACED: usize = 2;
+/// rms of the runs held out over that of the first set up to which another is as good.
+const AS_GOOD: f64 = 1.1;
+/// rms of the runs held out over the noise below which likelihoods decide.
+const AT_NOISE: f64 = 1.5;
+/// Of the tolerance: what is lighter is not asked.
+const LIGHT: f64 = 0.25;
+
+/// A refitted model.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// Its fit.
+    pub fit: Fit,
+    /// rms of the runs held out \[m, rad\].
+    pub held: Option<f64>,
+    /// (member of the first set, its kin that stands in its place).
+    pub in_place: Option<(usize, usize)>,
+}
+
+/// A set, where its fits begin, and whose place is taken by which kin.
+type Job = (Vec<usize>, Vec<Vec<f64>>, Option<(usize, usize)>);
+
+/// The first set's rivals.
+pub struct Rivals<'a> {
+    search: &'a Search<'a>,
+    first: &'a Fit,
+    held: &'a [Track],
+    /// Heavy members (candidates), heaviest first.
+    heavy: Vec<usize>,
+    made: BTreeMap<Vec<usize>, Rival>,
+}
+
+impl<'a> Rivals<'a> {
+    /// Nothing; each heavy member alone; the set without each; the set with kin in their place.
+    pub fn of(
+        search: &'a Search<'a>,
+        first: &'a Fit,
+        shares: &[f64],
+        held: &'a [Track],
+    ) -> Rivals<'a> {
+        let setting = search.setting;
+        let mut heavy: Vec<(f64, usize)> = shares
+            .iter()
+            .copied()
+            .zip(first.set.iter().copied())
+            .filter(|(w, _)| *w > LIGHT * setting.tolerance)
+            .collect();
+        heavy.sort_by(|a, b| b.0.total_cmp(&a.0));
+        heavy.truncate(MEMBERS);
+        let mut rivals = Rivals {
+            search,
+            first,
+            held,
+            heavy: heavy.into_iter().map(|h| h.1).collect(),
+            made: BTreeMap::new(),
+        };
+        let mut jobs: Vec<Job> = Vec::new();
+        let heavy = rivals.heavy.clone();
+        let all = first.set.clone();
+        let mut parts = vec![Vec::new()];
+        for h in &heavy {
+            parts.push(vec![*h]);
+            parts.push(all.iter().copied().filter(|c| c != h).collect());
+        }
+        for part in parts {
+            let (set, at) = rivals.part(&part);
+            jobs.push((set, vec![at], None));
+        }
+        for h in heavy.iter().take(REPLACED) {
+            let member = all.iter().position(|c| c == h).unwrap_or(0);
+            let (set, at) = without(setting, first, member);
+            let gap = Fit {
+                set,
+                at,
+                ..first.clone()
+            };
+            let info = setting.vocabulary[*h].info;
+            for (other, kin) in setting.vocabulary.iter().enumerate() {
+                let near = info.kin.contains(&kin.info.id) && kin.info.stage == info.stage;
+                if !near || all.contains(&other) || search.blind.contains(&other) {
+                    continue;
+                }
+                let begins: Vec<(Vec<usize>, Vec<f64>)> = kin
+                    .starts
+                    .iter()
+                    .take(5)
+                    .map(|p| joined(setting, &gap, other, p))
+                    .collect();
+                let Some((set, _)) = begins.first().cloned() else {
+                    continue;
+                };
+                let from = begins.into_iter().map(|b| b.1).collect();
+                jobs.push((set, from, Some((*h, other))));
+            }
+        }
+        rivals.fit(jobs);
+        rivals
+    }
+
+    /// Those of the first set's members that are in `keep`, and where their fit begins.
+    fn part(&self, keep: &[usize]) -> (Vec<usize>, Vec<f64>) {
+        let mut now = self.first.clone();
+        while let Some(member) = now.set.iter().position(|c| !keep.contains(c)) {
+            (now.set, now.at) = without(self.search.setting, &now, member);
+        }
+        (now.set, now.at)
+    }
+
+    fn fit(&mut self, mut jobs: Vec<Job>) {
+        let search = self.search;
+        let setting = search.setting;
+        jobs.retain(|j| !self.made.contains_key(&j.0));
+        let made: Vec<(Vec<usize>, Rival)> = jobs
+            .into_par_iter()
+            .filter_map(|(set, begins, in_place)| {
+                let known = search.get(&set).filter(|f| !f.rough).cloned();
+                let fitted = known.or_else(|| {
+                    begins
+                        .into_iter()
+                        .filter_map(|at| Posed::new(setting, &search.weights, &set).fit(at).ok())
+                        .min_by(|a, b| a.cost.total_cmp(&b.cost))
+                })?;
+                if in_place.is_some() && !fitted.confounded(setting).is_empty() {
+                    return None;
+                }
+                let held = held_out(setting, self.held, &fitted, search.weights.noise);
+                let rival = Rival {
+                    fit: fitted,
+                    held,
+                    in_place,
+                };
+                Some((set, rival))
+            })
+            .collect();
+        self.made.extend(made);
+    }
+
+    /// Kin that, in the place of a member, predict the runs held out as well: which of the two laws it is
+    /// these data leave open, whatever their likelihoods say where no law reaches the noise.
+    pub fn undecided(&self) -> Vec<String> {
+        let search = self.search;
+        let id = |c: usize| search.setting.vocabulary[c].info.id;
+        let Some(own) = held_out(search.setting, self.held, self.first, search.weights.noise)
+        else {
+            return Vec::new();
+        };
+        if own < AT_NOISE * search.weights.noise.total_sd() {
+            return Vec::new();
+        }
+        self.made
+            .values()
+            .filter_map(|r| Some((r.in_place?, r.held?)))
+            .filter(|(_, held)| *held < AS_GOOD * own)
+            .map(|((member, kin), held)| {
+                format!(
+                    "{} or {}: not decided, the runs held out are predicted to {own:.2e} and {held:.2e} rms",
+                    id(member),
+                    id(kin)
+                )
+            })
+            .collect()
+    }
+
+    /// As alternatives of the verdict, best first.
+    pub fn alternatives(&self, probability: f64) -> Vec<Alternative> {
+        let setting = self.search.setting;
+        let channel = setting.channel();
+        let mut all: Vec<Alternative> = self
+            .made
+            .values()
+            .map(|r| {
+                let below = r.fit.log_evidence - self.first.log_evidence;
+                Alternative {
+                    effects: names(self.search, &r.fit.set),
+                    log_evidence: below,
+                    probability: probability * below.exp().min(1.0),
+                    train: BTreeMap::from([(channel.to_owned(), rms(self.search, &r.fit))]),
+                    held_out: r
+                        .held
+                        .map(|v| (channel.to_owned(), v))
+                        .into_iter()
+                        .collect(),
+                }
+            })
+            .collect();
+        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all
+    }
+
+    /// The heavy members one after the other, each time the one that gains most in prediction (in the
+    /// runs fitted where none are held out).
+    pub fn ladder(&mut self) -> Vec<Rung> {
+        if self.heavy.is_empty() {
+            return Vec::new();
+        }
+        let search = self.search;
+        let channel = search.setting.channel();
+        let miss = |r: &Rival| r.held.unwrap_or_else(|| rms(search, &r.fit));
+        let rung = |effect: &str, r: &Rival| Rung {
+            effect: effect.to_owned(),
+            train: BTreeMap::from([(channel.to_owned(), rms(search, &r.fit))]),
+            held_out: r
+                .held
+                .map(|v| (channel.to_owned(), v))
+                .into_iter()
+                .collect(),
+        };
+        let mut rungs: Vec<Rung> = self
+            .made
+            .get(&Vec::new())
+            .map(|r| rung("", r))
+            .into_iter()
+            .collect();
+        let mut now: Vec<usize> = Vec::new();
+        let mut left = self.heavy.clone();
+        while !left.is_empty() {
+            let grown = |c: usize| -> Vec<usize> { now.iter().copied().chain([c]).collect() };
+            let jobs = left
+                .iter()
+                .map(|c| {
+                    let (set, at) = self.part(&grown(*c));
+                    (set, vec![at], None)
+                })
+                .collect();
+            self.fit(jobs);
+            let best = left
+                .iter()
+                .filter_map(|c| {
+                    let (set, _) = self.part(&grown(*c));
+                    Some((*c, self.made.get(&set)?))
+                })
+                .min_by(|a, b| miss(a.1).total_cmp(&miss(b.1)));
+            let Some((c, r)) = best else { break };
+            rungs.push(rung(search.setting.vocabulary[c].info.id, r));
+            now.push(c);
+            left.retain(|l| *l != c);
+        }
+        rungs
+    }
+}
+
+/// Ids of a set.
+pub fn names(search: &Search<'_>, set: &[usize]) -> Vec<String> {
+    set.iter()
+        .map(|c| search.setting.vocabulary[*c].info.id.to_owned())
+        .collect()
+}

@@ -1,0 +1,131 @@
+//! The verdict in words.
+
+use crate::diagnose::explain::Explanation;
+use crate::diagnose::family::Variable;
+use crate::diagnose::fit::Fit;
+use crate::diagnose::locate::{stands_out, told};
+use crate::diagnose::setting::Setting;
+use crate::diagnose::verdict::{Effect, Unexplained, Verdict, Word};
+
+/// How a mechanism that acts twice is told.
+pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
+    let info = setting.vocabulary[candidate].info;
+    let copies: Vec<String> = (0..two.set.len())
+        .filter(|m| two.set[*m] == candidate)
+        .map(|m| {
+            info.parameters
+                .iter()
+                .zip(two.member(setting, m))
+                .map(|(p, v)| format!("{} = {v:.4}", p.name))
+                .collect::<Vec<_>>()
+                .join(", ")
+        })
+        .collect();
+    format!("acts as two in a row would: {}", copies.join(" and "))
+}
+
+pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
+    let f = found.family.as_ref()?;
+    let (range, force) = stands_out(setting, f);
+    let unit = match f.family.variable {
+        Variable::Place | Variable::PlaceAgainst => {
+            if setting.dof.index() < 3 {
+                "m"
+            } else {
+                "rad"
+            }
+        }
+        Variable::Rate | Variable::Speed => {
+            if setting.dof.index() < 3 {
+                "m/s"
+            } else {
+                "rad/s"
+            }
+        }
+        Variable::Load | Variable::LoadSize => {
+            if setting.dof.index() < 3 {
+                "N"
+            } else {
+                "N m"
+            }
+        }
+        _ => "s",
+    };
+    let load = if setting.dof.index() < 3 { "N" } else { "N m" };
+    let (of, range) = told(setting, f.family.variable, range);
+    Some(Unexplained {
+        channel: setting.channel().to_owned(),
+        weight: found.family_weight,
+        depends_on: of.clone(),
+        range,
+        force,
+        term: format!(
+            "a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere",
+            of, range[0], range[1]
+        ),
+        knots: f.family.knots.clone(),
+        force_at: f.amplitudes.clone(),
+        force_sd: f.sds.clone(),
+        log_bayes_factor: f.gain,
+    })
+}
+
+pub fn sentence(v: &Verdict) -> String {
+    let say = |e: &Effect| {
+        let weight: Vec<String> = e
+            .weight
+            .iter()
+            .map(|(c, w)| {
+                if c.ends_with("_rad") {
+                    format!("{:.2} deg", w.to_degrees())
+                } else {
+                    format!("{:.2} mm", w * 1e3)
+                }
+            })
+            .collect();
+        let numbers: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|(n, p)| format!("{n} = {:.4}", p.value))
+            .collect();
+        format!(
+            "{} ({}; {})",
+            e.effect,
+            weight.join(", "),
+            numbers.join(", ")
+        )
+    };
+    let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
+    let small = v.effects.iter().filter(|e| !e.matters).count();
+    let also = if small > 0 {
+        format!("; {small} small effect(s) established that do not matter")
+    } else {
+        String::new()
+    };
+    match v.verdict {
+        Word::None => format!("Nothing that matters was left out{also}."),
+        Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),
+        Word::Ambiguous => format!(
+            "These data cannot tell apart: {}{also}.",
+            v.equivalent
+                .iter()
+                .map(|s| format!("[{}]", s.join(" + ")))
+                .collect::<Vec<_>>()
+                .join(" or ")
+        ),
+        Word::Unknown => format!(
+            "Something that no effect of the vocabulary explains: {}{}{also}.",
+            v.unexplained
+                .iter()
+                .map(|u| u.term.clone())
+                .collect::<Vec<_>>()
+                .join("; "),
+            if heavy.is_empty() {
+                String::new()
+            } else {
+                format!("; beside it {}", heavy.join(" and "))
+            }
+        ),
+        Word::DataFault => v.sentence.clone(),
+    }
+}

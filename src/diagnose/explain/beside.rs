@@ -1,0 +1,233 @@
+//! Named effects beside a free function: forward selection with removal, both fitted jointly.
+//!
+//! A set found without the function has effects in it that only imitate it, and lacks small ones
+//! that it hid. So the set is searched again with the function in the model: additions by what they
+//! promise outside of the span of set AND function, removals where a member is hardly known to differ
+//! from nothing.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::Explanation;
+use crate::diagnose::bank::{Motion, Response, begin, joined, responses_by, whitened, without};
+use crate::diagnose::descent::Effort;
+use crate::diagnose::family::{Acts, FamilyFit, Joint};
+use crate::diagnose::fit::Fit;
+use crate::diagnose::search::Search;
+
+/// Steps at most.
+const STEPS: usize = 9;
+/// Additions fitted per step.
+const ADDED: usize = 4;
+/// Half chi-square that an addition must promise.
+const LEAST_GAIN: f64 = 3.0;
+/// Half chi-square of a member's size above which taking it out is not tried.
+const SURELY_THERE: f64 = 20.0;
+/// A fit that would end this far above the present one's cost is not followed.
+const TOO_FAR: f64 = 40.0;
+/// Log evidence that a step must gain.
+const STEP_GAIN: f64 = 0.1;
+/// The same as a share of the cost above the noise's own: where no law is exact there is always one more
+/// that mends a little.
+const STEP_SHARE: f64 = 0.05;
+/// Half chi-square per sample that noise, not too well known, leaves at most.
+const NOISE: f64 = 0.75;
+/// Most effects beside a function.
+const MOST: usize = 8;
+/// Of what is lacking to the best explanation so far, the share that a step must gain.
+const PACE: f64 = 0.08;
+/// Lacking less than this a climb goes on at any pace.
+const NEAR: f64 = 60.0;
+
+/// Share of a function's prior sd that is left at each step when it is squeezed out.
+const SQUEEZED: f64 = 0.3;
+/// Such steps.
+const SQUEEZES: usize = 4;
+
+/// A set fitted together with a function.
+type Pair = (Fit, FamilyFit);
+
+/// What is known of a set with the function: `None` where the fit failed.
+type Tried = BTreeMap<Vec<usize>, Option<Pair>>;
+
+/// What candidates do to a motion that has the function in it.
+struct Bank {
+    responses: Vec<Response>,
+    /// Whitened, and 0 in the rows of the function's prior.
+    padded: Vec<DVector<f64>>,
+}
+
+impl Bank {
+    fn of(search: &Search<'_>, (fit, function): &Pair) -> Bank {
+        let setting = search.setting;
+        let responses = responses_by(setting, fit, &|set, globals, starts| {
+            function.motion(setting, set, globals, starts)
+        });
+        let padded = responses
+            .par_iter()
+            .map(|r| {
+                let w = whitened(setting, &search.weights, &r.column);
+                let rows = w.len() + function.family.knots.len();
+                w.resize_vertically(rows, 0.0)
+            })
+            .collect();
+        Bank { responses, padded }
+    }
+}
+
+/// The best set beside the function of `seed`, from the seed's set; given up where it will not come
+/// near the log evidence `bar`.
+pub fn beside(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
+    let Some(family) = seed.family.clone() else {
+        return seed.clone();
+    };
+    let now = (seed.fit.clone(), family);
+    let bank = Bank::of(search, &now);
+    let (now, needed) = climb(search, &bank, now, bar);
+    let mut found = Explanation::with(search, now.0, now.1);
+    found.needed = needed;
+    found
+}
+
+/// The function's prior made tighter step by step, so that named effects take over what they can do of
+/// its work: a way to sets that no fit reaches from where the motion without them runs off to.
+/// The set that is left, without the function.
+pub fn squeezed(search: &Search<'_>, grown: &Explanation) -> Option<(Vec<usize>, Vec<f64>)> {
+    let mut now = (grown.fit.clone(), grown.family.clone()?);
+    let bank = Bank::of(search, &now);
+    for _ in 0..SQUEEZES {
+        now.1.prior_sd *= SQUEEZED;
+        now = now
+            .1
+            .refine(search.setting, &search.weights, &now.0, roughly(search))?;
+        now = climb(search, &bank, now, f64::NEG_INFINITY).0;
+    }
+    Some((now.0.set, now.0.at))
+}
+
+/// Far from the noise a percent will do.
+fn roughly(search: &Search<'_>) -> Effort {
+    Effort {
+        floor: 0.5 * search.weights.samples() as f64,
+        limit: f64::INFINITY,
+    }
+}
+
+/// Additions and removals until none is better; with what each member is needed for.
+fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair, bar: f64) -> (Pair, Vec<(usize, f64)>) {
+    let mut tried = Tried::new();
+    tried.insert(now.0.set.clone(), Some(now.clone()));
+    for step in 0..STEPS {
+        let removals = removals(search, &now);
+        let mut jobs: Vec<(Vec<usize>, Vec<f64>)> = removals
+            .iter()
+            .filter(|r| r.2 < SURELY_THERE)
+            .map(|r| (r.1.0.clone(), r.1.1.clone()))
+            .collect();
+        if now.0.set.len() < MOST {
+            jobs.extend(additions(search, bank, &now));
+        }
+        jobs.retain(|j| !tried.contains_key(&j.0));
+        let effort = Effort {
+            limit: now.0.cost + TOO_FAR,
+            ..roughly(search)
+        };
+        let made: Vec<(Vec<usize>, Option<Pair>)> = jobs
+            .into_par_iter()
+            .map(|(set, at)| {
+                let from = Fit {
+                    set: set.clone(),
+                    at,
+                    ..now.0.clone()
+                };
+                let fitted = now
+                    .1
+                    .refine(search.setting, &search.weights, &from, effort)
+                    .filter(|(joint, _)| joint.confounded(search.setting).is_empty());
+                (set, fitted)
+            })
+            .collect();
+        tried.extend(made);
+        let over = now.0.cost - NOISE * search.weights.samples() as f64;
+        let least = STEP_GAIN.max(STEP_SHARE * over);
+        let best = tried
+            .values()
+            .flatten()
+            .max_by(|a, b| a.0.log_evidence.total_cmp(&b.0.log_evidence))
+            .filter(|(joint, _)| joint.log_evidence > now.0.log_evidence + least)
+            .cloned();
+        tracing::debug!(
+            "beside a function, step {step}: {:?} {:.1} -> {:?}",
+            names(search, &now.0.set),
+            now.0.log_evidence,
+            best.as_ref().map(|b| b.0.log_evidence)
+        );
+        let Some(better) = best else {
+            let needed = removals
+                .into_iter()
+                .map(|(candidate, (set, _), sure)| {
+                    let lacks = match tried.get(&set) {
+                        Some(Some((joint, _))) => now.0.log_evidence - joint.log_evidence,
+                        _ => sure,
+                    };
+                    (candidate, lacks)
+                })
+                .collect();
+            return (now, needed);
+        };
+        let (gained, lacking) = (
+            better.0.log_evidence - now.0.log_evidence,
+            bar - better.0.log_evidence,
+        );
+        now = better;
+        if lacking > NEAR && gained < PACE * lacking {
+            break;
+        }
+    }
+    (now, Vec::new())
+}
+
+fn names(search: &Search<'_>, set: &[usize]) -> Vec<&'static str> {
+    set.iter()
+        .map(|c| search.setting.vocabulary[*c].info.id)
+        .collect()
+}
+
+/// A member's candidate, the set without it with where its fit begins, and half chi-square of the
+/// member's size.
+type Removal = (usize, (Vec<usize>, Vec<f64>), f64);
+
+/// Each member taken out; not the one whose law is bent.
+fn removals(search: &Search<'_>, now: &Pair) -> Vec<Removal> {
+    let setting = search.setting;
+    let (fit, function) = now;
+    let sizes = fit.sizes(setting);
+    (0..fit.set.len())
+        .filter(|m| function.family.acts != Acts::Bends(fit.set[*m]))
+        .map(|m| (fit.set[m], without(setting, fit, m), sizes[m]))
+        .collect()
+}
+
+/// The most promising additions.
+fn additions(
+    search: &Search<'_>,
+    bank: &Bank,
+    (fit, function): &Pair,
+) -> Vec<(Vec<usize>, Vec<f64>)> {
+    let setting = search.setting;
+    let at: Vec<f64> = fit.at.iter().chain(&function.amplitudes).copied().collect();
+    let view = Joint::new(setting, &search.weights, fit, function).view(&at);
+    view.promises(&bank.responses, &bank.padded, &fit.set)
+        .into_iter()
+        .filter(|l| l[0].gain > LEAST_GAIN && !search.blind.contains(&l[0].candidate))
+        .take(ADDED)
+        .map(|l| {
+            let motion: Motion<'_> =
+                &|set, globals, starts| function.motion(setting, set, globals, starts);
+            let point = begin(setting, fit, &bank.responses, &l[0], motion);
+            joined(setting, fit, l[0].candidate, &point)
+        })
+        .collect()
+}

@@ -1,0 +1,250 @@
+//! One set, and the best free function or second copy beside it.
+
+use rayon::prelude::*;
+
+use super::Explanation;
+use crate::diagnose::bank::{View, joined, motion, outside, whitened};
+use crate::diagnose::descent::Effort;
+use crate::diagnose::family::{Acts, FamilyFit, bends, forces};
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::search::Search;
+use crate::diagnose::setting::{COEFFICIENTS, Setting};
+use crate::diagnose::weight::{weight_beyond, weights};
+
+/// Log evidence that a free function must gain before it is believed.
+pub const BELIEVED: f64 = 5.0;
+/// Free functions refitted nonlinearly.
+const REFINED: usize = 3;
+/// Of the best one's linear gain, what another must promise for that.
+const WORTH_A_FIT: f64 = 0.5;
+/// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
+const FAR_FROM_NOISE: f64 = 2.0;
+/// Log of the choice between one law and the same law twice.
+const TWICE_PENALTY: f64 = 2.0;
+/// A second copy begins with this share of the first one's size.
+const SPLIT: f64 = 0.35;
+/// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
+const HEAVY_SHARE: f64 = 0.25;
+/// A function whose cost ends this far above the best one's is not followed to its minimum.
+const HOPELESSLY_FAR: f64 = 60.0;
+/// Heavy members whose laws are bent, and of those the ones that may act twice.
+const BENT: usize = 3;
+/// See [`BENT`].
+const DOUBLED: usize = 2;
+/// Of an effect's weight, what a bend of its law may do.
+const MODEST: f64 = 0.5;
+/// What a function gains over what it promises linearly, at most, and some log evidence on top: a
+/// set that would stay below the bar even so is not looked at closer.
+const AT_MOST: (f64, f64) = (1.3, 10.0);
+
+/// How closely a set is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Care {
+    /// Whether there is something: far from the noise right to a percent.
+    Glance,
+    /// To the minimum, where a log evidence above this is in reach.
+    Above(f64),
+}
+
+/// A set with its best free function, if one is believed.
+pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
+    let setting = search.setting;
+    let view = View::new(setting, &search.weights, fit);
+    let weights = weights(setting, fit);
+    let heaviest = weights.iter().copied().fold(0.0, f64::max);
+    let mut families = forces(setting, fit);
+    let floor = search.weights.samples() as f64;
+    if fit.cost > FAR_FROM_NOISE * floor {
+        families.iter_mut().for_each(|f| f.measured = true);
+    }
+    let mut heavy: Vec<usize> = (0..fit.set.len())
+        .filter(|m| weights[*m] > setting.tolerance && weights[*m] >= HEAVY_SHARE * heaviest)
+        .collect();
+    heavy.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]));
+    let candidates: Vec<usize> = heavy.iter().take(BENT).map(|m| fit.set[*m]).collect();
+    families.extend(bends(setting, fit, &candidates));
+    heavy.truncate(if care == Care::Glance { 0 } else { DOUBLED });
+    let mut double: Option<(usize, Fit)> = None;
+    for member in heavy {
+        if let Some(two) = twice(search, fit, &view, member).filter(|two| {
+            double
+                .as_ref()
+                .is_none_or(|d| two.log_evidence > d.1.log_evidence)
+        }) {
+            double = Some((fit.set[member], two));
+        }
+    }
+    let double = double.filter(|d| d.1.log_evidence > fit.log_evidence + BELIEVED);
+    let mut found: Vec<FamilyFit> = families
+        .iter()
+        .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
+        .filter(|f| f.gain > BELIEVED)
+        .collect();
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let top = found.first().map_or(0.0, |f| f.gain);
+    let (most, bar) = match care {
+        Care::Glance => (REFINED - 1, f64::NEG_INFINITY),
+        Care::Above(bar) => (REFINED, bar),
+    };
+    if fit.log_evidence + AT_MOST.0 * top + AT_MOST.1 < bar {
+        found.clear();
+    }
+    // Large ones are not linear: the front runners are fitted again, together with the set; far from
+    // the noise right to a percent, and no further than to see that another one is better.
+    let mut refined: Option<(Fit, FamilyFit)> = None;
+    for f in found
+        .iter()
+        .take(most)
+        .filter(|f| f.gain >= WORTH_A_FIT * top)
+    {
+        let effort = Effort {
+            floor: 0.5 * floor,
+            limit: refined
+                .as_ref()
+                .map_or(f64::INFINITY, |(joint, _)| joint.cost + HOPELESSLY_FAR),
+        };
+        let made = f
+            .close(setting, &search.weights, fit, effort)
+            .filter(|(joint, f)| f.gain > BELIEVED && modest(setting, joint, f));
+        if let Some(made) = made
+            && refined.as_ref().is_none_or(|r| made.1.gain > r.1.gain)
+        {
+            refined = Some(made);
+        }
+    }
+    if let (Care::Above(_), Some((joint, function))) = (care, &refined)
+        && joint.rough
+    {
+        let from = Fit {
+            at: joint.at.clone(),
+            ..fit.clone()
+        };
+        let effort = Effort {
+            floor: 0.5 * floor,
+            limit: f64::INFINITY,
+        };
+        // Once more from there: a percent of what is left now.
+        refined = function
+            .refine(setting, &search.weights, &from, effort)
+            .or(refined);
+    }
+    tracing::debug!(
+        "beside {:?} ({:.1}): {:?}",
+        fit.set
+            .iter()
+            .map(|c| setting.vocabulary[*c].info.id)
+            .collect::<Vec<_>>(),
+        fit.log_evidence,
+        refined
+            .as_ref()
+            .map(|(_, f)| (f.family.acts, f.family.variable, f.gain))
+    );
+    let bar = refined
+        .as_ref()
+        .map_or(f64::NEG_INFINITY, |(joint, _)| joint.log_evidence);
+    if let Some((candidate, two)) = double.filter(|d| d.1.log_evidence > bar) {
+        tracing::debug!(
+            "{} twice gains {:.1}",
+            setting.vocabulary[candidate].info.id,
+            two.log_evidence - fit.log_evidence
+        );
+        return Explanation {
+            log_evidence: two.log_evidence,
+            twice: Some((candidate, two)),
+            weights,
+            ..Explanation::plain(search, fit)
+        };
+    }
+    match refined {
+        Some((joint, family)) => Explanation::with(search, joint, family),
+        None => Explanation::plain(search, fit),
+    }
+}
+
+/// Whether a function that bends a law leaves it its law: one that does more than half as much as the
+/// effect itself is a free force in disguise.
+pub fn modest(setting: &Setting, joint: &Fit, function: &FamilyFit) -> bool {
+    let Acts::Bends(candidate) = function.family.acts else {
+        return true;
+    };
+    let own = joint
+        .set
+        .iter()
+        .position(|c| *c == candidate)
+        .map_or(0.0, |m| weights(setting, joint)[m]);
+    weight_beyond(setting, joint, &function.response) <= MODEST * own
+}
+
+/// A set beside its best functions of different kinds, most promising first, each fitted far enough to
+/// go on from there: which kind is right may only show when named effects have joined it.
+pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
+    let setting = search.setting;
+    let view = View::new(setting, &search.weights, fit);
+    let floor = search.weights.samples() as f64;
+    let mut families = forces(setting, fit);
+    if fit.cost > FAR_FROM_NOISE * floor {
+        families.iter_mut().for_each(|f| f.measured = true);
+    }
+    let mut found: Vec<FamilyFit> = families
+        .iter()
+        .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
+        .filter(|f| f.gain > BELIEVED)
+        .collect();
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let effort = Effort {
+        floor: 0.5 * floor,
+        limit: f64::INFINITY,
+    };
+    let mut seen = Vec::new();
+    found.retain(|f| {
+        let kind = f.family.variable.kind();
+        let new = !seen.contains(&kind);
+        seen.push(kind);
+        new
+    });
+    found
+        .par_iter()
+        .take(most)
+        .filter_map(|f| f.close(setting, &search.weights, fit, effort))
+        .map(|(joint, function)| Explanation::with(search, joint, function))
+        .collect()
+}
+
+/// A set with one of its members a second time, its evidence less the choice.
+fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<Fit> {
+    let setting = search.setting;
+    let candidate = fit.set[member];
+    let own = fit.member(setting, member).to_vec();
+    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
+        .map(|r| fit.start(setting, r))
+        .collect();
+    let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
+    // A share of the first one's size goes over to the copy, or the copy begins where it promises most.
+    let mut split = own.clone();
+    split[0] *= SPLIT;
+    let mut begins: Vec<(f64, Vec<f64>, f64)> = vec![(f64::INFINITY, split, 1.0 - SPLIT)];
+    if own.len() > 1 {
+        begins.extend(setting.vocabulary[candidate].starts.iter().filter_map(|p| {
+            let (set, at) = joined(setting, fit, candidate, p);
+            let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
+            let moved = motion(setting, &set, globals, &starts) - &plain;
+            let left = outside(&view.basis, &whitened(setting, &search.weights, &moved));
+            let (product, energy) = (left.dot(&view.residual), left.norm_squared());
+            (energy > 0.0 && product < 0.0)
+                .then(|| (0.5 * product * product / energy, p.clone(), 1.0))
+        }));
+        begins.sort_by(|a, b| b.0.total_cmp(&a.0));
+    }
+    begins
+        .into_iter()
+        .take(2)
+        .filter_map(|(_, copy, left)| {
+            let (set, mut at) = joined(setting, fit, candidate, &copy);
+            // The copy stands before the original.
+            at[setting.places(&set)[member + 1]] *= left;
+            let mut two = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
+            two.log_evidence -= TWICE_PENALTY;
+            two.log_evidence.is_finite().then_some(two)
+        })
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+}

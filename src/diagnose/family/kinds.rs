@@ -1,0 +1,178 @@
+//! Which free functions are asked: variables, and knots over the range that the runs have of them.
+
+use std::cell::RefCell;
+
+use super::{Acts, Family, Variable};
+use crate::diagnose::fit::Fit;
+use crate::diagnose::setting::Setting;
+
+/// Knots per run.
+const EACH_RUN: usize = 13;
+/// Between runs laid end to end \[s\].
+const BETWEEN_S: f64 = 1.0;
+/// First knot after a command edge \[s\].
+const AFTER_EDGE_S: f64 = 0.15;
+
+/// Range of each plain variable in each run of a fit: one motion per run serves all functions.
+struct Ranges(Vec<Vec<(Variable, f64, f64)>>);
+
+impl Ranges {
+    fn of(setting: &Setting, fit: &Fit) -> Ranges {
+        const PLAIN: [Variable; 8] = [
+            Variable::Place,
+            Variable::PlaceAgainst,
+            Variable::Rate,
+            Variable::Speed,
+            Variable::Load,
+            Variable::LoadSize,
+            Variable::Time,
+            Variable::SinceEdge,
+        ];
+        let of_run = |run: usize| {
+            let seen = RefCell::new(PLAIN.map(|v| (v, f64::INFINITY, f64::NEG_INFINITY)));
+            let start = fit.start(setting, run);
+            let _ = setting.simulate(run, &fit.set, fit.globals(setting), start, |h| {
+                for (v, low, high) in seen.borrow_mut().iter_mut() {
+                    let value = v.of(h);
+                    *low = low.min(value);
+                    *high = high.max(value);
+                }
+                0.0
+            });
+            seen.into_inner().to_vec()
+        };
+        Ranges((0..setting.tracks.len()).map(of_run).collect())
+    }
+
+    fn get(&self, variable: Variable) -> Option<(f64, f64)> {
+        let (plain, only) = match variable {
+            Variable::TimeIn(run) => (Variable::Time, Some(run)),
+            Variable::AfterEdge => (Variable::SinceEdge, None),
+            other => (other, None),
+        };
+        let (low, high) = self
+            .0
+            .iter()
+            .enumerate()
+            .filter(|(run, _)| only.is_none_or(|o| o == *run))
+            .flat_map(|(_, seen)| seen)
+            .filter(|s| s.0 == plain)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), s| {
+                (l.min(s.1), h.max(s.2))
+            });
+        (high > low + 1e-12).then_some((low, high))
+    }
+
+    /// Even knots over the range of a variable; times since an edge by ratio.
+    fn family(&self, acts: Acts, variable: Variable, count: usize) -> Option<Family> {
+        let (low, high) = self.get(variable)?;
+        let knots = if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
+            if high < 4.0 * AFTER_EDGE_S {
+                return None;
+            }
+            let ratio = (high / AFTER_EDGE_S).powf(1.0 / (count as f64 - 2.0));
+            std::iter::once(0.0)
+                .chain((0..count - 1).map(|k| AFTER_EDGE_S * ratio.powi(k as i32)))
+                .collect()
+        } else {
+            (0..count)
+                .map(|k| low + (high - low) * k as f64 / (count as f64 - 1.0))
+                .collect()
+        };
+        Some(Family {
+            acts,
+            variable,
+            knots,
+            measured: false,
+        })
+    }
+}
+
+/// What a run's times are moved by when those of all runs are laid end to end \[s\]. Asked at every instant
+/// of a motion: no list is made for it.
+pub(super) fn laid_out_s(setting: &Setting, run: usize) -> f64 {
+    let next = setting.tracks[..run]
+        .iter()
+        .fold(0.0, |next, t| next + (t.end_s() - t.start_s + BETWEEN_S));
+    next - setting.tracks[run].start_s
+}
+
+/// The same for every run \[s\].
+pub fn laid_out(setting: &Setting) -> Vec<f64> {
+    (0..setting.tracks.len())
+        .map(|run| laid_out_s(setting, run))
+        .collect()
+}
+
+/// Knots over the time of every run.
+fn each_run(setting: &Setting) -> Family {
+    let knots = setting
+        .tracks
+        .iter()
+        .zip(laid_out(setting))
+        .flat_map(|(t, first)| {
+            let span = t.end_s() - t.start_s;
+            (0..EACH_RUN)
+                .map(move |k| first + t.start_s + span * k as f64 / (EACH_RUN as f64 - 1.0))
+        })
+        .collect();
+    Family {
+        acts: Acts::Force,
+        variable: Variable::TimeEach,
+        knots,
+        measured: false,
+    }
+}
+
+/// Forces as functions of everything they may depend on.
+pub fn forces(setting: &Setting, fit: &Fit) -> Vec<Family> {
+    forces_over(setting, &Ranges::of(setting, fit))
+}
+
+fn forces_over(setting: &Setting, ranges: &Ranges) -> Vec<Family> {
+    let mut kinds = vec![
+        (Variable::Place, 32),
+        (Variable::PlaceAgainst, 32),
+        (Variable::Rate, 16),
+        (Variable::Load, 12),
+        (Variable::Time, 16),
+        (Variable::SinceEdge, 10),
+    ];
+    kinds.extend((0..setting.tracks.len()).map(|run| (Variable::TimeIn(run), 16)));
+    let mut all: Vec<Family> = kinds
+        .into_iter()
+        .filter_map(|(v, n)| ranges.family(Acts::Force, v, n))
+        .collect();
+    if setting.tracks.len() > 1 {
+        all.push(each_run(setting));
+    }
+    all
+}
+
+/// The same and, in proportion to each command edge, the time since it: where the mismatch acts. That
+/// one is what any lag of the thrust looks like, so it locates but is no explanation of its own.
+pub fn regimes(setting: &Setting, fit: &Fit) -> Vec<Family> {
+    let ranges = Ranges::of(setting, fit);
+    let mut all = forces_over(setting, &ranges);
+    all.extend(ranges.family(Acts::Force, Variable::AfterEdge, 10));
+    all
+}
+
+/// Ways in which the laws of members may be bent.
+pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> {
+    let kinds = [
+        (Variable::Place, 10),
+        (Variable::Rate, 10),
+        (Variable::Speed, 8),
+        (Variable::Load, 10),
+        (Variable::LoadSize, 8),
+        (Variable::Time, 8),
+        (Variable::SinceEdge, 8),
+    ];
+    let ranges = Ranges::of(setting, fit);
+    candidates
+        .iter()
+        .flat_map(|c| kinds.map(|(v, n)| ranges.family(Acts::Bends(*c), v, n)))
+        .flatten()
+        .collect()
+}

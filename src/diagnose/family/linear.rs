@@ -1,0 +1,161 @@
+//! A free function beside a fitted set, linearly: what every function is asked first.
+
+use hydroline_sim::Dual;
+use hydroline_sim::single::Instant;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rayon::prelude::*;
+
+use super::{Acts, Family, FamilyFit, PENALTY, Touched};
+use crate::diagnose::bank::{View, outside, whitened};
+use crate::diagnose::fit::Fit;
+use crate::diagnose::setting::{PASS, Setting};
+use crate::diagnose::weights::Weights;
+
+impl Family {
+    /// Derivatives of the motion with respect to the amplitudes, all runs end to end.
+    pub fn columns(&self, setting: &Setting, fit: &Fit) -> DMatrix<f64> {
+        let m = self.knots.len();
+        let blocks: Vec<DMatrix<f64>> = (0..setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.columns_of(setting, fit, run))
+            .collect();
+        let rows = blocks.iter().map(DMatrix::nrows).sum();
+        let mut all = DMatrix::zeros(rows, m);
+        let mut first = 0;
+        for block in &blocks {
+            all.view_mut((first, 0), (block.nrows(), m))
+                .copy_from(block);
+            first += block.nrows();
+        }
+        all
+    }
+
+    fn columns_of(&self, setting: &Setting, fit: &Fit, run: usize) -> DMatrix<f64> {
+        let m = self.knots.len();
+        let mut block = DMatrix::zeros(setting.tracks[run].times_s.len(), m);
+        if !self.acts_in(run) {
+            return block;
+        }
+        // A plain motion tells which hats it comes by: a tenth of the cost of their derivatives.
+        let touched = Touched::none();
+        let begin = fit.start(setting, run);
+        let _ = setting.simulate(run, &fit.set, fit.globals(setting), begin, |h| {
+            let (hat, share) = self.between(self.value(setting, run, h));
+            touched.by(hat, share);
+            0.0
+        });
+        let (low, count) = touched.range();
+        let globals: Vec<Dual<PASS>> = fit
+            .globals(setting)
+            .iter()
+            .map(|v| Dual::constant(*v))
+            .collect();
+        let start = (Dual::constant(begin.0), Dual::constant(begin.1));
+        for first in (low..low + count).step_by(PASS) {
+            let push = |here: &Instant<Dual<PASS>>, base: f64| {
+                let mut made = Dual::constant(base);
+                let (hat, share) = self.between(self.value(setting, run, here).value);
+                let factor = self.factor(&setting.tracks[run], here).value;
+                mark(&mut made, first, hat, factor * (1.0 - share));
+                mark(&mut made, first, hat + 1, factor * share);
+                made
+            };
+            let out = match self.acts {
+                Acts::Force => setting.simulate(run, &fit.set, &globals, start, |h| push(h, 0.0)),
+                Acts::Bends(candidate) => {
+                    let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
+                        return block;
+                    };
+                    let place = setting.places(&fit.set)[member];
+                    setting.simulate_bent(run, &fit.set, &globals, start, place, |h| push(h, 1.0))
+                }
+            };
+            for (row, value) in out.iter().enumerate() {
+                for (j, slope) in value.slope.iter().take(low + count - first).enumerate() {
+                    block[(row, first + j)] = *slope;
+                }
+            }
+        }
+        block
+    }
+
+    /// Fits the amplitudes linearly beside a set; `None` where the function does nothing.
+    pub fn fit(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        view: &View,
+    ) -> Option<FamilyFit> {
+        let raw = self.columns(setting, fit);
+        if raw.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let m = raw.ncols();
+        let columns: Vec<DVector<f64>> = (0..m)
+            .map(|j| {
+                outside(
+                    &view.basis,
+                    &whitened(setting, weights, &raw.column(j).into_owned()),
+                )
+            })
+            .collect();
+        let matrix = DMatrix::from_columns(&columns);
+        let eigen = SymmetricEigen::new(matrix.tr_mul(&matrix));
+        let product = eigen.eigenvectors.tr_mul(&matrix.tr_mul(&view.residual));
+        let largest = eigen.eigenvalues.max();
+        if largest <= 0.0 {
+            return None;
+        }
+        let values: Vec<f64> = eigen.eigenvalues.iter().map(|v| v.max(0.0)).collect();
+        // log evidence over no function at a prior variance of the amplitudes.
+        let gain = |variance: f64| -> f64 {
+            values
+                .iter()
+                .zip(product.iter())
+                .map(|(v, b)| 0.5 * b * b / (v + 1.0 / variance) - 0.5 * (1.0 + v * variance).ln())
+                .sum()
+        };
+        // A law that bends by more than its own size is another law.
+        let largest_load = setting
+            .tracks
+            .iter()
+            .flat_map(|t| &t.edges)
+            .map(|e| e.1.abs())
+            .fold(1.0, f64::max);
+        let most = match self.acts {
+            Acts::Bends(_) => 1.0,
+            // Nor is a force beyond what drives it.
+            Acts::Force => largest_load * largest_load,
+        };
+        let best = (0..60)
+            .map(|k| 10f64.powf(-12.0 + 0.3 * f64::from(k)))
+            .filter(|v| *v <= most)
+            .max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
+        let rotated = DVector::from_fn(m, |i, _| -product[i] / (values[i] + 1.0 / best));
+        let amplitudes = &eigen.eigenvectors * rotated;
+        let sds = (0..m)
+            .map(|j| {
+                (0..m)
+                    .map(|i| eigen.eigenvectors[(j, i)].powi(2) / (values[i] + 1.0 / best))
+                    .sum::<f64>()
+                    .sqrt()
+            })
+            .collect();
+        Some(FamilyFit {
+            family: self.clone(),
+            response: &raw * &amplitudes,
+            amplitudes: amplitudes.iter().copied().collect(),
+            sds,
+            gain: gain(best) - PENALTY,
+            prior_sd: best.sqrt(),
+        })
+    }
+}
+
+/// Adds a derivative with respect to hat `hat` where this pass, from hat `first` on, holds it.
+pub(super) fn mark<const N: usize>(made: &mut Dual<N>, first: usize, hat: usize, by: f64) {
+    if let Some(slope) = hat.checked_sub(first).and_then(|i| made.slope.get_mut(i)) {
+        *slope += by;
+    }
+}

@@ -1,0 +1,167 @@
+//! A free function fitted together with its set, its knots made denser where it bends.
+
+use nalgebra::DVector;
+
+use super::{FamilyFit, Joint, PENALTY};
+use crate::diagnose::descent::{Effort, Linearised, descend};
+use crate::diagnose::fit::Fit;
+use crate::diagnose::setting::Setting;
+use crate::diagnose::weights::Weights;
+use crate::identify::uncertainty::covariance;
+
+/// Times that the knots of a function are made denser.
+const SHARPENED: usize = 5;
+/// Half chi-square per sample above which a function may need more knots; noise leaves 0.5.
+const FAR_FROM_NOISE: f64 = 0.53;
+/// Log evidence that they must gain.
+const WORTH_KNOTS: f64 = 5.0;
+/// Bends about which intervals are halved at once.
+const BENDS_SPLIT: usize = 6;
+
+impl FamilyFit {
+    /// Motion of all runs under a set with this function, runs end to end \[m, rad\].
+    pub fn motion(
+        &self,
+        setting: &Setting,
+        set: &[usize],
+        globals: &[f64],
+        starts: &[(f64, f64)],
+    ) -> DVector<f64> {
+        let all: Vec<f64> = (0..setting.tracks.len())
+            .flat_map(|run| {
+                let a = &self.amplitudes;
+                self.family
+                    .drive(setting, run, set, globals, starts[run], a, &|v, _, _| v)
+            })
+            .collect();
+        DVector::from_vec(all)
+    }
+
+    /// As [`FamilyFit::refine`]; a function of what was measured becomes one of the model's motion.
+    pub fn close(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        effort: Effort,
+    ) -> Option<(Fit, FamilyFit)> {
+        let (joint, mut found) = self.refine(setting, weights, fit, effort)?;
+        if !found.family.measured {
+            return Some((joint, found));
+        }
+        found.family.measured = false;
+        let from = Fit {
+            at: joint.at,
+            ..fit.clone()
+        };
+        found.refine(setting, weights, &from, effort)
+    }
+
+    /// A refined fit with more knots where the function bends most, as long as it is far from the
+    /// noise and more knots earn their keep: what begins and ends sharply (a snag) needs them.
+    pub fn sharpen(
+        setting: &Setting,
+        weights: &Weights,
+        base: &Fit,
+        mut found: (Fit, FamilyFit),
+    ) -> (Fit, FamilyFit) {
+        for _ in 0..SHARPENED {
+            if found.0.cost < FAR_FROM_NOISE * weights.samples() as f64 {
+                break;
+            }
+            let from = Fit {
+                at: found.0.at.clone(),
+                ..base.clone()
+            };
+            match found
+                .1
+                .split()
+                .refine(setting, weights, &from, Effort::FULL)
+            {
+                Some(finer) if finer.0.log_evidence > found.0.log_evidence + WORTH_KNOTS => {
+                    found = finer;
+                }
+                _ => break,
+            }
+        }
+        found
+    }
+
+    /// The same function with the intervals around its sharpest bends halved.
+    fn split(&self) -> FamilyFit {
+        let (k, a) = (&self.family.knots, &self.amplitudes);
+        let slope = |i: usize| (a[i + 1] - a[i]) / (k[i + 1] - k[i]);
+        let mut bends: Vec<(f64, usize)> = (1..k.len().saturating_sub(1))
+            .map(|i| ((slope(i) - slope(i - 1)).abs(), i))
+            .collect();
+        bends.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let halved: std::collections::BTreeSet<usize> = bends
+            .iter()
+            .take(BENDS_SPLIT)
+            .flat_map(|(_, i)| [i - 1, *i])
+            .collect();
+        let mut finer = self.clone();
+        (finer.family.knots, finer.amplitudes) = (Vec::new(), Vec::new());
+        for i in 0..k.len() {
+            finer.family.knots.push(k[i]);
+            finer.amplitudes.push(a[i]);
+            if halved.contains(&i) {
+                finer.family.knots.push(0.5 * (k[i] + k[i + 1]));
+                finer.amplitudes.push(0.5 * (a[i] + a[i + 1]));
+            }
+        }
+        finer
+    }
+
+    /// Fits set and function together, nonlinearly, from the linear fit; the set's evidence then
+    /// includes the function's. `None` where the motion diverges.
+    pub fn refine(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        effort: Effort,
+    ) -> Option<(Fit, FamilyFit)> {
+        let problem = Joint::new(setting, weights, fit, self);
+        let (_, n, m) = problem.sizes;
+        let mut from: Vec<f64> = fit.at.iter().chain(&self.amplitudes).copied().collect();
+        // The linear fit also moves the set's own unknowns: from the old ones it may be worse than nothing.
+        let mut still = from.clone();
+        still[n..].fill(0.0);
+        let cost = problem.residuals(&from).0;
+        if cost.is_nan() || cost >= problem.residuals(&still).0 {
+            from = still;
+        }
+        let found = descend(&problem, from, effort).ok()?;
+        if !found.cost.is_finite() {
+            return None;
+        }
+        let mut joint = Fit {
+            set: fit.set.clone(),
+            at: found.at[..n].to_vec(),
+            cost: found.cost,
+            hessian: found.hessian,
+            log_evidence: 0.0,
+            rough: found.rough,
+        };
+        joint.log_evidence =
+            problem.posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
+        if !joint.log_evidence.is_finite() {
+            return None;
+        }
+        let spread = covariance(&joint.hessian);
+        let made = FamilyFit {
+            gain: joint.log_evidence - fit.log_evidence,
+            amplitudes: found.at[n..].to_vec(),
+            sds: (n..n + m).map(|i| spread[(i, i)].max(0.0).sqrt()).collect(),
+            response: problem.response(&found.at),
+            ..self.clone()
+        };
+        // Behind here only the set's own unknowns are asked for: the function's are integrated out.
+        let h = &joint.hessian;
+        let cross = h.view((0, n), (n, m)).into_owned();
+        let own = h.view((n, n), (m, m)).into_owned();
+        joint.hessian = h.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
+        Some((joint, made))
+    }
+}
