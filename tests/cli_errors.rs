@@ -154,7 +154,46 @@ fn arguments_and_files_that_are_wrong_are_named() {
     );
     refused(&["info", &noise], 2, &["noise.mcap"]);
     refused(&["doctor", &noise], 2, &["noise.mcap"]);
-    refused(&["info", "/no/such.mcap"], 1, &["/no/such.mcap"]);
+    // One rule for what is no log: a bad argument, whichever command it was given to.
+    let folder = dir.path().to_str().unwrap();
+    let tables = dir.path().join("tables");
+    let tables = tables.to_str().unwrap();
+    for (log, word) in [
+        ("/no/such.mcap", "/no/such.mcap"),
+        (folder, folder),
+        (existing.as_str(), "there.mcap"),
+        (noise.as_str(), "noise.mcap"),
+    ] {
+        refused(&["info", log], 2, &[word]);
+        refused(&["doctor", log], 2, &[word]);
+        refused(&["recover", log, "--out", out], 2, &[word]);
+        refused(&["export", log, "--out", tables], 2, &[word]);
+    }
+    refused(
+        &["export", &noise, "--out", &existing],
+        2,
+        &["there.mcap", "is a file", "another --out"],
+    );
+    for (flag, value, words) in [
+        ("--runs", "-3", ["-3", "1..=1000"]),
+        ("--salinity", "60", ["60", "0..35"]),
+        ("--ballast", "-1", ["-1", ">= 0"]),
+        ("--ballast", "inf", ["inf", ">= 0"]),
+        ("--water-temp", "nan", ["--water-temp", "0..30"]),
+    ] {
+        refused(
+            &["record", "--rig", "lshpi", flag, value, "--out", out],
+            2,
+            &words,
+        );
+    }
+    refused(
+        &[
+            "simulate", "--rig", "lshpi", "--plan", "still", "--seed", "-1", "--out", out,
+        ],
+        2,
+        &["invalid value '-1'", "--seed"],
+    );
     refused(&["recover", &noise, "--out", out], 2, &["noise.mcap"]);
     refused(&["replay", &noise, "--out", out], 1, &["noise.mcap"]);
     refused(&["extract", &noise, "--csv"], 1, &["noise.mcap"]);
@@ -222,4 +261,71 @@ fn every_subcommand_explains_itself() {
         );
     }
     assert!(text.contains("Exit codes"));
+}
+
+#[test]
+fn a_rig_too_fast_for_its_line_is_refused_before_anything_is_opened() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = dir.path().join("rig.toml");
+    let text = hydroline_rigs::Rig::builtin("lshpi")
+        .unwrap()
+        .effective_toml;
+    let slow = text.replace("baud = 115200", "baud = 9600");
+    assert_ne!(slow, text);
+    std::fs::write(&rig, slow).unwrap();
+    let (rig, out) = (rig.to_str().unwrap(), dir.path().join("x.mcap"));
+    let out = out.to_str().unwrap();
+    let words = ["9600 baud", "raise link.baud"];
+    refused(
+        &["record", "--rig", rig, "--for", "1s", "--out", out],
+        2,
+        &words,
+    );
+    assert!(!Path::new(out).exists(), "no log is left behind");
+    let output = hydroline().args(["check", "--rig", rig]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert!(stdout.contains("FIX     thruster controller"), "{stdout}");
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("sim.mcap");
+    let log = log.to_str().unwrap();
+    let tables = dir.path().join("tables");
+    let image = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/frame.png");
+    let (code, stderr) = run(&[
+        "simulate",
+        "--rig",
+        "lshpi",
+        "--plan",
+        "still",
+        "--motion-only",
+        "--out",
+        log,
+    ]);
+    assert_eq!(code, 0, "{stderr}");
+    for args in [
+        ["check", "--rig", "lshpi", "--json"],
+        ["info", log, "--json", ""],
+        ["doctor", log, "", ""],
+        ["export", log, "--out", tables.to_str().unwrap()],
+        ["extract", image, "--csv", ""],
+        ["aim", "--rig", "lshpi", "--for=2s"],
+    ] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = hydroline()
+            .args(args.iter().filter(|a| !a.is_empty()))
+            .stdout(writer)
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap()
+            .wait_with_output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {stderr}");
+        assert!(!stderr.contains("panicked"), "{args:?}: {stderr}");
+    }
 }

@@ -5,8 +5,11 @@ mod support;
 
 use hydroline::log::Record;
 use hydroline::replay::{Options, replay};
+use hydroline::thruster::controller::{ControllerConfig, PtyController, SimController};
+use hydroline::thruster::ports::Roots;
+use hydroline::thruster::service::serial_opener;
 use hydroline_calib::analytic::IdealMap;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Plan, Rig};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
@@ -16,6 +19,12 @@ fn plan_file(dir: &Path, text: &str) -> PathBuf {
     let path = dir.join("plan.toml");
     std::fs::write(&path, text).unwrap();
     path
+}
+
+/// Whether any thruster was told to push.
+fn moved(records: &[Record]) -> bool {
+    let pushes = |r: &Record| matches!(r, Record::Command(c) if c.pulse_us != 1500.0);
+    records.iter().any(pushes)
 }
 
 fn record(dir: &Path, more: &[&str]) -> (PathBuf, Output) {
@@ -199,17 +208,14 @@ fn ctrl_c_and_sigterm_end_a_recording_cleanly_with_neutral_last() {
 fn several_runs_make_several_logs() {
     let _alone = support::alone();
     let dir = tempfile::tempdir().unwrap();
+    let plan = plan_file(
+        dir.path(),
+        "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n",
+    );
+    let plan = plan.to_str().unwrap();
     let (_, output) = record(
         dir.path(),
-        &[
-            "--for",
-            "400ms",
-            "--runs",
-            "2",
-            "--settle",
-            "100ms",
-            "--no-thrusters",
-        ],
+        &["--plan", plan, "--runs", "2", "--settle", "100ms"],
     );
     assert!(
         matches!(output.status.code(), Some(0 | 3)),
@@ -219,33 +225,61 @@ fn several_runs_make_several_logs() {
     for k in [1, 2] {
         let (records, metadata) = read(&dir.path().join(format!("run-{k}.mcap")));
         assert!(records.iter().any(|r| matches!(r, Record::Frame(_))));
+        assert!(moved(&records), "run {k}: the plan ran");
         assert_eq!(metadata["session"]["run"], format!("{k} of 2"));
+        // Every stripe that was extracted live was fitted, or counted as not fitted.
+        let poses: u64 = ["fitted", "doubtful", "none", "skipped"]
+            .iter()
+            .map(|what| {
+                let count = &metadata["summary"][&format!("poses.{what}")];
+                count.parse::<u64>().unwrap()
+            })
+            .sum();
+        assert!(poses > 0, "{:?}", metadata["summary"]);
     }
 }
 
-#[test]
-fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
-    let _alone = support::alone();
-    let dir = tempfile::tempdir().unwrap();
-    // The file's plan stays inside; the rig's z limit is set just below the start, so that the first estimates pass it.
-    let text = Rig::builtin("lshpi").unwrap().effective_toml;
-    let rig = Rig::from_toml(&text, "rig", None).unwrap();
-    let mut job = support::job(&rig, None, 10.0);
-    job.rig.limits.z_m = [-0.5, -0.1];
+/// Records the built-in vehicle under other limits, with a plan on a simulated controller or without thrusters.
+fn record_within(
+    dir: &Path,
+    plan: Option<Plan>,
+    limit: impl FnOnce(&mut hydroline_rigs::Limits),
+) -> (String, Vec<Record>) {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut job = support::job(&rig, plan, 60.0);
+    limit(&mut job.rig.limits);
     let clock: Arc<dyn hydroline::clock::Clock> = Arc::new(hydroline::clock::SystemClock);
     let vehicle = hydroline::simulated::SimulatedVehicle::new(&rig).unwrap();
     let renderer = hydroline_sim::Renderer::new(&rig).unwrap();
     let view = hydroline::simulated::CameraView::new(vehicle.clone(), renderer);
     let source = hydroline::capture::sim::SimCamera::new(view, &rig.camera, clock.clone());
     vehicle.start(source.start_ns());
-    let path = dir.path().join("limit.mcap");
+    let controller = job.plan.is_some().then(|| {
+        let moved = vehicle.clone();
+        PtyController::start(
+            SimController::new(ControllerConfig::for_rig(&rig.thrusters)),
+            None,
+            Box::new(move |e| {
+                moved
+                    .pulse(e.host_monotonic_ns, e.channel, e.pulse_us)
+                    .unwrap();
+            }),
+        )
+        .unwrap()
+    });
+    let line = controller.as_ref().map(|controller| {
+        let mut set = rig.thrusters.clone();
+        set.link.port = hydroline_rigs::LinkPort::Node(controller.path().unwrap().to_owned());
+        serial_opener(&set, Roots::default(), clock.clone())
+    });
+    let path = dir.join("limit.mcap");
     let opener = Box::new(hydroline::log::FileParts {
         path: path.clone(),
         replace: false,
     });
     let parts = hydroline::record::Parts {
         source: Box::new(source),
-        line: None,
+        line,
         recorder: support::recorder(&rig, opener, clock.clone()),
         clock,
         map: Some(Arc::new(IdealMap::of(&rig))),
@@ -260,13 +294,56 @@ fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
     let hydroline::shutdown::StopReason::Limit(words) = &report.stop else {
         panic!("{:?}", report.stop)
     };
-    assert!(words.contains("z = -0.83"), "{words}");
     let (records, _) = read(&path);
     assert!(
         records
             .iter()
             .any(|r| matches!(r, Record::Event(e) if e.kind == "limit.passed"))
     );
+    (words.clone(), records)
+}
+
+#[test]
+fn a_limit_that_is_passed_while_running_aborts_to_neutral() {
+    let _alone = support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let start_x_m = Rig::builtin("lshpi").unwrap().tank.start_pose[0];
+    let plan = Plan::builtin("surge-8n").unwrap();
+    let (words, records) = record_within(dir.path(), Some(plan), |limits| {
+        limits.x_m = [-1.0, start_x_m + 0.02];
+    });
+    assert!(words.contains("x = "), "{words}");
+    let commands: Vec<_> = records
+        .iter()
+        .filter_map(|r| match r {
+            Record::Command(c) => Some(c),
+            _ => None,
+        })
+        .collect();
+    let stopped = commands.iter().position(|c| c.cause == "limit").unwrap();
+    let pushes = |c: &&hydroline::log::messages::pb::ThrusterCommand| c.pulse_us != 1500.0;
+    assert!(commands[..stopped].iter().any(pushes), "the plan ran");
+    assert!(!commands[stopped..].iter().any(pushes), "neutral for good");
+}
+
+#[test]
+fn a_floor_line_beyond_the_limit_ends_a_recording_without_thrusters() {
+    let _alone = support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let (words, _) = record_within(dir.path(), None, |limits| limits.z_m = [-0.5, -0.1]);
+    assert!(words.contains("z = -0.83"), "{words}");
+}
+
+#[test]
+fn a_measured_x_beyond_the_limit_is_enough_without_any_command() {
+    let _alone = support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let start_x_m = Rig::builtin("lshpi").unwrap().tank.start_pose[0];
+    // No command, no dead reckoning: only a pose that was fitted to frames can say where the vehicle is.
+    let (words, _) = record_within(dir.path(), None, |limits| {
+        limits.x_m = [start_x_m + 0.1, 7.0];
+    });
+    assert!(words.contains("x = "), "{words}");
 }
 
 /// A pseudo-terminal: master and slave.
@@ -368,4 +445,127 @@ fn a_plan_without_an_answering_controller_fails_and_says_so() {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     assert!(stderr.contains("controller does not answer"), "{stderr}");
+}
+
+#[test]
+fn a_terminal_as_stderr_gets_words_and_no_panic() {
+    use std::io::Read;
+    let (mut master, slave) = terminal();
+    let mut child = hydroline()
+        .args(["info", "/no/such.mcap"])
+        .stderr(Stdio::from(slave))
+        .spawn()
+        .unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+    let mut shown = [0; 4096];
+    let n = master.read(&mut shown).unwrap();
+    let shown = String::from_utf8_lossy(&shown[..n]).into_owned();
+    assert!(
+        shown.lines().all(|line| line.starts_with("hydroline: "))
+            && shown.contains("/no/such.mcap"),
+        "{shown:?}"
+    );
+}
+
+#[test]
+fn a_plan_cut_by_for_is_not_called_finished() {
+    let _alone = support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let (_, output) = record(dir.path(), &["--plan", "surge-4n", "--for", "2s"]);
+    let (stdout, stderr) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    assert!(stderr.contains("the plan will be cut"), "{stderr}");
+    assert!(
+        stdout.contains("was cut at 1.")
+            && stdout.contains(" of 1")
+            && !stdout.contains("finished"),
+        "{stdout}"
+    );
+}
+
+#[test]
+fn space_pressed_before_a_plan_begins_keeps_it_from_beginning_and_ends_the_series() {
+    let _alone = support::alone();
+    use std::io::Write;
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan_file(
+        dir.path(),
+        "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n",
+    );
+    let (mut master, slave) = terminal();
+    // Before the daemon has even been started: the key lies in the terminal.
+    master.write_all(b" ").unwrap();
+    let output = hydroline()
+        .args(["record", "--rig", "lshpi", "--runs", "2", "--plan"])
+        .arg(&plan)
+        .arg("--out")
+        .arg(dir.path().join("run.mcap"))
+        .stdin(Stdio::from(slave))
+        .output()
+        .unwrap();
+    assert!(
+        matches!(output.status.code(), Some(0 | 3)),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let (records, metadata) = read(&dir.path().join("run-1.mcap"));
+    let planned = records
+        .iter()
+        .filter(|r| matches!(r, Record::Command(c) if c.cause == "plan" || c.plan_step > 0))
+        .count();
+    assert_eq!(planned, 0);
+    assert!(!moved(&records));
+    assert!(
+        records
+            .iter()
+            .any(|r| matches!(r, Record::Event(e) if e.message.contains("Space before the start")))
+    );
+    assert!(
+        metadata["summary"]["stop.reason"].contains("Space"),
+        "{:?}",
+        metadata["summary"]
+    );
+    assert!(
+        !dir.path().join("run-2.mcap").exists(),
+        "the series is over"
+    );
+}
+
+#[test]
+fn space_between_two_runs_keeps_the_second_from_starting() {
+    let _alone = support::alone();
+    use std::io::{BufRead, Write};
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan_file(
+        dir.path(),
+        "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n",
+    );
+    let (mut master, slave) = terminal();
+    let mut child = hydroline()
+        .args([
+            "record", "--rig", "lshpi", "--runs", "2", "--settle", "60s", "--plan",
+        ])
+        .arg(&plan)
+        .arg("--out")
+        .arg(dir.path().join("run.mcap"))
+        .stdin(Stdio::from(slave))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The first run's report is the beginning of the pause.
+    let mut lines = std::io::BufReader::new(child.stdout.take().unwrap()).lines();
+    let report = lines.next().unwrap().unwrap();
+    assert!(report.contains("run-1.mcap: finished"), "{report}");
+    let pressed = std::time::Instant::now();
+    master.write_all(b" ").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(pressed.elapsed().as_secs() < 30, "the pause ends at once");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    assert!(stderr.contains("1 of 2 runs are recorded"), "{stderr}");
+    assert!(!dir.path().join("run-2.mcap").exists());
 }
