@@ -87,13 +87,16 @@ impl Identified {
             let key = key.as_str().unwrap_or_default();
             let coefficient =
                 Coefficient::find(key).ok_or_else(|| bad(format!("`{key}` is no coefficient")))?;
+            if values.iter().any(|(c, _)| *c == coefficient) {
+                return Err(bad(format!("`{key}` stands twice in `order`")));
+            }
             let value = json["parameters"][key]["value"]
                 .as_f64()
                 .ok_or_else(|| bad(format!("no value of `{key}`")))?;
             values.push((coefficient, value));
         }
-        if values.len() > N {
-            return Err(bad(format!("{} coefficients; there are {N}", values.len())));
+        if values.is_empty() {
+            return Err(bad("`order` is empty: no coefficient".into()));
         }
         let cell = |i: usize, j: usize| json["covariance"][i][j].as_f64();
         let n = values.len();
@@ -104,11 +107,34 @@ impl Identified {
                     coefficient.key()
                 )));
             }
+            if cell(i, i).is_some_and(|v| v < 0.0) {
+                return Err(bad(format!(
+                    "the variance of {} is negative",
+                    coefficient.key()
+                )));
+            }
         }
         Ok(Identified {
             covariance: DMatrix::from_fn(n, n, |i, j| cell(i, j).unwrap_or(0.0)),
             values,
         })
+    }
+
+    /// What no hull has: damping that drives, added mass that takes mass away. One sentence each.
+    pub fn implausible(&self) -> Vec<String> {
+        let positive = self.values.iter().filter(|(_, value)| *value > 0.0);
+        positive
+            .map(|(c, value)| {
+                let what = match c.term {
+                    Term::Added => "added mass that makes the hull lighter",
+                    Term::Linear | Term::Quadratic => "damping that drives the motion",
+                };
+                format!(
+                    "{} is {value}: positive is {what}, which no hull has",
+                    c.key()
+                )
+            })
+            .collect()
     }
 }
 
@@ -190,6 +216,27 @@ fn spread(slope: &[f64; N], covariance: &DMatrix<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_identification_without_sense_is_refused_or_named() {
+        let read = |order: &str, value: f64, covariance: &str| {
+            let text = format!(
+                r#"{{"order":{order},"parameters":{{"x_u":{{"value":{value}}}}},"covariance":{covariance}}}"#
+            );
+            Identified::from_json(&text, "fit.json")
+        };
+        for (order, covariance, word) in [
+            ("[]", "[]", "empty"),
+            (r#"["x_u","x_u"]"#, "[[1,0],[0,1]]", "twice"),
+            (r#"["x_u"]"#, "[[-1]]", "negative"),
+        ] {
+            let words = read(order, -20.0, covariance).unwrap_err().to_string();
+            assert!(words.contains(word), "{words}");
+        }
+        let sound = |value: f64| read(r#"["x_u"]"#, value, "[[1]]").unwrap().implausible();
+        assert!(sound(-20.0).is_empty());
+        assert!(sound(20.0)[0].contains("x_u"), "{:?}", sound(20.0));
+    }
 
     #[test]
     fn a_prediction_is_the_simulation_and_its_band_the_spread_of_draws() {

@@ -74,6 +74,36 @@ fn a_run_at_rest_given_as_still_is_the_noise_of_the_fit() {
     assert!(words.contains("surge-8n-8.mcap"), "{words}");
 }
 
+#[test]
+fn a_log_given_twice_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = simulated(dir.path(), "lshpi", "surge-4n", 5);
+    let copy = dir.path().join("copy.mcap");
+    std::fs::copy(&log, &copy).unwrap();
+    for twice in [[&log, &log], [&log, &copy]] {
+        let refused = identify(&twice, &["--rig", "lshpi"]);
+        assert!(!refused.status.success());
+        let words = String::from_utf8_lossy(&refused.stderr);
+        assert!(words.contains("same recording as"), "{words}");
+    }
+}
+
+#[test]
+fn a_report_of_no_log_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let table = dir.path().join("pull.csv");
+    std::fs::write(&table, pull_table(&Rig::builtin("lshpi").unwrap())).unwrap();
+    let refused = hydroline()
+        .args(["identify", "--rig", "lshpi", "--bollard"])
+        .arg(&table)
+        .arg("--report")
+        .arg(dir.path().join("out"))
+        .output()
+        .unwrap();
+    assert!(!refused.status.success());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--report"));
+}
+
 /// Readings every 20 us with 0.1 N of scatter (a fixed pattern of zero mean) of a thruster 10 % weaker than the rig says.
 fn pull_table(rig: &Rig) -> String {
     let curve = &rig.thrusters.thrusters[0].curve;

@@ -1,20 +1,22 @@
 //! `hydroline identify`: coefficients with their uncertainty from logs.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use hydroline_rigs::{Dof, Rig};
 
 use super::print::{out, outln};
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome, inputs, progress};
 use crate::identify::bollard::{self, Bollard};
 use crate::identify::cmaes::Cmaes;
 use crate::identify::curve;
 use crate::identify::data::{Run, STILL_MIN_S, Start, is_still, load};
 use crate::identify::ga::Genetic;
 use crate::identify::lm::LevenbergMarquardt;
-use crate::identify::method::Method;
+use crate::identify::method::{Method, MethodError, Solution};
 use crate::identify::parameter::Coefficient;
-use crate::identify::problem::Objective;
+use crate::identify::problem::{Objective, Problem};
 use crate::identify::report::{html, significant};
 use crate::identify::{Identification, ModelChoice, Options, identify};
 
@@ -46,7 +48,10 @@ pub struct Args {
     /// Rig file or built-in name: mass, inertia, thrusters, and where the search starts
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// How to search
+    /// How to search: lm takes well under a second; cmaes minutes, ga (the paper's: 500 candidates,
+    /// 2000 generations, best of ten) hours with several runs. All search the same ranges about the
+    /// rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
+    /// lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0), with which `cargo bench --bench identify` runs
     #[arg(long, value_enum, default_value = "lm")]
     method: Search,
     /// What the search minimises; intervals always come from the least squares
@@ -91,6 +96,11 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let mut rig = inputs::rig(&args.rig)?;
+    if args.report.is_some() && args.logs.is_empty() {
+        return Err(CliError::Config(
+            "--report: nothing to report on without logs; give LOG... (the bollard pull's curve is printed, --json gives its covariance)".to_owned(),
+        ));
+    }
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
     }
@@ -137,6 +147,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         Cmaes::default(),
         Genetic::default(),
     );
+    let (cmaes, ga) = (Watched(&cmaes), Watched(&ga));
     let method: &dyn Method = match args.method {
         Search::Lm => &lm,
         Search::Cmaes => &cmaes,
@@ -189,9 +200,17 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 
 /// The logs' runs, and the one at rest.
 fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
-    let mut runs: Vec<Run> = Vec::new();
+    let (mut runs, mut whole): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
     for log in &args.logs {
         let loaded = load(log, rig).map_err(CliError::run)?;
+        if let Some(first) = whole.iter().position(|r| loaded.same_recording(r)) {
+            return Err(CliError::Config(format!(
+                "{} holds the same recording as {}: counted twice it would make the intervals too narrow; give each log once",
+                log.display(),
+                args.logs[first].display()
+            )));
+        }
+        whole.push(loaded.clone());
         runs.push(if args.from > 0.0 || args.to.is_some() {
             loaded.window(args.from, args.to.unwrap_or(f64::INFINITY))
         } else {
@@ -200,6 +219,12 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
     }
     if let Some(path) = &args.still {
         let still = load(path, rig).map_err(CliError::run)?;
+        if whole.iter().any(|r| still.same_recording(r)) {
+            return Err(CliError::Config(format!(
+                "--still {}: the same recording is among the logs; give it once",
+                path.display()
+            )));
+        }
         if !is_still(
             &still,
             [rig.tolerance.position_m, rig.tolerance.attitude_rad],
@@ -287,10 +312,47 @@ fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliEr
         .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
     let pulls = bollard::read(&text, &path.display().to_string()).map_err(CliError::config)?;
     let set = &rig.thrusters;
-    let found =
+    let mut found =
         bollard::fit(&pulls, (set.min_us, set.neutral_us, set.max_us)).map_err(CliError::run)?;
+    found.notes.extend(found.against(rig));
+    for words in &found.notes {
+        eprintln!("note: bollard pull: {words}");
+    }
     found.put(rig).map_err(CliError::run)?;
     Ok(found)
+}
+
+/// A slow search that shows its evaluations on a terminal.
+struct Watched<'a>(&'a dyn Method);
+
+impl Method for Watched<'_> {
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    fn minimise(
+        &self,
+        problem: &Problem<'_>,
+        objective: Objective,
+        seed: u64,
+    ) -> Result<Solution, MethodError> {
+        let bar = progress::bar(0, "evaluations");
+        let done = AtomicBool::new(false);
+        let found = std::thread::scope(|scope| {
+            let watcher = scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    bar.set_position(problem.evaluations());
+                    std::thread::park_timeout(Duration::from_millis(100));
+                }
+            });
+            let found = self.0.minimise(problem, objective, seed);
+            done.store(true, Ordering::Relaxed);
+            watcher.thread().unpark();
+            found
+        });
+        bar.finish_and_clear();
+        found
+    }
 }
 
 fn model(word: &str) -> Result<ModelChoice, CliError> {
@@ -373,9 +435,17 @@ fn print(result: &Identification) {
             })
             .collect();
         outln!(
-            "  {} predicted by the others, rms: {}",
+            "  {} predicted by the others, rms: {}{}",
             cv.run,
-            words.join(", ")
+            words.join(", "),
+            if cv.held.is_empty() {
+                String::new()
+            } else {
+                format!(
+                    "; the others leave {} open: at the rig's values there",
+                    cv.held.join(", ")
+                )
+            }
         );
     }
     for words in &result.misfit {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs};
-use crate::import::{Map, Severity, import, read};
+use crate::import::{Map, Severity, import, read_for};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -27,6 +27,9 @@ pub struct Args {
     /// Imports what is sound although there are faults; what is left out is counted (exit code 3)
     #[arg(long)]
     accept_faults: bool,
+    /// Rig file or built-in name: names and sizes of the commands are held against it
+    #[arg(long, value_name = "RIG")]
+    rig: Option<String>,
     /// Prints the findings as one JSON object
     #[arg(long)]
     json: bool,
@@ -46,7 +49,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             e.utf8_error().valid_up_to()
         ))
     })?;
-    let data = read(&text, &map);
+    let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    let data = read_for(&text, &map, rig.as_ref());
     for f in &data.findings {
         let word = match f.severity {
             Severity::Info => "info",
@@ -57,7 +61,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     let result = import(&data, &map, &map_text, &args.out, args.accept_faults);
     if args.json {
-        let findings = serde_json::json!({ "written": result.is_ok(), "findings": data.findings });
+        let findings = serde_json::json!({
+            "written": result.is_ok(),
+            "samples": result.as_ref().ok().map(|o| o.samples),
+            "commands": result.as_ref().ok().map(|o| o.commands),
+            "lost": result.as_ref().ok().map(|o| o.lost),
+            "findings": data.findings,
+        });
         outln!("{findings}");
     }
     let outcome = result.map_err(CliError::run)?;
@@ -68,8 +78,17 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             outcome.samples,
             outcome.commands
         );
+        let lost = outcome.lost;
+        if lost.total() > 0 {
+            outln!(
+                "  left out: {} rows, {} cells of motion, {} cells of commands",
+                lost.rows,
+                lost.motion_cells,
+                lost.command_cells
+            );
+        }
     }
-    Ok(if data.has_faults() || outcome.lost > 0 {
+    Ok(if data.has_faults() || outcome.lost.total() > 0 {
         Outcome::Lossy
     } else {
         Outcome::Done

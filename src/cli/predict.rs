@@ -48,6 +48,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             )
         }
     };
+    for words in identified.iter().flat_map(Identified::implausible) {
+        eprintln!("WARNING {words}");
+    }
     let made =
         predict(&rig, &plan, identified.as_ref(), args.rate, args.tail).map_err(CliError::run)?;
     if identified.is_none() {

@@ -4,6 +4,8 @@
 //! RK4 over steps that never span a command edge or a stamp. The same function runs on plain
 //! numbers (search) and on duals (exact sensitivities).
 
+use std::f64::consts::FRAC_PI_2;
+
 use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
@@ -74,6 +76,8 @@ struct AxisRun {
     at_start: bool,
     steps: Vec<Step>,
     locals: Vec<Free>,
+    /// Whether the place at the start is one of the locals.
+    place_is_free: bool,
     start: Start,
 }
 
@@ -177,10 +181,7 @@ impl Axis {
         let model = self.model(globals);
         let mut local = locals.iter().copied();
         let mut next = || local.next().unwrap_or_else(T::zero);
-        let position = match run.start {
-            Start::AtRestFromZero => T::zero(),
-            _ => next(),
-        };
+        let position = if run.place_is_free { next() } else { T::zero() };
         let rate = match run.start {
             Start::Free => next(),
             _ => T::zero(),
@@ -283,13 +284,26 @@ impl AxisRun {
             0.0
         };
         let steps = plan_steps(run, i, start_s, &times_s);
-        let seen = measured
-            .iter()
-            .step_by(1 + usize::from(with_rate))
-            .copied()
-            .find(|v| v.is_finite())
-            .unwrap_or(0.0);
-        let largest_rate = largest_rate(&times_s, &measured, 1 + usize::from(with_rate));
+        let stride = 1 + usize::from(with_rate);
+        let first = |slot: usize| {
+            measured
+                .iter()
+                .skip(slot)
+                .step_by(stride)
+                .copied()
+                .find(|v| v.is_finite())
+        };
+        let placed = first(0).is_some();
+        let seen = first(0).unwrap_or(0.0);
+        // The start's velocity may be anything that positions or measured rates show.
+        let first_rate = if with_rate { first(1) } else { None };
+        let measured_rate = if with_rate {
+            let rates = measured.iter().skip(1).step_by(stride);
+            rates.fold(0.0_f64, |m, v| m.max(v.abs()))
+        } else {
+            0.0
+        };
+        let largest_rate = largest_rate(&times_s, &measured, stride).max(measured_rate);
         let any = |name: &str, start: f64, range: f64| Free {
             name: format!("{}.{name}", run.name),
             start,
@@ -298,20 +312,23 @@ impl AxisRun {
         };
         let spread = measured
             .iter()
-            .step_by(1 + usize::from(with_rate))
+            .step_by(stride)
             .fold(0.1_f64, |m, v| m.max((v - seen).abs()));
         let mut locals = Vec::new();
-        if start != Start::AtRestFromZero {
-            locals.push(any(&format!("{}.start", CHANNELS[i]), seen, 2.0 * spread));
+        // Where only the rate was measured the place acts through the restoring moment or not at all.
+        let place_is_free = start != Start::AtRestFromZero && (placed || restores);
+        if place_is_free {
+            let range = if placed { 2.0 * spread } else { FRAC_PI_2 };
+            locals.push(any(&format!("{}.start", CHANNELS[i]), seen, range));
         }
         if start == Start::Free {
             locals.push(any(
                 &format!("{}.start", CHANNELS[6 + i]),
-                0.0,
+                first_rate.unwrap_or(0.0),
                 3.0 * largest_rate + 0.05,
             ));
         }
-        if restores {
+        if restores && placed {
             locals.push(any(&format!("{}.offset", CHANNELS[i]), 0.0, spread));
         }
         let at_start = times_s.first() == Some(&start_s);
@@ -321,6 +338,7 @@ impl AxisRun {
             at_start,
             steps,
             locals,
+            place_is_free,
             start,
         }
     }

@@ -14,10 +14,12 @@ fn spot(what: &str, why: String, experiment: &str) -> BlindSpot {
     }
 }
 
-/// Blind spots of runs fitted in these DOFs; `undetermined` are the coefficients they do not excite.
+/// Blind spots of runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
+/// they do not excite.
 pub fn blind_spots(
     runs: &[Run],
     dofs: &[Dof],
+    resting: &[Dof],
     undetermined: &[Coefficient],
     restoring: bool,
 ) -> Vec<BlindSpot> {
@@ -38,6 +40,21 @@ pub fn blind_spots(
             "restoring_scale",
             "without a known load only ratios to the restoring moment r_Bz m g move the hull: all three coefficients scale with it".to_owned(),
             "inclining test: heel under a known weight, or a run with a known roll or pitch moment",
+        ));
+    }
+    // Roll and pitch have the restoring moment to compare with.
+    let scaled = |d: &Dof| largest[d.index()] == 0.0 && !matches!(d, Dof::Roll | Dof::Pitch);
+    let free_scale: Vec<&str> = dofs
+        .iter()
+        .filter(|d| scaled(d) && !resting.contains(d))
+        .map(|d| d.name())
+        .collect();
+    if !free_scale.is_empty() {
+        let names = free_scale.join(", ");
+        spots.push(spot(
+            "mass_scale",
+            format!("nothing pushed {names}: a factor on mass and damping together leaves a free motion as it is, only their ratios show"),
+            &format!("a run with a known load in {names} (thrusters with a bollard pull, a falling weight), or --fix the added mass; another coast-down shows the same ratios"),
         ));
     }
     let translation = dofs.iter().any(|d| d.index() < 3);
@@ -86,6 +103,7 @@ pub fn blind_spots(
     }
     for c in undetermined {
         let experiment = match c.term {
+            _ if scaled(&c.dof) => format!("a run with a known load in {}", c.dof.name()),
             Term::Added => format!(
                 "a run with quick reversals in {} (plan two-tone, period 3 s)",
                 c.dof.name()

@@ -16,7 +16,7 @@ use super::method::{Method, MethodError};
 use super::noise::{Noise, OUTLIER_SD};
 use super::parameter::Free;
 use super::problem::{Objective, Problem};
-use super::statistics::robust_sd;
+use super::statistics::{ljung_box, median, robust_sd};
 use super::uncertainty::covariance;
 
 /// One reading.
@@ -49,6 +49,8 @@ pub struct Bollard {
     pub rms_n: f64,
     /// Readings left out as outliers.
     pub outliers: usize,
+    /// What makes the curve doubtful, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// Why there is no curve.
@@ -331,6 +333,8 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
     let variance = 2.0 * normal.cost / freedom;
     let c = covariance(&normal.hessian) * variance;
     let n = at.len();
+    let residuals = problem.raw_residuals(0, &at)?;
+    let notes = doubts(&model, &at, &residuals[0], &used, range_us);
     let duals: Vec<Dual<7>> = at
         .iter()
         .enumerate()
@@ -364,10 +368,89 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         voltage_v: middle_v,
         rms_n: variance.sqrt(),
         outliers: used.iter().filter(|u| !**u).count(),
+        notes,
     })
 }
 
+/// p below which residuals are called not white.
+const NOT_WHITE: f64 = 1e-3;
+/// Share of the pulse range beyond the readings that is worth a word.
+const EXTRAPOLATED: f64 = 0.02;
+/// A curve this many times the rig's is another unit.
+const OTHER_UNIT: f64 = 3.0;
+
+/// What makes a fitted curve doubtful by itself: bounds, range, residuals.
+fn doubts(
+    model: &Model,
+    at: &[f64],
+    residuals: &[f64],
+    used: &[bool],
+    (min_us, neutral_us, max_us): (f64, f64, f64),
+) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (free, value) in model.globals.iter().zip(at) {
+        // An edge at neutral is a thruster without a deadband.
+        let on_bound = *value <= free.low || *value >= free.high;
+        if on_bound && *value != neutral_us {
+            notes.push(format!(
+                "{}: ended on its range {:.4e} .. {:.4e}; its sd is not to be trusted",
+                free.name, free.low, free.high
+            ));
+        }
+    }
+    let mut order: Vec<usize> = (0..model.pulls.len()).collect();
+    order.sort_by(|a, b| {
+        model.pulls[*a]
+            .pulse_us
+            .total_cmp(&model.pulls[*b].pulse_us)
+    });
+    let ends = order.first().zip(order.last());
+    if let Some((low_us, high_us)) =
+        ends.map(|(a, b)| (model.pulls[*a].pulse_us, model.pulls[*b].pulse_us))
+    {
+        let slack_us = EXTRAPOLATED * (max_us - min_us);
+        if low_us > min_us + slack_us || high_us < max_us - slack_us {
+            notes.push(format!(
+                "readings cover {low_us:.0} .. {high_us:.0} us, the rig sends {min_us:.0} .. {max_us:.0} us: beyond the readings the curve is extrapolated, and its sd there knows nothing of another shape"
+            ));
+        }
+    }
+    let by_pulse: Vec<f64> = order
+        .iter()
+        .map(|k| if used[*k] { residuals[*k] } else { f64::NAN })
+        .collect();
+    let lags = (by_pulse.len() / 4).clamp(1, 10);
+    if let Some(w) = ljung_box(&by_pulse, lags).filter(|w| w.p_value < NOT_WHITE && w.lag1 > 0.0) {
+        notes.push(format!(
+            "residuals in the order of the pulse are far from white (Ljung-Box p = {:.1e}, neighbours correlate {:.2}): the thrust is not quadratic in the pulse, or the readings drifted",
+            w.p_value, w.lag1
+        ));
+    }
+    notes
+}
+
 impl Bollard {
+    /// What the curve says against the one the rig holds: grams read as newtons, another thruster.
+    pub fn against(&self, rig: &Rig) -> Option<String> {
+        let thruster = rig.thrusters.thrusters.first()?;
+        let pairs = self
+            .curve
+            .iter()
+            .map(|(pulse_us, thrust_n, _)| (*thrust_n, thruster.curve.thrust_n(*pulse_us)));
+        let largest = pairs.clone().fold(0.0_f64, |m, p| m.max(p.1.abs()));
+        // Near neutral both are small, and a deadband makes any ratio.
+        let strong = pairs.filter(|p| p.1.abs() > 0.3 * largest);
+        let mut ratios: Vec<f64> = strong.map(|p| p.0 / p.1).collect();
+        let ratio = median(&mut ratios)?;
+        let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&ratio);
+        other.then(|| {
+            format!(
+                "the measured curve is {ratio:.3} times the rig's of {}: readings in grams or pounds, pulses the wrong way round, or another thruster? The table must be in newtons, ahead positive",
+                thruster.name
+            )
+        })
+    }
+
     /// Puts curve and covariance into a rig: every thruster's, since the pull was made with one of them.
     ///
     /// # Errors
@@ -472,6 +555,42 @@ mod tests {
             "{:?}",
             found.curve
         );
+    }
+
+    #[test]
+    fn a_doubtful_table_is_named() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let curve = &rig.thrusters.thrusters[0].curve;
+        let mut rng = StdRng::seed_from_u64(6);
+        let mut pulls = |low: i32, high: i32, scale: f64, bump: f64| -> Vec<Pull> {
+            let pull = |k: i32| {
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                let pulse_us = 1500.0 + 10.0 * f64::from(k);
+                let thrust_n =
+                    curve.thrust_n(pulse_us) + bump * (f64::from(k) / 3.0).sin() + 0.1 * noise;
+                Pull {
+                    pulse_us,
+                    thrust_n: scale * thrust_n,
+                    voltage_v: None,
+                }
+            };
+            (low..=high).map(pull).collect()
+        };
+        let range = (1100.0, 1500.0, 1900.0);
+        let words = |pulls: &[Pull]| {
+            let found = fit(pulls, range).unwrap();
+            (found.notes.join("; "), found.against(&rig))
+        };
+        let (narrow, same) = words(&pulls(-15, 15, 1.0, 0.0));
+        assert!(
+            narrow.contains("extrapolated") && same.is_none(),
+            "{narrow} {same:?}"
+        );
+        let (full, grams) = words(&pulls(-40, 40, 101.97, 0.0));
+        assert!(!full.contains("extrapolated"), "{full}");
+        assert!(grams.is_some_and(|w| w.contains("grams")));
+        let (wavy, _) = words(&pulls(-40, 40, 1.0, 1.0));
+        assert!(wavy.contains("white"), "{wavy}");
     }
 
     #[test]

@@ -102,8 +102,15 @@ impl Cmaes {
         let damps = 1.0 + 2.0 * (((mu_eff - 1.0) / (nf + 1.0)).sqrt() - 1.0).max(0.0) + cs;
         let chi = nf.sqrt() * (1.0 - 1.0 / (4.0 * nf) + 1.0 / (21.0 * nf * nf));
 
-        let share =
-            |f: &super::parameter::Free| ((f.start - f.low) / (f.high - f.low)).clamp(0.0, 1.0);
+        // A pinned number has no range: its share is any.
+        let share = |f: &super::parameter::Free| {
+            let range = f.high - f.low;
+            if range > 0.0 {
+                ((f.start - f.low) / range).clamp(0.0, 1.0)
+            } else {
+                0.5
+            }
+        };
         let mut mean = DVector::from_iterator(n, free.iter().map(share));
         let mut sigma = SIGMA;
         let mut c = DMatrix::<f64>::identity(n, n);

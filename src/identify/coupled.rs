@@ -1,6 +1,8 @@
 //! Several DOFs at once: the full Eq. 1 with its cross terms, or the six equations side by side,
 //! with whatever `[[physics]]` the rig has switched on, through the simulator's own model.
 
+use std::f64::consts::FRAC_PI_2;
+
 use hydroline_rigs::{Rig, Vehicle};
 use hydroline_sim::effect::{CheckedEffect, EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
@@ -226,12 +228,18 @@ impl CoupledRun {
                 .find(|v| v.is_finite())
             {
                 local(c, first, 1.0);
+            } else if matches!(c, 3 | 4) && run.count(6 + c) > 0 {
+                // Only the rate was measured: the restoring moment needs the angle it starts from.
+                local(c, 0.0, FRAC_PI_2);
             }
         }
         if start == Start::Free {
             for c in 0..6 {
                 if run.count(c) > 0 || run.count(6 + c) > 0 {
-                    local(6 + c, 0.0, 2.0);
+                    let rates = run.samples.iter().map(|s| s.values[6 + c]);
+                    let largest = rates.clone().fold(0.0_f64, |m, v| m.max(v.abs()));
+                    let first = rates.clone().find(|v| v.is_finite());
+                    local(6 + c, first.unwrap_or(0.0), (3.0 * largest).max(2.0));
                 }
             }
         }

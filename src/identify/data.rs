@@ -3,7 +3,7 @@
 mod load;
 mod still;
 
-pub use load::{LoadError, load, load_messages};
+pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{
     ChannelNoise, NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise,
 };
@@ -115,6 +115,17 @@ impl Run {
     pub fn window(mut self, from_s: f64, to_s: f64) -> Run {
         self.samples.retain(|s| (from_s..=to_s).contains(&s.t_s));
         self
+    }
+
+    /// Whether the other run is the same recording: the same start, stamps and measured values, bit for bit.
+    pub fn same_recording(&self, other: &Run) -> bool {
+        let same = |(a, b): (&Sample, &Sample)| {
+            let bits = |v: &[f64; 12]| v.map(f64::to_bits);
+            a.t_s == b.t_s && bits(&a.values) == bits(&b.values)
+        };
+        self.start_ns == other.start_ns
+            && self.samples.len() == other.samples.len()
+            && self.samples.iter().zip(&other.samples).all(same)
     }
 
     /// Median of a channel; `None` where it was not measured.

@@ -146,9 +146,7 @@ pub fn identify(
         .copied()
         .filter(|d| rests(&moving, *d))
         .collect();
-    for (i, c) in coefficients.iter().enumerate() {
-        fit.held[i] = resting.contains(&c.dof);
-    }
+    fit.hold_resting(|i| resting.contains(&coefficients[i].dof));
     fit.search(options)?;
     let mut result = fit.conclude(&moving, rig, &coefficients, options)?;
     for s in &still {
@@ -167,7 +165,7 @@ pub fn identify(
         .filter(|c| result.parameters.get(c.key()).is_some_and(|p| !p.excited))
         .collect();
     let restoring = dofs.iter().any(|d| matches!(d, Dof::Roll | Dof::Pitch));
-    result.blind_spots = blind_spots(&moving, &dofs, &undetermined, restoring);
+    result.blind_spots = blind_spots(&moving, &dofs, &resting, &undetermined, restoring);
     Ok(result)
 }
 

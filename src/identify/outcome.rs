@@ -65,6 +65,8 @@ pub struct Residuals {
 pub struct CrossValidation {
     /// Run left out.
     pub run: String,
+    /// Coefficients that the other runs leave open: held at the rig's values.
+    pub held: Vec<String>,
     /// rms per channel when it is left out of the fit (only its start is fitted).
     pub left_out: BTreeMap<String, f64>,
     /// rms per channel when it takes part.

@@ -1,5 +1,7 @@
 //! Parameters of all runs in one vector, residuals whitened run by run, objectives.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use nalgebra::{DMatrix, DVector};
 
 use super::forward::{Forward, ForwardError};
@@ -37,6 +39,7 @@ pub struct Problem<'a> {
     free: Vec<Free>,
     /// Weight of one residual in the L1 objective, `[run][slot]`.
     l1_weight: Vec<Vec<f64>>,
+    evaluations: AtomicU64,
 }
 
 impl<'a> Problem<'a> {
@@ -62,6 +65,7 @@ impl<'a> Problem<'a> {
             first_local,
             free,
             l1_weight,
+            evaluations: AtomicU64::new(0),
         };
         problem.set_white(sds);
         problem
@@ -96,6 +100,17 @@ impl<'a> Problem<'a> {
     /// Every free number: globals, then each run's.
     pub fn free(&self) -> &[Free] {
         &self.free
+    }
+
+    /// How often the objective was asked for until now: shows that a slow search goes on.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations.load(Ordering::Relaxed)
+    }
+
+    /// Leaves a number nothing but its starting value, for every method of search.
+    pub fn pin(&mut self, index: usize) {
+        let free = &mut self.free[index];
+        (free.low, free.high) = (free.start, free.start);
     }
 
     /// The model.
@@ -175,6 +190,7 @@ impl<'a> Problem<'a> {
 
     /// The objective; infinite where the motion diverges or a bound is left.
     pub fn objective(&self, kind: Objective, parameters: &[f64]) -> f64 {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
         let inside = self
             .free
             .iter()

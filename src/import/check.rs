@@ -1,10 +1,14 @@
 //! Findings about a table in SI: time, kinematics, units, dead channels.
 
+mod commands;
+
 use std::f64::consts::{FRAC_PI_2, PI};
+
+use hydroline_rigs::Rig;
 
 use super::map::Map;
 use super::table::Imported;
-use crate::identify::data::CHANNELS;
+use crate::identify::data::{CHANNELS, unwrap_turns};
 use crate::identify::statistics::median;
 
 /// How bad.
@@ -41,7 +45,7 @@ impl Finding {
             message,
         }
     }
-    fn warning(kind: &'static str, line: Option<u64>, message: String) -> Self {
+    pub(super) fn warning(kind: &'static str, line: Option<u64>, message: String) -> Self {
         Finding {
             severity: Severity::Warning,
             kind,
@@ -59,9 +63,10 @@ impl Finding {
     }
 }
 
-/// Adds what the numbers show.
-pub(super) fn check(data: &Imported, map: &Map, findings: &mut Vec<Finding>) {
+/// Adds what the numbers show; commands are held against `rig` where one is given.
+pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
     check_motion(data, findings);
+    commands::check(data, map, rig, findings);
     if data.times_s.len() >= 4 {
         names(map, findings);
     }
@@ -315,11 +320,25 @@ fn kinematics(data: &Imported, findings: &mut Vec<Finding>) {
     let n = data.times_s.len();
     let has = |c: usize| data.motion[c].len() == n;
     let span = (n / 200).clamp(1, 10);
+    // An angle that wraps jumps by a whole turn, which is no rate.
+    let mut pose: Vec<Vec<f64>> = data.motion[..6].to_vec();
+    for c in (3..6).filter(|c| has(*c)) {
+        let jumps = unwrap_turns(pose[c].iter_mut());
+        if jumps > 0 {
+            findings.push(Finding::info(
+                "angle_wraps",
+                format!(
+                    "{}: {jumps} jump(s) of a whole turn; the log keeps them, rates are compared with the angle continued without them",
+                    CHANNELS[c]
+                ),
+            ));
+        }
+    }
     let derivative = |c: usize| -> Vec<f64> {
         (0..n)
             .map(|i| {
                 let (a, b) = (i.saturating_sub(span), (i + span).min(n - 1));
-                (data.motion[c][b] - data.motion[c][a]) / (data.times_s[b] - data.times_s[a])
+                (pose[c][b] - pose[c][a]) / (data.times_s[b] - data.times_s[a])
             })
             .collect()
     };

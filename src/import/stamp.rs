@@ -12,7 +12,7 @@ pub fn parse(text: &str) -> Option<(f64, Zone)> {
     let mut parts = date.split('-');
     let mut number = || parts.next()?.parse::<i64>().ok();
     let (year, month, day) = (number()?, number()?, number()?);
-    if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+    if !(1..=12).contains(&month) || !(1..=days_in(year, month)).contains(&day) {
         return None;
     }
     let rest = rest.strip_prefix(['T', 't', ' '])?;
@@ -51,6 +51,16 @@ pub fn parse(text: &str) -> Option<(f64, Zone)> {
     Some((whole as f64 + second, zone))
 }
 
+/// Days of a month of the Gregorian calendar.
+fn days_in(year: i64, month: i64) -> i64 {
+    let (next_year, next) = if month == 12 {
+        (year + 1, 1)
+    } else {
+        (year, month + 1)
+    };
+    days(next_year, next, 1) - days(year, month, 1)
+}
+
 /// Days since 1970-01-01 of a Gregorian date (Howard Hinnant, chrono-compatible date algorithms).
 fn days(year: i64, month: i64, day: i64) -> i64 {
     let y = if month <= 2 { year - 1 } else { year };
@@ -82,6 +92,9 @@ mod tests {
             "2020-13-01T00:00:00",
             "2020-01-01T25:00:00",
             "2020-01-01",
+            "2026-02-31T12:00:00Z",
+            "2025-02-29T12:00:00Z",
+            "2026-04-31T12:00:00Z",
             "é020-01-01T0",
         ] {
             assert_eq!(parse(bad), None, "{bad}");

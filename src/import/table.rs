@@ -4,6 +4,9 @@ use super::check::{Finding, Severity};
 use super::map::{Map, time_unit_s};
 use super::stamp;
 
+/// No table of motion on a UNIX clock is older \[s\]: 1980-01-01.
+const UNIX_EARLIEST_S: f64 = 315_532_800.0;
+
 /// Cells by column, with the line each row stands on.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
@@ -30,6 +33,8 @@ pub struct Imported {
     pub commands: Vec<Vec<f64>>,
     /// Second clock \[s\]; empty = none.
     pub compare_s: Vec<f64>,
+    /// Rows left out: too few or too many cells, or no time that can be read.
+    pub lost_rows: usize,
     /// What was found.
     pub findings: Vec<Finding>,
 }
@@ -113,7 +118,43 @@ pub(super) fn cells(text: &str, map: &Map) -> (Table, Vec<Finding>) {
         ));
     }
     table.broken = short.len() + long.len();
+    findings.extend(cut_number(&table, text));
     (table, findings)
+}
+
+/// The file's very last cell when it is shorter than any other of its column: cut inside a number it
+/// still is one. Without a newline behind it the file surely ends too early.
+fn cut_number(table: &Table, text: &str) -> Option<Finding> {
+    let (last, before) = table.rows.split_last()?;
+    let length = |row: &(u64, Vec<String>)| row.1.last().map_or(0, String::len);
+    let shortest = before
+        .iter()
+        .map(length)
+        .min()
+        .filter(|_| before.len() >= 8)?;
+    if length(last) >= shortest {
+        return None;
+    }
+    let cell = last.1.last().map_or("", String::as_str);
+    let words = format!(
+        "the last cell of the file, '{cell}' on line {}, is shorter than any other of its column (at least {shortest} characters)",
+        last.0
+    );
+    Some(if text.ends_with('\n') {
+        Finding::warning(
+            "cut_number",
+            Some(last.0),
+            format!("{words}: was the file cut?"),
+        )
+    } else {
+        Finding::fault(
+            "cut_number",
+            Some(last.0),
+            format!(
+                "{words}, and no line end follows: the file was cut inside a number; take its last line away"
+            ),
+        )
+    })
 }
 
 /// Cells to numbers in SI.
@@ -174,6 +215,7 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
         .collect();
     let mut out = Imported {
         commands: vec![Vec::new(); commands.len()],
+        lost_rows: table.broken,
         ..Imported::default()
     };
     let Some(time) = time else { return out };
@@ -195,6 +237,7 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
         };
         let Some(absolute_s) = absolute_s.filter(|s| s.is_finite()) else {
             bad.note("time", *line, cell);
+            out.lost_rows += 1;
             continue;
         };
         let zero = *origin.get_or_insert(absolute_s);
@@ -254,6 +297,25 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
                 "stamps are in {} time zones: {}",
                 zones.len(),
                 words.join(", ")
+            ),
+        ));
+    }
+    if zones.len() == 1 && zones[0].0.is_none() {
+        findings.push(Finding::warning(
+            "time_zone_missing",
+            Some(zones[0].1),
+            "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be told from a gap".to_owned(),
+        ));
+    }
+    if map.time.clock == "unix" && origin.is_some_and(|s| (0.0..UNIX_EARLIEST_S).contains(&s)) {
+        findings.push(Finding::fault(
+            "time_clock",
+            None,
+            format!(
+                "time.clock is 'unix' but the first stamp is {:.3} s, in {}: is the clock 'relative', or time.unit another than '{}'?",
+                origin.unwrap_or(0.0),
+                1970 + (origin.unwrap_or(0.0) / 31_556_952.0) as i64,
+                map.time.unit
             ),
         ));
     }

@@ -316,6 +316,145 @@ fn a_table_at_rest_leaves_its_noise_in_the_log() {
     assert_eq!(noise.len(), 2);
 }
 
+#[test]
+fn a_heading_that_wraps_still_follows_its_rate() {
+    // 0.4 rad/s for 60 s: four turns, written in -pi .. pi.
+    let turning = |k: usize, c: &mut Vec<String>| {
+        let t = k as f64 * 0.04;
+        let psi = 0.4 * t + 0.1 * (0.5 * t).sin();
+        let wrapped = (psi + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU);
+        c[2] = format!("{:.6}", wrapped - std::f64::consts::PI);
+        c[3] = format!("{:.6}", 0.4 + 0.05 * (0.5 * t).cos());
+    };
+    let found = read(&table(1500, turning), &map(WITH_R));
+    assert_eq!(
+        kinds(&found, Severity::Warning),
+        Vec::<&str>::new(),
+        "{:?}",
+        found.findings
+    );
+    let wraps = found.findings.iter().find(|f| f.kind == "angle_wraps");
+    assert!(
+        wraps.is_some_and(|f| f.message.contains("4 jump(s)")),
+        "{:?}",
+        found.findings
+    );
+}
+
+#[test]
+fn commands_are_held_against_the_rig() {
+    let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
+    let found = |extra: &str, edit: fn(usize, &mut Vec<String>)| {
+        read_for(&table(300, edit), &map(extra), Some(&rig))
+    };
+    let command = |name: &str| format!("[[command]]\nthruster = \"{name}\"\ncolumn = \"q\"\n");
+    let surge = command("surge");
+    let sound = found(&surge, |_, _| {});
+    assert_eq!(
+        kinds(&sound, Severity::Warning),
+        Vec::<&str>::new(),
+        "{:?}",
+        sound.findings
+    );
+    let fault = |extra: &str, edit, kind: &str| {
+        let read = found(extra, edit);
+        assert!(
+            kinds(&read, Severity::Fault).contains(&kind),
+            "{kind}: {:?}",
+            read.findings
+        );
+    };
+    fault(&command("bow"), |_, _| {}, "unknown_thruster");
+    fault(&format!("{surge}{surge}"), |_, _| {}, "duplicate_thruster");
+    fault(
+        &surge,
+        |k, c| c[4] = format!("{}", 8000 * (k / 150)),
+        "command_size",
+    );
+    fault(
+        &command("h_fore_stbd"),
+        |k, c| c[4] = format!("{}", 1500 + k % 2),
+        "command_size",
+    );
+    let dead = found(&surge, |_, c| c[4] = "2.0".into());
+    assert!(kinds(&dead, Severity::Warning).contains(&"dead_command"));
+}
+
+#[test]
+fn what_is_left_out_is_counted_by_kind() {
+    let toml = "[[command]]\nthruster = \"surge\"\ncolumn = \"q\"\n";
+    let map = map(toml);
+    let spoilt = table(300, |k, c| match k {
+        7 => c[4] = "NaN".into(),
+        8 => c[1] = "lost".into(),
+        9 => c[0] = "?".into(),
+        10 => c.truncate(3),
+        11 => c[0] = format!("{:.6}", 8.0 * 0.04),
+        _ => {}
+    });
+    let data = read(&spoilt, &map);
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = import(&data, &map, "", &folder.path().join("o.mcap"), true).unwrap();
+    assert_eq!(
+        outcome.lost,
+        Lost {
+            rows: 3,
+            motion_cells: 1,
+            command_cells: 1
+        }
+    );
+    assert_eq!((outcome.samples, outcome.commands), (297, 296));
+}
+
+#[test]
+fn stamps_without_a_zone_a_clock_from_zero_and_a_cut_number_are_named() {
+    let iso = Map::from_toml(
+        "[time]\ncolumn = \"t\"\nunit = \"iso8601\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+        "m",
+    )
+    .unwrap();
+    let stamps = |zone: &str, day: u32| -> String {
+        let row = |k| format!("2026-02-{day}T12:00:{k:02}{zone},{}\n", k as f64 * 0.1);
+        "t,x\n".to_owned() + &(0..60).map(row).collect::<String>()
+    };
+    assert!(kinds(&read(&stamps("", 27), &iso), Severity::Warning).contains(&"time_zone_missing"));
+    assert!(kinds(&read(&stamps("Z", 27), &iso), Severity::Warning).is_empty());
+    assert!(read(&stamps("Z", 31), &iso).times_s.is_empty());
+
+    let unix = Map::from_toml(
+        "[time]\ncolumn = \"t\"\nunit = \"s\"\nclock = \"unix\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+        "m",
+    )
+    .unwrap();
+    assert!(kinds(&read(&table(300, |_, _| {}), &unix), Severity::Fault).contains(&"time_clock"));
+
+    let whole = table(300, |_, _| {});
+    let cut = &whole[..whole.len() - 4];
+    assert!(kinds(&read(cut, &map("")), Severity::Fault).contains(&"cut_number"));
+    // A newline of its own makes it a doubt; a whole last row without one is none.
+    let ended = format!("{cut}\n");
+    let ended = read(&ended, &map(""));
+    assert!(!ended.has_faults() && kinds(&ended, Severity::Warning).contains(&"cut_number"));
+    assert!(kinds(&read(whole.trim_end(), &map("")), Severity::Warning).is_empty());
+}
+
+#[test]
+fn a_decay_seen_by_a_gyro_leaves_no_noise_at_rest() {
+    use crate::identify::data::load;
+    let toml = "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.p_radps]\ncolumn = \"q\"\nunit = \"rad/s\"\n";
+    let map = Map::from_toml(toml, "m").unwrap();
+    let decay = table(1500, |k, c| {
+        let t = 0.04 * k as f64;
+        c[4] = format!("{:.6}", 0.4 * (-0.1 * t).exp() * (1.3 * t).sin());
+    });
+    let data = read(&decay, &map);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("decay.mcap");
+    import(&data, &map, "", &out, false).unwrap();
+    let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
+    assert!(load(&out, &rig).unwrap().noise_at_rest.is_none());
+}
+
 /// What may stand in a cell that should hold a number, and whether the whole cell is then lost.
 const SPOILT: [&str; 7] = ["NaN", "inf", "", "1,5e", "0x1F", "--", "1 2"];
 

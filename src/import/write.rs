@@ -28,6 +28,24 @@ pub enum ImportError {
     Log(#[from] LogError),
 }
 
+/// What was left out, by kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Lost {
+    /// Rows with too few or too many cells, without a time, or whose time does not advance.
+    pub rows: usize,
+    /// Cells of measured channels in the rows that are left.
+    pub motion_cells: usize,
+    /// Cells of commands in the rows that are left: the command before goes on.
+    pub command_cells: usize,
+}
+
+impl Lost {
+    /// All kinds together.
+    pub fn total(&self) -> usize {
+        self.rows + self.motion_cells + self.command_cells
+    }
+}
+
 /// What was written.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ImportOutcome {
@@ -35,8 +53,8 @@ pub struct ImportOutcome {
     pub samples: usize,
     /// Commands.
     pub commands: usize,
-    /// Rows, cells or samples that were left out.
-    pub lost: usize,
+    /// What was left out.
+    pub lost: Lost,
     /// What was found.
     pub findings: Vec<Finding>,
 }
@@ -78,7 +96,10 @@ pub fn import(
     let mut outcome = ImportOutcome {
         samples: 0,
         commands: 0,
-        lost: 0,
+        lost: Lost {
+            rows: data.lost_rows,
+            ..Lost::default()
+        },
         findings: data.findings.clone(),
     };
     let mut still = StillWatch::default();
@@ -87,13 +108,17 @@ pub fn import(
     for (k, &t_s) in data.times_s.iter().enumerate() {
         // Time that does not advance cannot be told from time that is wrong: the row is left out.
         if last.is_some_and(|(before, _)| t_s <= before) {
-            outcome.lost += 1;
+            outcome.lost.rows += 1;
             continue;
         }
         for (c, values) in map.commands.iter().zip(&data.commands) {
-            let Some(&value) = values.get(k).filter(|v| v.is_finite()) else {
+            let Some(&value) = values.get(k) else {
                 continue;
             };
+            if !value.is_finite() {
+                outcome.lost.command_cells += 1;
+                continue;
+            }
             let before = last
                 .and_then(|(t0, k0)| values.get(k0).filter(|v| v.is_finite()).map(|v| (t0, *v)));
             let mut steps = vec![(t_s, value)];
@@ -129,7 +154,7 @@ pub fn import(
             }
         }
         let value = |c: usize| data.motion[c].get(k).copied().filter(|v| v.is_finite());
-        outcome.lost += (0..12)
+        outcome.lost.motion_cells += (0..12)
             .filter(|c| data.motion[*c].get(k).is_some_and(|v| !v.is_finite()))
             .count();
         if (0..12).any(|c| value(c).is_some()) {

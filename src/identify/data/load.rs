@@ -152,6 +152,7 @@ pub fn load_messages(
         }
     }
     let wraps = unwrap_angles(&mut run.samples);
+    note_absurd(&mut run, rig);
     let mut note = |count: usize, words: &str| {
         if count > 0 {
             run.notes.push(format!("{count} {words}"));
@@ -172,24 +173,61 @@ pub fn load_messages(
 
 /// Continues angles over +-pi; returns the number of jumps taken out.
 fn unwrap_angles(samples: &mut [Sample]) -> usize {
+    (3..6)
+        .map(|channel| unwrap_turns(samples.iter_mut().map(|s| &mut s.values[channel])))
+        .sum()
+}
+
+/// Continues an angle \[rad\] over +-pi; returns the number of jumps taken out. NaN stays.
+pub fn unwrap_turns<'a>(angle: impl Iterator<Item = &'a mut f64>) -> usize {
     use std::f64::consts::{PI, TAU};
-    let mut jumps = 0;
-    for channel in 3..6 {
-        let (mut turns, mut last) = (0.0, f64::NAN);
-        for sample in samples.iter_mut() {
-            let value = sample.values[channel];
-            if !value.is_finite() {
-                continue;
-            }
-            if (value - last).abs() > PI {
-                turns -= ((value - last) / TAU).round() * TAU;
-                jumps += 1;
-            }
-            last = value;
-            sample.values[channel] = value + turns;
+    let (mut turns, mut last, mut jumps) = (0.0, f64::NAN, 0);
+    for value in angle.filter(|v| v.is_finite()) {
+        if (*value - last).abs() > PI {
+            turns -= ((*value - last) / TAU).round() * TAU;
+            jumps += 1;
         }
+        last = *value;
+        *value += turns;
     }
     jumps
+}
+
+/// The most a rig can make of a command: a thruster's thrust \[N\], or of a component `surge` .. `yaw`
+/// \[N, N m\] what all thrusters make together; `None` = neither of the two.
+pub fn capacity(rig: &Rig, name: &str) -> Option<f64> {
+    let set = &rig.thrusters.thrusters;
+    let most = |points: &[(f64, f64)]| points.iter().fold(0.0_f64, |m, p| m.max(p.1.abs()));
+    if let Some(thruster) = set.iter().find(|t| t.name == name) {
+        return Some(most(&thruster.curve.points));
+    }
+    let dof = Dof::ALL.iter().find(|d| d.name() == name)?;
+    let allocation = Allocation::new(&rig.thrusters).ok()?;
+    let share = |i: usize| -> Option<f64> {
+        let mut thrust_n = vec![0.0; set.len()];
+        thrust_n[i] = most(&set[i].curve.points);
+        let wrench = allocation.wrench(&thrust_n).ok()?.to_array();
+        Some(wrench[dof.index()].abs())
+    };
+    (0..set.len()).map(share).sum()
+}
+
+/// A load this many times what the rig can make is another unit, not a strong thruster.
+const ABSURD: f64 = 20.0;
+
+/// Loads that the rig cannot have made.
+fn note_absurd(run: &mut Run, rig: &Rig) {
+    let largest = run.largest_wrench();
+    for dof in Dof::ALL {
+        let (load, limit) = (largest[dof.index()], capacity(rig, dof.name()));
+        if let Some(limit) = limit.filter(|l| *l > 0.0 && load >= ABSURD * l) {
+            run.notes.push(format!(
+                "{} was commanded {load:.4}, {:.0} times the most the rig can make ({limit:.4}): another unit than N and N m? Mass and damping scale along",
+                dof.name(),
+                load / limit
+            ));
+        }
+    }
 }
 
 /// The twelve channels as sent.

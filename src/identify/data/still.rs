@@ -3,16 +3,23 @@
 use std::collections::BTreeMap;
 
 use super::super::noise::{Noise, Series, estimate};
+use super::super::statistics::{difference_sd, median, robust_sd};
 use super::{CHANNELS, Run, Sample};
 use crate::log::messages::{pb, timestamp, unix_ns};
 
 /// Shortest run at rest that measures a noise's colour \[s\].
 pub const STILL_MIN_S: f64 = 20.0;
 
-/// Whether a run is one at rest: no load at all for at least 20 s, and no channel that drifts
-/// by more than `[position_m, attitude_rad]` between its first, middle and last third.
+/// Fewest samples that say whether a channel moves.
+const JUDGED_MIN: usize = 30;
+/// A rate whose mean is above this many tolerances per second is no bias of an instrument at rest.
+const BIAS_MAX_PER_S: f64 = 10.0;
+
+/// Whether a run is one at rest: no load at all for at least 20 s, and no position or angle whose
+/// medians over eighths of the run differ by more than `[position_m, attitude_rad]`.
 ///
-/// A decay test has no command either, but it moves.
+/// A decay test has no command either, but it moves. A degree of freedom of which only the rate was
+/// measured is judged by that rate; a run that measured too little to say is not at rest.
 pub fn is_still(run: &Run, tolerance: [f64; 2]) -> bool {
     let span_s = run.end_s() - run.samples.first().map_or(0.0, |s| s.t_s);
     if span_s < STILL_MIN_S
@@ -21,32 +28,50 @@ pub fn is_still(run: &Run, tolerance: [f64; 2]) -> bool {
     {
         return false;
     }
-    // Angles may wrap and rates are noisy; positions and attitude say whether it moved.
-    (0..6).all(|channel| {
-        let values: Vec<f64> = run
-            .samples
-            .iter()
-            .map(|s| s.values[channel])
-            .filter(|v| v.is_finite())
-            .collect();
-        if values.len() < 30 {
-            return true;
-        }
-        let limit = if channel < 3 {
-            tolerance[0]
+    let present = |channel: usize| -> Vec<f64> {
+        let values = run.samples.iter().map(|s| s.values[channel]);
+        values.filter(|v| v.is_finite()).collect()
+    };
+    let mut judged = false;
+    for dof in 0..6 {
+        let limit = tolerance[usize::from(dof >= 3)];
+        // Rates are noisy; where there is a position or an angle it says whether it moved.
+        let (pose, rate) = (present(dof), present(6 + dof));
+        let rests = if pose.len() >= JUDGED_MIN {
+            spread_of_medians(&pose) < limit
+        } else if rate.len() >= JUDGED_MIN {
+            rate_is_noise(&rate, limit)
         } else {
-            tolerance[1]
+            continue;
         };
-        let mut medians: Vec<f64> = values
-            .chunks(values.len() / 8)
-            .filter_map(|c| super::super::statistics::median(&mut c.to_vec()))
-            .collect();
-        medians.sort_by(f64::total_cmp);
-        medians
-            .last()
-            .zip(medians.first())
-            .is_some_and(|(high, low)| high - low < limit)
-    })
+        if !rests {
+            return false;
+        }
+        judged = true;
+    }
+    judged
+}
+
+/// Largest less smallest median of the eighths of a series.
+fn spread_of_medians(values: &[f64]) -> f64 {
+    let medians = values
+        .chunks((values.len() / 8).max(1))
+        .filter_map(|c| median(&mut c.to_vec()));
+    let (low, high) = medians.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| {
+        (l.min(m), h.max(m))
+    });
+    high - low
+}
+
+/// Whether a rate is a constant bias and noise: it neither drifts nor swings. A swing several times
+/// as fast as an eighth of the run leaves the medians alone, but not the scatter, which is then far
+/// above what neighbours differ by (slow noise may be three times that).
+fn rate_is_noise(values: &[f64], limit_per_s: f64) -> bool {
+    let bias = median(&mut values.to_vec()).unwrap_or(f64::NAN);
+    let away: Vec<f64> = values.iter().map(|v| v - bias).collect();
+    bias.abs() < BIAS_MAX_PER_S * limit_per_s
+        && spread_of_medians(values) < limit_per_s
+        && robust_sd(&away) <= 3.0 * difference_sd(values)
 }
 
 /// Noise of one channel as a run at rest measured it.
@@ -181,6 +206,45 @@ mod tests {
         assert!((x.noise.coloured_sd / 3e-4 - 1.0).abs() < 0.3, "{x:?}");
         assert!((0.3..1.2).contains(&x.noise.correlation_s), "{x:?}");
         assert!((0.008..0.014).contains(&x.outliers), "{x:?}");
+    }
+
+    /// A log that carries only a rate, 120 s at 25/s.
+    fn rate_only(rate: impl Fn(f64) -> f64, channel: usize) -> Run {
+        let mut rng = StdRng::seed_from_u64(5);
+        let sample = |k: usize| {
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            let mut values = [f64::NAN; 12];
+            values[channel] = rate(0.04 * k as f64) + 1e-3 * noise;
+            Sample {
+                t_s: 0.04 * k as f64,
+                values,
+                covariance: None,
+            }
+        };
+        Run {
+            samples: (0..3000).map(sample).collect(),
+            ..Run::default()
+        }
+    }
+
+    #[test]
+    fn a_decay_seen_by_rates_only_is_not_at_rest_and_a_quiet_gyro_is() {
+        let swing = |t: f64| 0.3 * (-0.02 * t).exp() * (1.3 * t).sin();
+        assert!(!is_still(&rate_only(swing, 9), TOLERANCE));
+        assert!(!is_still(
+            &rate_only(|t| 0.6 / (1.0 + 0.2 * t), 6),
+            TOLERANCE
+        ));
+        assert!(
+            !is_still(&rate_only(|_| 0.3, 11), TOLERANCE),
+            "a steady turn"
+        );
+        assert!(is_still(&rate_only(|_| 0.004, 11), TOLERANCE), "a bias");
+        let mut nothing = rate_only(|_| 0.0, 11);
+        for sample in &mut nothing.samples {
+            sample.values = [f64::NAN; 12];
+        }
+        assert!(!is_still(&nothing, TOLERANCE), "nothing measured");
     }
 
     #[test]

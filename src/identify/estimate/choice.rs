@@ -27,7 +27,7 @@ pub(super) fn choose(runs: &[Run], rig: &Rig) -> ModelChoice {
                         let v: Vec<f64> = r
                             .samples
                             .iter()
-                            .map(|s| s.values[i])
+                            .map(|s| s.values[measured_by(r, i)])
                             .filter(|v| v.is_finite())
                             .collect();
                         let (low, high) = v
@@ -92,15 +92,22 @@ pub(super) fn what_is_free(
 pub(super) fn rests(runs: &[Run], dof: Dof) -> bool {
     let i = dof.index();
     runs.iter().all(|r| {
-        let values: Vec<f64> = r
-            .samples
-            .iter()
-            .map(|s| s.values[i])
-            .filter(|v| v.is_finite())
-            .collect();
-        let middle = median(&mut values.clone()).unwrap_or(0.0);
-        let away: Vec<f64> = values.iter().map(|v| v - middle).collect();
-        let quiet = robust_sd(&away) < 3.0 * difference_sd(&values);
-        r.largest_wrench()[i] == 0.0 && (values.is_empty() || quiet) && r.count(6 + i) == 0
+        let quiet = |channel: usize| {
+            let values: Vec<f64> = r
+                .samples
+                .iter()
+                .map(|s| s.values[channel])
+                .filter(|v| v.is_finite())
+                .collect();
+            let middle = median(&mut values.clone()).unwrap_or(0.0);
+            let away: Vec<f64> = values.iter().map(|v| v - middle).collect();
+            values.is_empty() || robust_sd(&away) < 3.0 * difference_sd(&values)
+        };
+        r.largest_wrench()[i] == 0.0 && quiet(i) && quiet(6 + i)
     })
+}
+
+/// The channel that shows how a DOF moved: its position or angle, else its rate (over a second).
+fn measured_by(run: &Run, dof: usize) -> usize {
+    if run.count(dof) > 0 { dof } else { 6 + dof }
 }

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// Relative sd above which a direction is weak: the interval comes from the profile.
 const WEAK: f64 = 0.05;
 /// sd over size above which a coefficient counts as not excited.
-const UNEXCITED: f64 = 0.5;
+pub(super) const UNEXCITED: f64 = 0.5;
 /// p below which residuals are called not white.
 const NOT_WHITE: f64 = 1e-3;
 /// Lags of the whiteness test.
@@ -63,6 +63,8 @@ impl Fit<'_> {
             let cheap = count <= 3;
             let profile = if weak
                 && cheap
+                // A profile would set free what is held.
+                && !self.held.iter().any(|h| *h)
                 && options.method.name() == "lm"
                 && options.objective == Objective::LeastSquares
             {
@@ -91,6 +93,14 @@ impl Fit<'_> {
                 self.notes.push(format!("{}: {value:.4} is positive, which no hull has; something is missing from the model", c.key()));
             }
             parameters.insert(c.key().to_owned(), estimate);
+        }
+        for (free, value) in self.problem.free().iter().zip(&self.at).skip(count) {
+            if *value <= free.low || *value >= free.high {
+                self.notes.push(format!(
+                    "{}: ended on its range {:.4} .. {:.4}; what follows from this run is not to be trusted",
+                    free.name, free.low, free.high
+                ));
+            }
         }
         let finite = |v: f64| v.is_finite().then_some(v);
         let mut result = Identification {
@@ -129,14 +139,21 @@ impl Fit<'_> {
         Ok(result)
     }
 
+    /// Whether any run measured this slot; a model of rates has its position as a slot all the same.
+    fn is_measured(&self, slot: usize) -> bool {
+        let slots = self.forward.slots().len();
+        (0..self.forward.runs()).any(|run| {
+            let values = self.forward.measured(run).iter().skip(slot).step_by(slots);
+            values.into_iter().any(|v| v.is_finite())
+        })
+    }
+
     fn describe_noise(&self, result: &mut Identification) {
         for (slot, name) in self.forward.slots().iter().enumerate() {
-            let at_rest = self
-                .measured_noise
-                .as_ref()
-                .and_then(|m| m.get(slot).copied().flatten())
-                .is_some();
-            let source = if at_rest {
+            if !self.is_measured(slot) {
+                continue;
+            }
+            let source = if self.measured_at_rest(slot).is_some() {
                 "measured at rest"
             } else {
                 "residuals"
@@ -190,7 +207,11 @@ impl Fit<'_> {
                 name: run.name.clone(),
                 samples: run.samples.len(),
                 length_s: run.end_s(),
-                rms: channels.iter().map(|c| (c.name.clone(), c.rms())).collect(),
+                rms: channels
+                    .iter()
+                    .filter(|c| c.measured.iter().any(|v| v.is_finite()))
+                    .map(|c| (c.name.clone(), c.rms()))
+                    .collect(),
                 notes: run.notes.clone(),
                 start,
             });
@@ -212,11 +233,14 @@ impl Fit<'_> {
         runs: &[Run],
         result: &mut Identification,
     ) -> Result<(), IdentifyError> {
-        let mut worst: BTreeMap<String, (f64, String, f64, f64)> = BTreeMap::new();
+        let mut worst: BTreeMap<String, (f64, String, f64, f64, bool)> = BTreeMap::new();
         for (i, run) in runs.iter().enumerate() {
             let plain = self.problem.raw_residuals(i, &self.at)?;
             let filtered = self.problem.whitened(i, &self.at)?;
             for (slot, name) in self.forward.slots().iter().enumerate() {
+                if !self.is_measured(slot) {
+                    continue;
+                }
                 let filter = &self.problem.whiteners()[i][slot];
                 let kept = |series: &[f64]| -> Vec<f64> {
                     series
@@ -237,21 +261,39 @@ impl Fit<'_> {
                     plain: ljung_box(&plain_kept, LAGS),
                     filtered: ljung_box(&kept(&filtered[slot]), LAGS),
                 };
-                if let Some(w) = entry.plain.filter(|w| w.p_value < NOT_WHITE) {
+                // Colour that was measured at rest is no misfit: it is taken out first.
+                let colour_known = self.measured_at_rest(slot).is_some();
+                let judged = if colour_known {
+                    entry.filtered
+                } else {
+                    entry.plain
+                };
+                if let Some(w) = judged.filter(|w| w.p_value < NOT_WHITE) {
                     let before = worst.get(name).map_or(f64::INFINITY, |w| w.0);
                     if w.p_value <= before {
                         worst.insert(
                             name.clone(),
-                            (w.p_value, run.name.clone(), w.lag1, entry.rms),
+                            (w.p_value, run.name.clone(), w.lag1, entry.rms, colour_known),
                         );
                     }
                 }
                 result.residuals.push(entry);
             }
         }
-        for (slot, (p, run, lag1, rms)) in worst {
+        for (slot, (p, run, lag1, rms, colour_known)) in worst {
+            let (taken_out, why) = if colour_known {
+                (
+                    " although the colour measured at rest was taken out",
+                    "the model lacks something, or the noise was another one",
+                )
+            } else {
+                (
+                    "",
+                    "either the noise is coloured or the model lacks something",
+                )
+            };
             result.misfit.push(format!(
-                "{slot}: residuals are far from white (worst run {run}: Ljung-Box p = {p:.1e}, neighbours correlate {lag1:.2}, rms {rms:.3e}); either the noise is coloured or the model lacks something: hydroline diagnose"
+                "{slot}: residuals are far from white{taken_out} (worst run {run}: Ljung-Box p = {p:.1e}, neighbours correlate {lag1:.2}, rms {rms:.3e}); {why}: hydroline diagnose"
             ));
         }
         Ok(())

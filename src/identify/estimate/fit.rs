@@ -7,6 +7,12 @@ use crate::identify::noise::{Noise, Series, mask};
 use crate::identify::problem::{Objective, Problem};
 use crate::identify::statistics::difference_sd;
 use crate::identify::uncertainty::covariance;
+use nalgebra::DMatrix;
+
+/// sd over the rig's size above which a coefficient is held.
+const HOLD_ABOVE: f64 = 2.0;
+/// Decrease of half the sum of squares that a step of a refit between two holdings must bring.
+const REFIT_ENOUGH: f64 = 0.1;
 
 /// A fit under way: parameters, noise and outliers in turns.
 pub(super) struct Fit<'f> {
@@ -125,11 +131,7 @@ impl<'f> Fit<'f> {
         let (found, mut used) = self.problem.noise_of_residuals(&self.at)?;
         let slots = self.forward.slots().len();
         for slot in 0..slots {
-            let at_rest = self
-                .measured_noise
-                .as_ref()
-                .and_then(|m| m.get(slot).copied().flatten());
-            if let Some((noise, _)) = at_rest {
+            if let Some((noise, _)) = self.measured_at_rest(slot) {
                 self.noises[slot] = noise;
                 let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
                     .map(|r| self.problem.raw_residuals(r, &self.at))
@@ -169,28 +171,39 @@ impl<'f> Fit<'f> {
         Ok(())
     }
 
+    /// The noise of a slot that was measured at rest, if it was, and its outliers.
+    pub(super) fn measured_at_rest(&self, slot: usize) -> Option<(Noise, f64)> {
+        self.measured_noise.as_ref()?.get(slot).copied().flatten()
+    }
+
     fn sds(&self) -> Result<Vec<f64>, IdentifyError> {
-        let normal = self.problem.normal(&self.at)?;
-        Ok(covariance(&normal.hessian)
-            .diagonal()
-            .iter()
-            .map(|v| v.sqrt())
-            .collect())
+        Ok(sds(&self.problem.normal(&self.at)?.hessian, &self.held))
+    }
+
+    /// Coefficients of a DOF at rest stay at the rig's value from the beginning, whatever searches.
+    pub(super) fn hold_resting(&mut self, resting: impl Fn(usize) -> bool) {
+        for i in (0..self.forward.globals().len()).filter(|i| resting(*i)) {
+            self.held[i] = true;
+            self.problem.pin(i);
+            self.note_held(i);
+        }
+    }
+
+    fn note_held(&mut self, i: usize) {
+        let free = &self.forward.globals()[i];
+        self.notes.push(format!(
+            "{}: these runs do not move it; kept at the rig's {:.4}",
+            free.name, free.start
+        ));
     }
 
     /// Coefficients that the runs do not move go back to the rig's value and stay there.
     fn hold_unexcited(&mut self) -> Result<(), IdentifyError> {
-        let sds = self.sds()?;
-        for (i, free) in self.forward.globals().iter().enumerate() {
-            let size = free.start.abs().max(1e-9);
-            if self.held[i] || sds[i].is_nan() || sds[i] > 2.0 * size {
-                self.held[i] = true;
-                self.at[i] = free.start;
-                self.notes.push(format!(
-                    "{}: these runs do not move it; kept at the rig's {:.4}",
-                    free.name, free.start
-                ));
-            }
+        let (at, held) = (&mut self.at, &mut self.held);
+        let (now, evaluations) = hold_undetermined(&self.problem, at, held, HOLD_ABOVE)?;
+        self.evaluations += evaluations;
+        for i in now {
+            self.note_held(i);
         }
         Ok(())
     }
@@ -199,5 +212,70 @@ impl<'f> Fit<'f> {
     pub(super) fn variance(&self) -> Result<(f64, f64), IdentifyError> {
         let freedom = (self.problem.samples() as f64 - self.problem.free().len() as f64).max(1.0);
         Ok((2.0 * self.problem.normal(&self.at)?.cost / freedom, freedom))
+    }
+}
+
+/// sds of what is free, with the held ones known.
+fn sds(hessian: &DMatrix<f64>, held: &[bool]) -> Vec<f64> {
+    let n = hessian.nrows();
+    let of_free = DMatrix::from_fn(n, n, |i, j| match (i == j, held[i] || held[j]) {
+        (_, false) => hessian[(i, j)],
+        (true, true) => 1.0,
+        (false, true) => 0.0,
+    });
+    covariance(&of_free)
+        .diagonal()
+        .iter()
+        .map(|v| v.sqrt())
+        .collect()
+}
+
+/// Holds at the rig's value, one after the other, the coefficient that is known worst for its size,
+/// while its sd is above `share` of that size. Each one held may determine others: where only a
+/// common factor of mass and damping is open, holding one of them is enough.
+///
+/// Returns which were held now, in their order, and the evaluations of the refits between them.
+pub(super) fn hold_undetermined(
+    problem: &Problem<'_>,
+    at: &mut Vec<f64>,
+    held: &mut [bool],
+    share: f64,
+) -> Result<(Vec<usize>, usize), IdentifyError> {
+    let globals = problem.forward().globals();
+    let (mut now, mut evaluations) = (Vec::new(), 0);
+    let mut hessian = problem.normal(at)?.hessian;
+    loop {
+        let sds = sds(&hessian, held);
+        let mut worst: Option<(usize, f64)> = None;
+        for (i, free) in globals.iter().enumerate().filter(|(i, _)| !held[*i]) {
+            // A rig that knows no number gives no size either: the estimate's own then.
+            let size = if free.start == 0.0 { at[i] } else { free.start };
+            let relative = if sds[i].is_finite() {
+                sds[i] / size.abs().max(1e-9)
+            } else {
+                f64::INFINITY
+            };
+            // Of equals the first: the mass rather than the damping.
+            if relative > share && worst.is_none_or(|(_, before)| relative > 1.01 * before) {
+                worst = Some((i, relative));
+            }
+        }
+        let Some((i, _)) = worst else {
+            return Ok((now, evaluations));
+        };
+        held[i] = true;
+        at[i] = globals[i].start;
+        now.push(i);
+        let refit = lm::descend(problem, at.clone(), held, REFIT_ENOUGH).or_else(|_| {
+            // What was fitted beside the old value may not even stay finite beside the new one.
+            for (value, free) in at.iter_mut().zip(globals) {
+                *value = free.start;
+            }
+            lm::descend(problem, at.clone(), held, REFIT_ENOUGH)
+        });
+        let (found, normal) = refit?;
+        evaluations += found.evaluations;
+        *at = found.parameters;
+        hessian = normal.hessian;
     }
 }

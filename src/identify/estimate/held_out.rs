@@ -1,7 +1,8 @@
 //! Leave-one-run-out.
 
 use super::IdentifyError;
-use super::fit::Fit;
+use super::conclude::UNEXCITED;
+use super::fit::{Fit, hold_undetermined};
 use crate::identify::data::Run;
 use crate::identify::forward::Forward;
 use crate::identify::lm;
@@ -42,6 +43,9 @@ pub(super) fn cross_validate(
         }
         let mut held = vec![false; start.len()];
         held[..globals].copy_from_slice(&fit.held[..globals]);
+        // What only the run left out shows would drift freely here: it stays at the rig's value.
+        let mut start = lm::least_squares(&problem, start, &held)?.parameters;
+        let (now, _) = hold_undetermined(&problem, &mut start, &mut held, UNEXCITED)?;
         let trained = lm::least_squares(&problem, start, &held)?;
         let alone = make(std::slice::from_ref(&runs[left]), coefficients)?;
         let mut own = Problem::new(alone.as_ref(), &vec![1.0; alone.slots().len()]);
@@ -55,6 +59,10 @@ pub(super) fn cross_validate(
         let channels = alone.channels(0, &predicted.parameters)?;
         out.push(CrossValidation {
             run: runs[left].name.clone(),
+            held: now
+                .iter()
+                .map(|i| coefficients[*i].key().to_owned())
+                .collect(),
             left_out: channels.iter().map(|c| (c.name.clone(), c.rms())).collect(),
             fitted: full
                 .runs
