@@ -15,9 +15,9 @@ use crate::record::{
 use crate::shutdown::{Shutdown, StopReason};
 use crate::stripe::ExtractorConfig;
 use crate::thruster::service::check_set;
-use hydroline_calib::{Calibration, ImageSize};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_calib::{Calibration, ImageSize};
 use hydroline_rigs::{Plan, Rig};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
