@@ -423,26 +423,6 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
 }
 
 #[test]
-fn a_start_on_its_bound_is_told() {
-    let rig = decoupled();
-    let mut run = free_motion(&rig.vehicle, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 30.0);
-    // Ten times the swing that a hull with this restoring moment can have made.
-    for sample in &mut run.samples {
-        sample.values[9] *= 10.0;
-    }
-    let keys = ["k_pdot", "k_p", "k_pp"];
-    let found = identify(&[run], &rig, &fixed(&keys[..2])).unwrap();
-    assert!(
-        found
-            .notes
-            .iter()
-            .any(|n| n.contains("phi_rad.start: ended on its range")),
-        "{:?}",
-        found.notes
-    );
-}
-
-#[test]
 fn a_free_decay_holds_the_mass_alone_and_names_the_scale() {
     let rig = decoupled();
     let mut truth = rig.vehicle.clone();

@@ -149,6 +149,13 @@ pub fn identify(
     fit.hold_resting(|i| resting.contains(&coefficients[i].dof));
     fit.search(options)?;
     let mut result = fit.conclude(&moving, rig, &coefficients, options)?;
+    let knows = |r: &Run| r.samples.iter().any(|s| s.covariance.is_some());
+    let weighs = forward.slots().iter().any(|s| s.starts_with("whitened "));
+    if moving.iter().any(knows) && !weighs {
+        result.notes.push(
+            "the logs carry covariances of the pose: not used by this model (coupled weighs by them where every sample has one); every sample of a channel counts alike".to_owned(),
+        );
+    }
     for s in &still {
         result.notes.push(format!(
             "{}: at rest for {:.0} s, used as the measurement of the noise",

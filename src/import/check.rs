@@ -70,6 +70,27 @@ pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mu
     if data.times_s.len() >= 4 {
         names(map, findings);
     }
+    let sds = |range: std::ops::Range<usize>| -> Vec<usize> {
+        let channels = map.channels();
+        let given = |c: &usize| channels.iter().any(|(p, m, _)| p == c && m.sd.is_some());
+        range.filter(given).collect()
+    };
+    // A log's covariance is one of all six numbers of the pose.
+    let (mut ignored, pose) = (sds(6..12), sds(0..6));
+    if pose.len() < 6 {
+        ignored.extend(pose);
+    }
+    if !ignored.is_empty() {
+        let names: Vec<&str> = ignored.iter().map(|c| CHANNELS[*c]).collect();
+        findings.push(Finding::warning(
+            "sd_ignored",
+            None,
+            format!(
+                "sd of {}: not written, a log holds the covariance of all six pose channels or none; identify estimates the noise from a run at rest or the residuals",
+                names.join(", ")
+            ),
+        ));
+    }
 }
 
 /// The same for motion that came without a map (a log): time, units, dead channels, kinematics.

@@ -439,6 +439,14 @@ fn stamps_without_a_zone_a_clock_from_zero_and_a_cut_number_are_named() {
 }
 
 #[test]
+fn an_sd_that_no_log_can_hold_is_named() {
+    let with_sd = WITH_R.to_owned() + "sd = 0.01\n";
+    let found = read(&table(300, |_, _| {}), &map(&with_sd));
+    let words = found.findings.iter().find(|f| f.kind == "sd_ignored");
+    assert!(words.is_some_and(|f| f.message.contains("r_radps")));
+}
+
+#[test]
 fn a_decay_seen_by_a_gyro_leaves_no_noise_at_rest() {
     use crate::identify::data::load;
     let toml = "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.p_radps]\ncolumn = \"q\"\nunit = \"rad/s\"\n";

@@ -212,8 +212,8 @@ pub fn capacity(rig: &Rig, name: &str) -> Option<f64> {
     (0..set.len()).map(share).sum()
 }
 
-/// A load this many times what the rig can make is another unit, not a strong thruster.
-const ABSURD: f64 = 20.0;
+/// A load this many times what all thrusters make together is another unit, not a strong rig.
+const ABSURD: f64 = 5.0;
 
 /// Loads that the rig cannot have made.
 fn note_absurd(run: &mut Run, rig: &Rig) {

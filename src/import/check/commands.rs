@@ -7,8 +7,10 @@ use super::super::table::Imported;
 use super::Finding;
 use crate::identify::data::capacity;
 
-/// A load this many times what the rig can make is another unit, not a strong thruster.
+/// A thrust this many times the thruster's largest is another unit, not a strong thruster.
 const ABSURD: f64 = 20.0;
+/// The same of a component `surge` .. `yaw` against what all thrusters make together.
+const ABSURD_TOGETHER: f64 = 5.0;
 
 /// Adds what commands show by themselves and, with a rig, against it.
 pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
@@ -65,7 +67,9 @@ pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mu
         let (largest, row) = values.iter().enumerate().fold((0.0_f64, 0), |m, (k, v)| {
             if v.abs() > m.0 { (v.abs(), k) } else { m }
         });
-        if limit > 0.0 && largest >= ABSURD * limit {
+        let component = Dof::ALL.iter().any(|d| d.name() == c.thruster);
+        let absurd = if component { ABSURD_TOGETHER } else { ABSURD };
+        if limit > 0.0 && largest >= absurd * limit {
             findings.push(Finding::fault(
                 "command_size",
                 data.lines.get(row).copied(),
