@@ -423,6 +423,29 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
 }
 
 #[test]
+fn a_start_on_its_bound_is_told() {
+    let rig = decoupled();
+    let mut run = free_motion(&rig.vehicle, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 1.2);
+    // The first quarter of a swing, ten times what a heel of 0.3 rad makes: no sine is 3.
+    for sample in &mut run.samples {
+        sample.values[9] *= 10.0;
+    }
+    let options = Options {
+        start: Start::AtRest,
+        ..fixed(&["k_pdot", "k_pp"])
+    };
+    let found = identify(&[run], &rig, &options).unwrap();
+    assert!(
+        found
+            .notes
+            .iter()
+            .any(|n| n.contains("phi_rad.start: ended on its range")),
+        "{:?}",
+        found.notes
+    );
+}
+
+#[test]
 fn a_free_decay_holds_the_mass_alone_and_names_the_scale() {
     let rig = decoupled();
     let mut truth = rig.vehicle.clone();

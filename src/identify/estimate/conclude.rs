@@ -1,6 +1,6 @@
 //! A settled fit in numbers and words: intervals, noise, runs, residuals.
 
-use super::fit::Fit;
+use super::fit::{Fit, beside};
 use super::{IdentifyError, Options};
 use crate::identify::data::Run;
 use crate::identify::outcome::{Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace};
@@ -35,6 +35,7 @@ impl Fit<'_> {
     ) -> Result<Identification, IdentifyError> {
         let (variance, freedom) = self.variance()?;
         let mut normal = self.problem.normal(&self.at)?;
+        let of_data = normal.hessian.clone();
         for (i, held) in self.held.iter().enumerate() {
             if *held {
                 // What is held is known no better than to its own size: carried into the others' intervals.
@@ -48,8 +49,13 @@ impl Fit<'_> {
         } else {
             variance
         };
-        let all = covariance(&normal.hessian) * scale;
+        let mut all = covariance(&normal.hessian) * scale;
         let count = coefficients.len();
+        let open = (0..count).any(|i| all[(i, i)].is_infinite());
+        if open && self.held.iter().any(|h| *h) {
+            // The data are so much sharper than the size of what is held that rounding eats it.
+            all = self.beside_held(&of_data, scale);
+        }
         let block: DMatrix<f64> = all.view((0, 0), (count, count)).into_owned();
         let correlations = correlation(&block);
         let quantile = t95(freedom);
@@ -146,6 +152,29 @@ impl Fit<'_> {
             let values = self.forward.measured(run).iter().skip(slot).step_by(slots);
             values.into_iter().any(|v| v.is_finite())
         })
+    }
+
+    /// Covariance where what is held is known to its own size only, from the covariance beside the
+    /// held values and how the estimates move with them: d = - C H_held, C + d size^2 d^T.
+    fn beside_held(&self, hessian: &DMatrix<f64>, scale: f64) -> DMatrix<f64> {
+        let n = hessian.nrows();
+        let mut all = covariance(&beside(hessian, &self.held));
+        let open: Vec<usize> = (0..n).filter(|i| all[(*i, *i)].is_infinite()).collect();
+        for i in (0..n).filter(|i| self.held[*i] || open.contains(i)) {
+            all[(i, i)] = 0.0;
+        }
+        let beside = all.clone();
+        all *= scale;
+        for h in (0..n).filter(|h| self.held[*h]) {
+            let size = self.forward.globals()[h].start.abs().max(1e-9);
+            let mut moves = -(&beside * hessian.column(h));
+            moves[h] = 1.0;
+            all.ger(size * size, &moves, &moves, 1.0);
+        }
+        for i in open {
+            all[(i, i)] = f64::INFINITY;
+        }
+        all
     }
 
     fn describe_noise(&self, result: &mut Identification) {

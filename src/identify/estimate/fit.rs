@@ -215,15 +215,19 @@ impl<'f> Fit<'f> {
     }
 }
 
-/// sds of what is free, with the held ones known.
-fn sds(hessian: &DMatrix<f64>, held: &[bool]) -> Vec<f64> {
+/// J^T J of what is free beside what is held; 1 on the diagonal of the held.
+pub(super) fn beside(hessian: &DMatrix<f64>, held: &[bool]) -> DMatrix<f64> {
     let n = hessian.nrows();
-    let of_free = DMatrix::from_fn(n, n, |i, j| match (i == j, held[i] || held[j]) {
+    DMatrix::from_fn(n, n, |i, j| match (i == j, held[i] || held[j]) {
         (_, false) => hessian[(i, j)],
         (true, true) => 1.0,
         (false, true) => 0.0,
-    });
-    covariance(&of_free)
+    })
+}
+
+/// sds of what is free, with the held ones known.
+fn sds(hessian: &DMatrix<f64>, held: &[bool]) -> Vec<f64> {
+    covariance(&beside(hessian, held))
         .diagonal()
         .iter()
         .map(|v| v.sqrt())
