@@ -227,10 +227,14 @@ impl OnlineCalibration {
             }
         };
         // A gap that nobody measured is judged by itself, and counted in what is told.
+        let measured = self
+            .gap
+            .as_ref()
+            .filter(|gap| matches!(gap, Coplanarity::Measured(_)));
         let own_sd_m = self
             .fitted
             .as_ref()
-            .and_then(|map| self.worst_sd_m(map, self.gap.as_ref()));
+            .and_then(|map| self.worst_sd_m(map, measured));
         let worst_sd_m = self
             .fitted
             .as_ref()

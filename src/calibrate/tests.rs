@@ -1,7 +1,6 @@
 use super::*;
 use crate::event::Severity;
 use hydroline_calib::detect::synthetic::{LaserSheet, Scene, View, render};
-use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::study::truth::Rig as Truth;
 use live::Live;
 

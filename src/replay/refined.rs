@@ -85,9 +85,9 @@ impl Spread {
                 second = !second;
                 second
             });
+            // The last one kept was the second last one taken: the next of twice the distance is as far
+            // as the next one was anyway.
             self.every *= 2;
-            // The last one kept was the second last one taken.
-            self.next += self.every / 2;
         }
     }
 }
