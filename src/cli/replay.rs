@@ -271,7 +271,8 @@ fn same_calibration(logged: Option<&Calibration>, used: Option<&Calibration>) ->
 fn print_refined(refined: &RefineReport) {
     outln!(
         "  refined over {} frames ({} of them gave no pose and were left out):",
-        refined.frames, refined.failed
+        refined.frames,
+        refined.failed
     );
     if let Some([thickness_m, sd_m]) = refined.thickness_m {
         outln!(
