@@ -409,7 +409,7 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
     let rig = decoupled();
     let truth = other_vehicle(&rig, 4);
     let run = free_motion(&truth, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 30.0);
-    let found = identify(&[run.clone()], &rig, &Options::default()).unwrap();
+    let found = identify(std::slice::from_ref(&run), &rig, &Options::default()).unwrap();
     assert_eq!(found.model, "roll");
     assert_sound(&found, &truth);
     let (heel, sd) = found.runs[0].start["phi_rad.start"];

@@ -126,7 +126,7 @@ fn refractive_in_other_water_knows_what_it_does_not_know() {
                 count += 1.0;
             }
         }
-        rms += (sum / count / RUNS as f64) as f64;
+        rms += sum / count / RUNS as f64;
     }
     println!("rms {:.3} mm, at most {worst_sd:.1} sd", 1e3 * rms.sqrt());
     // Everything is off by one sd at once: four of them add up to two.
