@@ -292,7 +292,7 @@ fn record_within(
     )
     .unwrap();
     let hydroline::shutdown::StopReason::Limit(words) = &report.stop else {
-        panic!("{:?}", report.stop)
+        unreachable!("{:?}", report.stop)
     };
     let (records, _) = read(&path);
     assert!(
