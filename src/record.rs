@@ -20,6 +20,7 @@ mod worker;
 
 pub use calibrating::Calibrating;
 pub use session::{Conditions, SessionInput, head};
+pub(crate) use supervise::LEAD;
 
 use crate::calibrate::{self, message};
 use crate::capture::{CaptureCounts, FrameSource};
@@ -227,8 +228,10 @@ fn start_threads(
     service: Option<&ThrusterService>,
 ) -> Result<Threads, RecordError> {
     let neutral = service.map(ThrusterService::handle);
+    // A frame of the board shows no target.
     let poses = map
         .clone()
+        .filter(|_| job.calibrate.is_none())
         .map(|map| worker::poses(shared.clone(), job, map))
         .transpose()?;
     let analysis = worker::analysis(shared.clone(), job, map)?;

@@ -81,7 +81,8 @@ impl Signals {
 
     fn neutral(&self) {
         for line in self.lock().iter() {
-            line.request(NeutralReason::Exit);
+            // For good: a plan that is just about to begin must not take it back.
+            line.bar(NeutralReason::Exit);
         }
     }
 

@@ -62,8 +62,10 @@ pub struct Status {
     pub coverage: Coverage,
     /// Fit at the nodes.
     pub residuals: Option<Residuals>,
-    /// Largest standard deviation of the map over the board \[m\], gap included.
+    /// Largest standard deviation of the map over the board \[m\], gap included, measured or not.
     pub worst_sd_m: Option<f64>,
+    /// The same without a gap that nobody measured \[m\]: what the tolerance is held against.
+    pub own_sd_m: Option<f64>,
     /// Board against sheet, in words.
     pub gap: Option<String>,
     /// What is still missing, in words; empty when accepted.
@@ -278,6 +280,7 @@ impl OnlineCalibration {
             coverage,
             residuals: residuals.and_then(|c| c.residuals),
             worst_sd_m,
+            own_sd_m,
             gap: self.gap.as_ref().map(Coplanarity::words),
             missing,
             accepted,

@@ -62,7 +62,7 @@ impl PlacedBy {
     pub fn wrong_scale(&self, pitch_m: f64) -> Option<String> {
         match self {
             PlacedBy::Rig { scale, .. } if (scale - 1.0).abs() > ANOTHER_BOARD => Some(format!(
-                "by the rig's camera the board's pitch is {:.1} mm, its file says {:.1}: give the file of the board in the tank (--board), correct [camera] fx_px and [mounts] of the rig, or say where it stands (--at)",
+                "by the rig's camera the board's pitch is {:.1} mm, its file says {:.1}: give the file of the board in the tank (--board), correct [camera] fx_px, [mounts] and [tank] n_water of the rig (with n_water of water, fx_px is that in air), or say where it stands (--at)",
                 1e3 * pitch_m * scale,
                 1e3 * pitch_m
             )),
@@ -80,6 +80,17 @@ pub(super) fn camera_m(rig: &Rig, placement: &Placement) -> [f64; 3] {
     [at[0], at[1], m.l_laser_m + m.l_camera_m]
 }
 
+/// The rig's ideal camera as it sees in that medium. Eqs. 11-12 know no port: behind one, in water, a
+/// camera sees as with a longer lens.
+pub(super) fn ideal(rig: &Rig, medium: Medium) -> IdealMap {
+    let mut seen = rig.clone();
+    if rig.tank.n_water > 1.1 && medium != Medium::Air {
+        seen.camera.fx_px *= rig.tank.n_water;
+        seen.camera.fy_px *= rig.tank.n_water;
+    }
+    IdealMap::of(&seen)
+}
+
 /// Where the board stands. `gap`: the nodes lie on the face; the rays through them meet the sheet elsewhere.
 pub(super) fn place(
     setup: &Setup,
@@ -91,13 +102,7 @@ pub(super) fn place(
     }
     let nobody = (Placement::default(), PlacedBy::Nobody);
     let Some(rig) = &setup.rig else { return nobody };
-    // The ideal camera knows no port: behind one, in water, it sees as with a longer lens.
-    let mut seen = rig.clone();
-    if rig.tank.n_water > 1.1 && setup.medium != Medium::Air {
-        seen.camera.fx_px *= rig.tank.n_water;
-        seen.camera.fy_px *= rig.tank.n_water;
-    }
-    let ideal = IdealMap::of(&seen);
+    let ideal = ideal(rig, setup.medium);
     let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = nodes
         .iter()
         .filter_map(|n| {

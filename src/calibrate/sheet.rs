@@ -3,9 +3,9 @@
 //! A board may be covered whole and be half as large as the run: stripe points beyond it get no
 //! coordinates, for no map extrapolates.
 
-use super::Setup;
+use super::{Setup, place};
+use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
-use hydroline_calib::{Calibration, IdealMap};
 
 /// Places asked, along columns and along rows of a part of the image.
 const PLACES: usize = 8;
@@ -23,7 +23,7 @@ impl Sheet {
     /// By the rig's camera and fan; `None` without a rig.
     pub fn of(setup: &Setup, calibration: &Calibration) -> Option<Self> {
         let rig = setup.rig.as_ref()?;
-        let ideal = IdealMap::of(rig);
+        let ideal = place::ideal(rig, setup.medium);
         let map = calibration.to_map();
         let size = [rig.camera.width_px, rig.camera.height_px].map(f64::from);
         let mut lit = [[0.0f64; 3]; 3];

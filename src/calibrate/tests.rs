@@ -131,7 +131,7 @@ fn what_a_person_measured_stands_and_without_a_rig_nothing_is_claimed() {
     );
 }
 
-/// The file of a board with squares a fifth smaller fitted all nodes, and all lengths were a fifth short.
+/// The file of a board with squares a fifth larger fitted all nodes, and all lengths were a fifth too long.
 #[test]
 fn a_board_file_of_another_pitch_is_not_accepted() {
     let mut setup = setup();

@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ..ExtractorConfig::default()
     };
     let mut extractor = Extractor::new(config);
-    let mut failed = 0;
+    let (mut failed, mut reader_gone) = (0, false);
     let mut stdout = std::io::stdout().lock();
     let mut objects = Vec::new();
     for path in &args.images {
@@ -56,14 +56,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         let written = if args.json {
             objects.push(object(path, &profile));
             Ok(())
+        } else if reader_gone {
+            Ok(()) // a closed pipe ends the output, not the command
         } else if args.csv {
             csv(&mut stdout, args, path, &profile)
         } else {
             summary(&mut stdout, path, &profile)
         };
-        if !still_read(written)? {
-            return Ok(Outcome::Done);
-        }
+        reader_gone |= !still_read(written)?;
         if let Some(fault) = &profile.fault {
             eprintln!("hydroline: {}: {fault}", path.display());
         }

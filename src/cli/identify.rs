@@ -322,6 +322,16 @@ fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliEr
     Ok(found)
 }
 
+/// Tells the watcher that the search is over.
+struct End<'a>(&'a AtomicBool, std::thread::Thread);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+        self.1.unpark();
+    }
+}
+
 /// A slow search that shows its evaluations on a terminal.
 struct Watched<'a>(&'a dyn Method);
 
@@ -345,10 +355,9 @@ impl Method for Watched<'_> {
                     std::thread::park_timeout(Duration::from_millis(100));
                 }
             });
-            let found = self.0.minimise(problem, objective, seed);
-            done.store(true, Ordering::Relaxed);
-            watcher.thread().unpark();
-            found
+            // Also when the search panics: a panic must not become a wait without end.
+            let _end = End(&done, watcher.thread().clone());
+            self.0.minimise(problem, objective, seed)
         });
         bar.finish_and_clear();
         found

@@ -390,7 +390,7 @@ fn settle(pause: Duration) -> Result<bool, CliError> {
         let left = end.saturating_duration_since(Instant::now());
         if left.is_zero() {
             bar.finish_and_clear();
-            return Ok(true);
+            return Ok(!keys.is_some_and(Keys::finish));
         }
         bar.set_position((pause - left).as_secs());
         std::thread::sleep(left.min(Duration::from_millis(50)));
@@ -416,7 +416,7 @@ fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
                 return Ok(false);
             }
             if keys.enter() {
-                return Ok(true);
+                return Ok(!keys.finish());
             }
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -496,10 +496,10 @@ impl Recording<'_> {
             .map_err(CliError::config)?;
         }
         if let (Some(length), Some(plan)) = (length, self.plan)
-            && length.as_secs_f64() < plan.duration_s()
+            && length.as_secs_f64() < plan.duration_s() + crate::record::LEAD.as_secs_f64()
         {
             eprintln!(
-                "hydroline: --for {:.1} s is shorter than plan '{}' ({:.1} s): the plan will be cut",
+                "hydroline: --for {:.1} s is shorter than plan '{}' ({:.1} s, begun half a second in): the plan will be cut",
                 length.as_secs_f64(),
                 plan.name,
                 plan.duration_s()

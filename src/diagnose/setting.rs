@@ -76,7 +76,7 @@ impl Track {
             return None;
         }
         let span_s = times_s.last().copied().unwrap_or(0.0) - times_s[0];
-        let every = ((times_s.len() - 1) as f64 / span_s.max(1e-9) / RATE_MOST_HZ).ceil();
+        let every = ((times_s.len() - 1) as f64 / span_s.max(1e-9) / RATE_MOST_HZ - 0.05).ceil();
         // A few samples in a row say nothing of a rate.
         if every > 1.0 && span_s > 1.0 {
             let thin = |v: Vec<f64>| v.into_iter().step_by(every as usize).collect::<Vec<_>>();
@@ -140,13 +140,15 @@ fn averaged(edges: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     }
     let mut made: Vec<(f64, f64)> = Vec::new();
     let (mut next, mut load) = (0, 0.0);
-    for k in 0..=(span_s / HOLD_S) as usize {
+    let whiles = (span_s / HOLD_S) as usize;
+    for k in 0..=whiles {
         let (from_s, to_s) = (
             begin_s + HOLD_S * k as f64,
             begin_s + HOLD_S * (k + 1) as f64,
         );
         let (mut now_s, mut impulse) = (from_s, 0.0);
-        while let Some((t_s, new)) = edges.get(next).filter(|e| e.0 < to_s) {
+        // The last while takes every edge that is left: its end may be the last edge's time, rounded.
+        while let Some((t_s, new)) = edges.get(next).filter(|e| k == whiles || e.0 < to_s) {
             impulse += load * (t_s - now_s).max(0.0);
             now_s = t_s.max(now_s);
             load = *new;
@@ -474,5 +476,28 @@ mod tests {
         assert!(made.len() < 160, "{}", made.len());
         assert!((impulse(&made) - impulse(&dense)).abs() < 1e-9);
         assert_eq!(made.last().map(|e| e.1), Some(0.0));
+    }
+
+    /// A span of whole whiles whose sum was rounded onto the last edge left that edge out, and the
+    /// thrusters on until the run's end.
+    #[test]
+    fn the_last_edge_stays_whatever_the_span() {
+        for hundredths in 10..1200u32 {
+            let edges: Vec<(f64, f64)> = (0..=hundredths)
+                .map(|k| {
+                    let load = if k == hundredths {
+                        0.0
+                    } else {
+                        1.0 + f64::from(k % 7)
+                    };
+                    (3.7 + 0.01 * f64::from(k), load)
+                })
+                .collect();
+            assert_eq!(
+                averaged(edges).last().map(|e| e.1),
+                Some(0.0),
+                "{hundredths}"
+            );
+        }
     }
 }

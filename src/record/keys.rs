@@ -81,6 +81,20 @@ impl Keys {
         self.pressed.quit.load(Ordering::Acquire)
     }
 
+    /// Reads what was typed until now and stops watching: whether Space or q was among it. A key pressed
+    /// while the watch ends must not be lost: what comes next may be a plan.
+    pub fn finish(mut self) -> bool {
+        self.join();
+        self.space() || self.quit()
+    }
+
+    fn join(&mut self) {
+        self.pressed.closing.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+
     /// Whether Enter was pressed since the last call.
     pub fn enter(&self) -> bool {
         self.pressed.enter.swap(false, Ordering::AcqRel)
@@ -89,14 +103,19 @@ impl Keys {
 
 fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
     let mut keys = [0u8; 64];
-    while !pressed.closing.load(Ordering::Acquire) {
+    loop {
+        let closing = pressed.closing.load(Ordering::Acquire);
         let mut poll = libc::pollfd {
             fd,
             events: libc::POLLIN,
             revents: 0,
         };
         // SAFETY: one valid pollfd.
-        if unsafe { libc::poll(&mut poll, 1, LOOK_MS) } <= 0 {
+        if unsafe { libc::poll(&mut poll, 1, if closing { 0 } else { LOOK_MS }) } <= 0 {
+            // What was typed until the very end has been read: a Space then is a Space.
+            if closing {
+                return;
+            }
             continue;
         }
         // SAFETY: the buffer is valid for its length. Straight from the descriptor: a buffered reader would
@@ -133,10 +152,7 @@ fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
 
 impl Drop for Keys {
     fn drop(&mut self) {
-        self.pressed.closing.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.join();
         // SAFETY: restores what tcgetattr returned for the same descriptor.
         unsafe { libc::tcsetattr(libc::STDIN_FILENO, libc::TCSANOW, &self.before) };
     }

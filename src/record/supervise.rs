@@ -15,7 +15,7 @@ use std::time::Duration;
 /// How often the main thread looks around.
 const TICK: Duration = Duration::from_millis(100);
 /// From the moment everything is ready to the plan's first command.
-const LEAD: Duration = Duration::from_millis(500);
+pub(crate) const LEAD: Duration = Duration::from_millis(500);
 
 /// Runs until something ends the recording and says what.
 pub(super) fn supervise(
@@ -74,7 +74,14 @@ impl Supervisor<'_> {
                 }
                 _ = tick.tick() => {
                     if let Some(reason) = self.look() {
-                        return Ok(reason);
+                        let late = self.keys.take().is_some_and(Keys::finish);
+                        return Ok(match reason {
+                            // Pressed while the run ended: no other run follows it.
+                            StopReason::Finished | StopReason::PlanCut(_) if late => {
+                                StopReason::Asked("a key at the run's end")
+                            }
+                            reason => reason,
+                        });
                     }
                     if self.began_ns.is_none() && self.ready() {
                         self.began_ns = Some(self.shared.clock.monotonic_ns());

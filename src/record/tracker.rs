@@ -39,6 +39,9 @@ struct Model {
     state: Option<State>,
 }
 
+/// What a rig's curve may give at the neutral pulse \[N\]: no push.
+const NEUTRAL_N: f64 = 0.05;
+
 struct State {
     world: World,
     thrust_n: Vec<f64>,
@@ -54,7 +57,7 @@ impl State {
     /// False when the model diverged.
     fn take(&mut self, sent: &Sent, now_unix_ns: u64) -> bool {
         // The vehicle is held or rests at the rig's start until something pushes it.
-        if self.start_unix_ns.is_none() && sent.thrust_n == 0.0 {
+        if self.start_unix_ns.is_none() && sent.thrust_n.abs() <= NEUTRAL_N {
             return true;
         }
         let start = *self
@@ -69,7 +72,9 @@ impl State {
 
     /// Whether any thruster is commanded to push.
     fn is_driven(&self) -> bool {
-        self.thrust_n.iter().any(|thrust_n| *thrust_n != 0.0)
+        self.thrust_n
+            .iter()
+            .any(|thrust_n| thrust_n.abs() > NEUTRAL_N)
     }
 }
 

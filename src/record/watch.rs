@@ -20,8 +20,9 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(50);
 /// A floor line older than this says nothing about now \[ns\].
 const FRESH_NS: u64 = 500_000_000;
-/// A measured pose older than this says nothing about now \[ns\]: a fit on a busy computer takes some tenths of a second.
-const FRESH_POSE_NS: u64 = 1_000_000_000;
+/// A measured pose older than this says nothing about now \[ns\]: a fit on a busy computer takes some tenths of a
+/// second, and while a pose stands for now, the faster model is not asked.
+const FRESH_POSE_NS: u64 = 400_000_000;
 /// A position with a larger standard deviation is no measurement to stop for \[m\]: limits are decimetres apart.
 const MAX_SD_M: f64 = 0.02;
 /// The same of an angle \[rad\]: 2 deg.
@@ -156,7 +157,8 @@ fn look(shared: &Shared, sight: &mut Sight, now_ns: u64) -> Estimate {
     let pose = *shared.pose.lock().unwrap_or_else(PoisonError::into_inner);
     sight.estimate(
         floor.filter(|(at_ns, _)| now_ns.saturating_sub(*at_ns) <= FRESH_NS),
-        pose.filter(|p| unix_ns.saturating_sub(p.unix_ns) <= FRESH_POSE_NS),
+        // Not one from the future either: a wall clock that was set back must not keep a pose fresh.
+        pose.filter(|p| unix_ns.abs_diff(p.unix_ns) <= FRESH_POSE_NS),
         shared.tracker.estimate(unix_ns),
     )
 }

@@ -316,7 +316,7 @@ fn every_failure_has_its_reason() {
         "{answer:?}"
     );
 
-    // Saturated by a sixth of the image: the thin marks are gone.
+    // Saturated by a sixth of the image: found, or the exposure is named and not the view.
     let bright = Scene {
         exposure: 3.0,
         ..scene.clone()

@@ -120,7 +120,7 @@ impl Report<'_> {
             "nodes_of_board": self.setup.board.columns * self.setup.board.rows,
             "coverage": self.status.coverage.share(), "coverage_parts": self.status.coverage.parts,
             "sheet_share": sheet.map(|s| s.share), "sheet_parts": sheet.map(|s| s.parts),
-            "residuals": c.residuals, "worst_sd_m": self.status.worst_sd_m,
+            "residuals": c.residuals, "worst_sd_m": self.status.worst_sd_m, "own_sd_m": self.status.own_sd_m,
             "tolerance_m": self.setup.tolerance_m(),
             "coplanarity": gap, "coplanarity_words": c.gap().map(Coplanarity::words),
             "placement": c.placement, "placement_words": self.placed_by.words(),
@@ -188,12 +188,13 @@ impl fmt::Display for Report<'_> {
                 1e3 * r.max_m
             )?;
         }
-        if let Some(sd) = s.worst_sd_m {
+        if let (Some(own), Some(all)) = (s.own_sd_m, s.worst_sd_m) {
             writeln!(
                 f,
-                "map's uncertainty, the board's distance from the sheet included: {:.3} mm where it is worst, {:.2} mm allowed",
-                1e3 * sd,
-                1e3 * self.setup.tolerance_m()
+                "map's own uncertainty: {:.3} mm where it is worst, {:.2} mm allowed; with the board's distance from the sheet {:.3} mm",
+                1e3 * own,
+                1e3 * self.setup.tolerance_m(),
+                1e3 * all
             )?;
         }
         if let Some(gap) = c.gap() {

@@ -212,7 +212,13 @@ impl<'a> Rivals<'a> {
         }
         let search = self.search;
         let channel = search.setting.channel();
-        let miss = |r: &Rival| r.held.unwrap_or_else(|| rms(search, &r.fit));
+        let no_runs = self.held.is_empty();
+        // A prediction that failed is no prediction, not a good fit.
+        let miss = |r: &Rival| match r.held {
+            Some(held) => held,
+            None if no_runs => rms(search, &r.fit),
+            None => f64::INFINITY,
+        };
         let rung = |effect: &str, r: &Rival| Rung {
             effect: effect.to_owned(),
             train: BTreeMap::from([(channel.to_owned(), rms(search, &r.fit))]),
