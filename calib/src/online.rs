@@ -228,19 +228,8 @@ impl OnlineCalibration {
                 None
             }
         };
-        // A gap that nobody measured is judged by itself, and counted in what is told.
-        let measured = self
-            .gap
-            .as_ref()
-            .filter(|gap| matches!(gap, Coplanarity::Measured(_)));
-        let own_sd_m = self
-            .fitted
-            .as_ref()
-            .and_then(|map| self.worst_sd_m(map, measured));
-        let worst_sd_m = self
-            .fitted
-            .as_ref()
-            .and_then(|map| self.worst_sd_m(map, Some(&self.gap_or_unknown())));
+        let sd_m = self.fitted.as_ref().and_then(|map| self.worst_sd_m(map));
+        let (own_sd_m, worst_sd_m) = sd_m.unzip();
         let residuals = self.calibration(Provenance {
             medium: Medium::Air, // of no consequence to the residuals
             date: None,
@@ -295,21 +284,22 @@ impl OnlineCalibration {
             .unwrap_or_else(|| Coplanarity::unknown("not looked at", [0.0, distance, distance]))
     }
 
-    /// Largest standard deviation over a grid of the map's region with what is known of the gap.
-    fn worst_sd_m(&self, map: &FittedMap, gap: Option<&Coplanarity>) -> Option<f64> {
+    /// Largest standard deviation over a grid of the map's region \[m\]: as it is judged, with the gap
+    /// where it was measured, and as it is told, with the gap in any case.
+    fn worst_sd_m(&self, map: &FittedMap) -> Option<(f64, f64)> {
         let (low, high) = map.region().bounds_m()?;
-        let mut worst: Option<f64> = None;
+        let gap = self.gap_or_unknown();
+        let measured = matches!(gap, Coplanarity::Measured(_));
+        let mut worst: Option<(f64, f64)> = None;
         for j in 0..=6 {
             for i in 0..=6 {
                 let xi = low[0] + (high[0] - low[0]) * f64::from(i) / 6.0;
                 let eta = low[1] + (high[1] - low[1]) * f64::from(j) / 6.0;
                 if let Some(p) = map.to_image(xi, eta).and_then(|(c, r)| map.to_plane(c, r)) {
-                    let mut c = p.covariance_m2;
-                    if let Some(gap) = gap {
-                        c += gap.covariance_m2(xi, eta);
-                    }
-                    let sd = c[(0, 0)].max(c[(1, 1)]).max(0.0).sqrt();
-                    worst = Some(worst.map_or(sd, |w: f64| w.max(sd)));
+                    let sd = |c: Matrix2<f64>| c[(0, 0)].max(c[(1, 1)]).max(0.0).sqrt();
+                    let all = sd(p.covariance_m2 + gap.covariance_m2(xi, eta));
+                    let own = if measured { all } else { sd(p.covariance_m2) };
+                    worst = Some(worst.map_or((own, all), |w| (w.0.max(own), w.1.max(all))));
                 }
             }
         }

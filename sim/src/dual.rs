@@ -37,6 +37,21 @@ impl<const N: usize> Dual<N> {
         dual
     }
 
+    /// All values, those from `first` on as the variables of one pass of `N` directions.
+    pub fn pass(values: &[f64], first: usize) -> Vec<Self> {
+        values
+            .iter()
+            .enumerate()
+            .map(|(i, v)| {
+                if i >= first {
+                    Self::variable(*v, i - first)
+                } else {
+                    Self::constant(*v)
+                }
+            })
+            .collect()
+    }
+
     /// f(self) for a function with this value and derivative at `self.value`.
     fn chain(self, value: f64, derivative: f64) -> Self {
         Dual {

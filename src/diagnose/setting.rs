@@ -422,17 +422,7 @@ impl Setting {
         let mut jacobian = DMatrix::zeros(rows, p);
         let mut values = Vec::new();
         for first in (0..p).step_by(N) {
-            let duals: Vec<Dual<N>> = all
-                .iter()
-                .enumerate()
-                .map(|(i, v)| {
-                    if i >= first {
-                        Dual::variable(*v, i - first)
-                    } else {
-                        Dual::constant(*v)
-                    }
-                })
-                .collect();
+            let duals = Dual::<N>::pass(all, first);
             let (globals, start) = duals.split_at(p - 2);
             let out = self.simulate(run, set, globals, (start[0], start[1]), |_| {
                 Dual::constant(0.0)

@@ -226,17 +226,7 @@ impl Axis {
         // Passes of N directions: any number of parameters, no heap in the inner loop.
         for first in (0..p.max(1)).step_by(N) {
             out.clear();
-            let duals: Vec<Dual<N>> = parameters
-                .iter()
-                .enumerate()
-                .map(|(i, v)| {
-                    if i >= first {
-                        Dual::variable(*v, i - first)
-                    } else {
-                        Dual::constant(*v)
-                    }
-                })
-                .collect();
+            let duals = Dual::<N>::pass(parameters, first);
             let mut row = 0;
             self.run(run, &duals, |position, rate| {
                 for value in [Some(position), self.with_rate.then_some(rate)]

@@ -168,17 +168,7 @@ impl Coupled {
         let width = PASS.min(parameters.len() - first);
         let mut jacobian = DMatrix::zeros(r.measured.len(), width);
         let mut out = Vec::with_capacity(r.measured.len());
-        let duals: Vec<Dual<PASS>> = parameters
-            .iter()
-            .enumerate()
-            .map(|(i, v)| {
-                if i >= first {
-                    Dual::variable(*v, i - first)
-                } else {
-                    Dual::constant(*v)
-                }
-            })
-            .collect();
+        let duals = Dual::<PASS>::pass(parameters, first);
         let mut sample = 0;
         self.motion(run, &duals, |state| {
             for slot in r.project(sample, &state, &self.measured_channels) {

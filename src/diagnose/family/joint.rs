@@ -119,17 +119,7 @@ impl<'a> Joint<'a> {
         let mut r = DVector::zeros(track.times_s.len());
         let touched = Touched::none();
         for first in (0..own.len()).step_by(PASS) {
-            let duals: Vec<Dual<PASS>> = own
-                .iter()
-                .enumerate()
-                .map(|(i, v)| {
-                    if i >= first {
-                        Dual::variable(*v, i - first)
-                    } else {
-                        Dual::constant(*v)
-                    }
-                })
-                .collect();
+            let duals = Dual::<PASS>::pass(&own, first);
             let out = self.motion(run, &duals, &at[n..], &|v, hat, share| {
                 touched.by(hat, share);
                 v
