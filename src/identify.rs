@@ -5,6 +5,7 @@
 //! (one vector of unknowns, residuals whitened by `noise`) -> a [`Method`](method::Method)
 //! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, blind spots).
 
+pub mod adopt;
 pub mod axis;
 mod blind;
 pub mod bollard;

@@ -120,6 +120,40 @@ impl Identified {
         })
     }
 
+    /// What the rig's own `[identified]` says; `Ok(None)` = it has none.
+    ///
+    /// # Errors
+    /// [`PredictError::Identified`] where it belongs to other coefficients than `[vehicle]` has, or names none.
+    pub fn of_rig(rig: &Rig) -> Result<Option<Identified>, PredictError> {
+        let Some(known) = &rig.identified else {
+            return Ok(None);
+        };
+        let bad = |reason: String| PredictError::Identified {
+            file: format!("[identified] of rig {}", rig.name),
+            reason,
+        };
+        let mut values = Vec::new();
+        for (key, value) in known.coefficients.iter().zip(&known.values) {
+            let coefficient =
+                Coefficient::find(key).ok_or_else(|| bad(format!("`{key}` is no coefficient")))?;
+            let said = coefficient.of_vehicle(&rig.vehicle);
+            if said != *value {
+                return Err(bad(format!(
+                    "its covariance belongs to {key} = {value}, but [vehicle] says {said}: take the table out, or identify again (--write-rig)"
+                )));
+            }
+            if values.iter().any(|(c, _)| *c == coefficient) {
+                return Err(bad(format!("`{key}` stands there twice")));
+            }
+            values.push((coefficient, *value));
+        }
+        let n = values.len();
+        Ok((n > 0).then(|| Identified {
+            covariance: DMatrix::from_fn(n, n, |i, j| known.covariance[i][j]),
+            values,
+        }))
+    }
+
     /// What no hull has: damping that drives, added mass that takes mass away. One sentence each.
     pub fn implausible(&self) -> Vec<String> {
         let positive = self.values.iter().filter(|(_, value)| *value > 0.0);

@@ -15,14 +15,14 @@ mod table10;
 mod table11;
 mod table3;
 
-pub use all_dofs::{DofRow, all_dofs};
+pub use all_dofs::{DofRow, all_dofs, dofs};
 pub use calibration::{CalibrationRow, CalibrationStudy};
 pub use disturbed::{Disturbed, JointAccuracy, disturbed, joint_accuracy};
 pub use figure::{Figure, Series};
 pub use figures::{figure12, figure13, figure17};
 pub use surge::{Disturbance, SurgeRun, table7};
 pub use table3::{Row, table3};
-pub use table10::{Row as Table10Row, table10};
+pub use table10::{Row as Table10Row, table10, table10_under};
 pub use table11::{TABLE11_THRUST_N, Table11Row, table11};
 
 use hydroline_rigs::RigError;

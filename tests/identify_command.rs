@@ -168,3 +168,145 @@ fn a_bollard_pull_goes_into_a_rig_and_cures_the_thrust_scale() {
     assert!(!again.status.success());
     assert!(String::from_utf8_lossy(&again.stderr).contains("measured.toml"));
 }
+
+fn predicted(rig: &str, more: &[&str]) -> Vec<Vec<f64>> {
+    let output = hydroline()
+        .args(["predict", "--rig", rig, "--plan", "surge-8n", "--rate", "5"])
+        .args(more)
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{words}");
+    let table = String::from_utf8(output.stdout).unwrap();
+    let row = |line: &str| line.split(',').map(|v| v.parse().unwrap()).collect();
+    table.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn a_fit_goes_into_a_rig_with_its_sd_and_predict_uses_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = simulated(dir.path(), "lshpi", "surge-8n", 3);
+    // A rig that knows surge 20 % wrongly.
+    let mut wrong = Rig::builtin("lshpi").unwrap();
+    for value in [
+        &mut wrong.vehicle.coefficients[0].added,
+        &mut wrong.vehicle.coefficients[0].linear,
+        &mut wrong.vehicle.coefficients[0].quadratic,
+    ] {
+        *value *= 1.2;
+    }
+    let from = dir.path().join("wrong.toml");
+    std::fs::write(&from, wrong.to_toml()).unwrap();
+    let written = dir.path().join("fitted.toml");
+    let output = identify(
+        &[&log],
+        &[
+            "--rig",
+            from.to_str().unwrap(),
+            "--json",
+            "--write-rig",
+            written.to_str().unwrap(),
+        ],
+    );
+    let found = json(&output);
+    let rig = Rig::load(&written).unwrap();
+    let known = rig.identified.clone().unwrap();
+    let surge = rig.vehicle.coefficients[0];
+    for (key, value) in [
+        ("x_udot", surge.added),
+        ("x_u", surge.linear),
+        ("x_uu", surge.quadratic),
+    ] {
+        let parameter = &found["parameters"][key];
+        let i = known.coefficients.iter().position(|k| k == key).unwrap();
+        assert_eq!(parameter["value"].as_f64(), Some(value), "{key}");
+        assert_eq!(known.values[i], value);
+        assert!((known.sd[i] / parameter["sd"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+        assert!((known.covariance[i][i] - known.sd[i].powi(2)).abs() < 1e-9 * known.sd[i].powi(2));
+    }
+    // What was not asked stays.
+    assert_eq!(
+        rig.vehicle.coefficients[1..],
+        wrong.vehicle.coefficients[1..]
+    );
+
+    // The rig alone predicts what the old rig predicts with the fit beside it, band and all.
+    let fit = dir.path().join("fit.json");
+    std::fs::write(&fit, &output.stdout).unwrap();
+    let by_rig = predicted(written.to_str().unwrap(), &[]);
+    let by_fit = predicted(
+        from.to_str().unwrap(),
+        &["--identified", fit.to_str().unwrap()],
+    );
+    let without = predicted(from.to_str().unwrap(), &[]);
+    // Time, twelve channels, and their twelve sds where there is a band.
+    assert_eq!((by_rig[0].len(), without[0].len()), (25, 13));
+    for (a, b) in by_rig.iter().flatten().zip(by_fit.iter().flatten()) {
+        assert!((a - b).abs() <= 1e-9 * (1e-6 + b.abs()), "{a} {b}");
+    }
+    let (last, off) = (by_rig.last().unwrap(), without.last().unwrap());
+    assert!(
+        last[13] > 0.0 && (last[1] - off[1]).abs() > 20.0 * last[13],
+        "{last:?} {off:?}"
+    );
+
+    // A coefficient changed by hand is not the one whose covariance is known.
+    let text = std::fs::read_to_string(&written).unwrap();
+    let number = format!("{:?}", surge.linear);
+    let changed = text.replacen(&number, "-33.0", 1);
+    std::fs::write(&written, changed).unwrap();
+    let refused = hydroline()
+        .args(["predict", "--plan", "surge-8n", "--rig"])
+        .arg(&written)
+        .output()
+        .unwrap();
+    assert!(!refused.status.success());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("x_u = "));
+}
+
+#[test]
+fn what_the_runs_do_not_determine_is_not_written_into_a_rig() {
+    let dir = tempfile::tempdir().unwrap();
+    // So weak a push that the quadratic term cannot be told.
+    let plan = dir.path().join("weak.toml");
+    std::fs::write(
+        &plan,
+        "name = \"weak\"\n[[step]]\nfor_s = 12.0\nwrench = { surge_n = 0.3 }\n",
+    )
+    .unwrap();
+    let log = dir.path().join("weak.mcap");
+    let status = hydroline()
+        .args([
+            "simulate",
+            "--motion-only",
+            "--rig",
+            "lshpi",
+            "--seed",
+            "3",
+            "--plan",
+        ])
+        .arg(&plan)
+        .arg("--out")
+        .arg(&log)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    let written = dir.path().join("fitted.toml");
+    let output = identify(
+        &[&log],
+        &["--rig", "lshpi", "--write-rig", written.to_str().unwrap()],
+    );
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{words}");
+    assert!(
+        words.contains("not written: x_uu: not determined"),
+        "{words}"
+    );
+    let (rig, before) = (Rig::load(&written).unwrap(), Rig::builtin("lshpi").unwrap());
+    assert_eq!(
+        rig.vehicle.coefficients[0].quadratic,
+        before.vehicle.coefficients[0].quadratic
+    );
+    let known = rig.identified.map_or(Vec::new(), |k| k.coefficients);
+    assert!(!known.contains(&"x_uu".to_owned()), "{known:?}");
+}

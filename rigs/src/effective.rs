@@ -58,6 +58,13 @@ pub(crate) fn rig(rig: &Rig) -> String {
         w.rows("covariance_n2", &pull.covariance_n2);
     }
     vehicle(&mut w, rig);
+    if let Some(known) = &rig.identified {
+        w.table("identified");
+        w.words("coefficients", &known.coefficients);
+        w.numbers("values", &known.values);
+        w.numbers("sd", &known.sd);
+        w.rows("covariance", &known.covariance);
+    }
     settings(&mut w, rig);
     for entry in &rig.physics {
         w.entry("physics");

@@ -50,4 +50,4 @@ pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
 pub use thruster::{BollardPull, Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
-pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};
+pub use vehicle::{AxisCoefficients, Dof, Identified, Vehicle, VehicleModel};

@@ -1,6 +1,6 @@
 use crate::{
-    BollardPull, Camera, FlatPort, Laser, Limits, LogSettings, Mounts, PhysicsEntry, Tank, Target,
-    ThrusterSet, Tolerance, Vehicle, target::Board,
+    BollardPull, Camera, FlatPort, Identified, Laser, Limits, LogSettings, Mounts, PhysicsEntry,
+    Tank, Target, ThrusterSet, Tolerance, Vehicle, target::Board,
 };
 
 /// A checked rig: everything simulator, capture, estimators and diagnosis read.
@@ -26,6 +26,8 @@ pub struct Rig {
     pub bollard: Option<BollardPull>,
     /// Mass, inertia and hydrodynamic coefficients.
     pub vehicle: Vehicle,
+    /// How well its coefficients are known, where an identification wrote this rig.
+    pub identified: Option<Identified>,
     /// Tank and water.
     pub tank: Tank,
     /// Where the vehicle may go during a run.

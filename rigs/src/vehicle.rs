@@ -54,6 +54,19 @@ pub struct Vehicle {
     pub coefficients: [AxisCoefficients; 6],
 }
 
+/// What an identification left behind: how well coefficients of `[vehicle]` are known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identified {
+    /// Names as identification writes them, e.g. `x_udot`.
+    pub coefficients: Vec<String>,
+    /// Values that the covariance belongs to, SI. Where `[vehicle]` says other ones it is not theirs.
+    pub values: Vec<f64>,
+    /// Standard deviations, for people: the square roots of the covariance's diagonal.
+    pub sd: Vec<f64>,
+    /// Covariance, one row per coefficient, SI.
+    pub covariance: Vec<Vec<f64>>,
+}
+
 impl Dof {
     /// All six in SNAME order.
     pub const ALL: [Dof; 6] = [

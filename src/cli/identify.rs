@@ -8,6 +8,7 @@ use hydroline_rigs::{Dof, Rig};
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
+use crate::identify::adopt::adopt;
 use crate::identify::bollard::{self, Bollard};
 use crate::identify::cmaes::Cmaes;
 use crate::identify::curve;
@@ -79,9 +80,10 @@ pub struct Args {
     /// uses it for the logs given, which cures the thrust-scale blind spot
     #[arg(long, value_name = "DATA.csv")]
     bollard: Option<PathBuf>,
-    /// Writes the rig with the curve of the bollard pull and its covariance; later fits with that rig
-    /// carry the curve's uncertainty in their intervals
-    #[arg(long, requires = "bollard", value_name = "NEW.toml")]
+    /// Writes the rig with what was found: coefficients that the runs determine, with their covariance
+    /// ([identified]; predict makes its band of it), and the curve of a bollard pull with its covariance
+    /// ([bollard]; later fits carry it in their intervals). What was not determined stays, and is named
+    #[arg(long, value_name = "NEW.toml")]
     write_rig: Option<PathBuf>,
     /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
     #[arg(long, value_name = "LOG")]
@@ -109,16 +111,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .as_deref()
         .map(|path| measure_curve(path, &mut rig))
         .transpose()?;
-    if let Some(path) = &args.write_rig {
-        std::fs::write(path, rig.to_toml()).map_err(|e| {
-            CliError::Run(format!(
-                "{}: {e}; check that the folder is writable",
-                path.display()
-            ))
-        })?;
-        eprintln!("{}", path.display());
-    }
     if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
+        write_rig(args, &rig)?;
         if args.json {
             outln!(
                 "{}",
@@ -171,6 +165,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     let mut result = identify(&runs, &rig, &options).map_err(CliError::run)?;
     thrust_scale(args, &rig, &runs, &options, &mut result)?;
+    if args.write_rig.is_some() {
+        let mut written = rig.clone();
+        for words in adopt(&result, &mut written) {
+            eprintln!("note: not written: {words}");
+        }
+        write_rig(args, &written)?;
+    }
     if let Some(dir) = &args.report {
         let path = dir.join("identify.html");
         let written = std::fs::create_dir_all(dir).and_then(|()| {
@@ -196,6 +197,20 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         print(&result);
     }
     Ok(Outcome::Done)
+}
+
+fn write_rig(args: &Args, rig: &Rig) -> Result<(), CliError> {
+    let Some(path) = &args.write_rig else {
+        return Ok(());
+    };
+    std::fs::write(path, rig.to_toml()).map_err(|e| {
+        CliError::Run(format!(
+            "{}: {e}; check that the folder is writable",
+            path.display()
+        ))
+    })?;
+    eprintln!("{}", path.display());
+    Ok(())
 }
 
 /// The logs' runs, and the one at rest.
@@ -425,8 +440,14 @@ fn print(result: &Identification) {
         } else {
             " white".to_owned()
         };
+        let logged = n.logged.map_or(String::new(), |l| {
+            format!(
+                "; {:.2} x the logged sd ({:.2e} .. {:.2e}), by which samples are weighed",
+                l.scale, l.least_sd, l.greatest_sd
+            )
+        });
         outln!(
-            "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}",
+            "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}{logged}",
             n.noise.white_sd,
             100.0 * n.outliers,
             n.source

@@ -15,6 +15,7 @@ pub struct Args {
     #[arg(long, value_name = "PLAN")]
     plan: String,
     /// Output of `identify --json`: its coefficients replace the rig's, its covariance makes the band
+    /// (a rig that `identify --write-rig` wrote has both in it)
     #[arg(long, value_name = "IDENTIFIED.json")]
     identified: Option<PathBuf>,
     /// Rows per second
@@ -38,7 +39,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         )));
     }
     let identified = match &args.identified {
-        None => None,
+        None => Identified::of_rig(&rig).map_err(CliError::config)?,
         Some(path) => {
             let text = std::fs::read_to_string(path)
                 .map_err(|e| CliError::Config(format!("{}: {e}", path.display())))?;
@@ -55,7 +56,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         predict(&rig, &plan, identified.as_ref(), args.rate, args.tail).map_err(CliError::run)?;
     if identified.is_none() {
         eprintln!(
-            "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json)"
+            "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
         );
     }
     if args.json {

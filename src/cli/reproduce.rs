@@ -1,5 +1,7 @@
 //! `hydroline reproduce`: the paper's tables, computed and printed beside its numbers.
 
+mod summary;
+
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use crate::reproduce::{
@@ -7,10 +9,14 @@ use crate::reproduce::{
     Table11Row, all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7,
     table10, table11,
 };
+use clap::ValueEnum;
 use std::path::PathBuf;
+use std::time::Instant;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum What {
+    /// Every table, figure and study in turn, with a line of summary each at the end
+    All,
     /// Accuracy of the six formulas, each in its own motion
     Table3,
     /// What disturbances do to surge, sway and heave
@@ -38,11 +44,14 @@ enum What {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+hydroline reproduce all --every 10 --seeds 2 takes some minutes; with every frame and 20 seeds (the defaults) table10 and
+all-dofs alone take an hour of two cores.")]
 pub struct Args {
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]
     what: What,
-    /// Takes every n-th frame of the paper's animations only
+    /// Takes every n-th frame of the paper's animations only (table3, table7, figures)
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     every: u16,
     /// Frames for joint-pose
@@ -69,6 +78,17 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
+    match args.what {
+        What::All => all(args)?,
+        _ => {
+            one(args)?;
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// Computes and prints one table or figure; returns its summary in a line.
+fn one(args: &Args) -> Result<String, CliError> {
     for (flag, path) in [("--csv", &args.csv), ("--svg", &args.svg)] {
         if let Some(path) = path {
             inputs::new_file(flag, path)?;
@@ -86,7 +106,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         print(args.json, "figure", &figure, || print_figure(&figure));
         save(args.csv.as_ref(), &figure.csv())?;
         save(args.svg.as_ref(), &figure.svg())?;
-        return Ok(Outcome::Done);
+        return Ok(figure.notes.join("; "));
     }
     if args.svg.is_some() {
         return Err(CliError::Config(
@@ -94,13 +114,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 .to_owned(),
         ));
     }
-    let csv = match args.what {
+    let (csv, line) = match args.what {
         What::Table4 | What::Table5 => {
             let five = args.what == What::Table5;
             let cells = disturbed(five).map_err(CliError::run)?;
             let name = if five { "table5" } else { "table4" };
             print(args.json, name, &cells, || print_cells(&cells));
-            csv_of(
+            let csv = csv_of(
                 "formula,disturbance,from,to,condition,paper,ours,unit,no_answer",
                 cells.iter().map(|c| {
                     format!(
@@ -116,36 +136,37 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                         c.missing
                     )
                 }),
-            )
+            );
+            (csv, summary::disturbed(&cells))
         }
         What::Calibration => {
             let study = CalibrationStudy::compute(args.seed).map_err(CliError::run)?;
             print(args.json, "calibration", &study, || out!("{study}"));
-            csv_of_any(&study)
+            (csv_of_any(&study), summary::calibration(&study))
         }
         What::Table10 => {
             let bar = progress::bar(3 * args.seeds, "experiments");
             let rows = table10(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
             bar.finish_and_clear();
             print(args.json, "table10", &rows, || print_table10(&rows));
-            csv_of_any(&rows)
+            (csv_of_any(&rows), summary::table10(&rows))
         }
         What::Table11 => {
             let rows = table11();
             print(args.json, "table11", &rows, || print_table11(&rows));
-            csv_of_any(&rows)
+            (csv_of_any(&rows), summary::table11(&rows))
         }
         What::AllDofs => {
             let bar = progress::bar(5 * args.seeds, "experiments");
             let rows = all_dofs(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
             bar.finish_and_clear();
             print(args.json, "all_dofs", &rows, || print_all_dofs(&rows));
-            csv_of_any(&rows)
+            (csv_of_any(&rows), summary::all_dofs(&rows))
         }
         What::Table7 => {
             let runs = table7(every).map_err(CliError::run)?;
             print(args.json, "table7", &runs, || print_table7(&runs));
-            csv_of(
+            let csv = csv_of(
                 "thrust_n,disturbance,frames,paper_psi_s_deg,paper_max_mm,whole_pixel_psi_s_deg,whole_pixel_max_mm,formula_psi_s_deg,formula_max_mm,joint_max_mm,smoothed_max_mm",
                 runs.iter().map(|r| {
                     format!(
@@ -163,13 +184,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                         r.smoothed_mm[1]
                     )
                 }),
-            )
+            );
+            (csv, summary::table7(&runs))
         }
         What::JointPose => {
             let found = joint_accuracy(args.frames as usize, args.seed, &args.target)
                 .map_err(CliError::run)?;
             print(args.json, "joint_pose", &found, || print_joint(&found));
-            csv_of(
+            let csv = csv_of(
                 "rms,reported_sd,bound,covered_95",
                 (0..6).map(|i| {
                     format!(
@@ -180,12 +202,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                         found.covered_95_each[i]
                     )
                 }),
-            )
+            );
+            (csv, summary::joint(&found))
         }
         _ => {
             let rows = table3(every).map_err(CliError::run)?;
             print(args.json, "table3", &rows, || print_table3(&rows));
-            csv_of(
+            let csv = csv_of(
                 "motion,unit,frames,paper_low,paper_high,whole_pixel_low,whole_pixel_high,formula_low,formula_high,ours_low,ours_high",
                 rows.iter().map(|r| {
                     format!(
@@ -203,11 +226,54 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                         r.ours[1]
                     )
                 }),
-            )
+            );
+            (csv, summary::table3(&rows))
         }
     };
     save(args.csv.as_ref(), &csv)?;
-    Ok(Outcome::Done)
+    Ok(line)
+}
+
+/// Everything in turn; a table that fails is named at the end, and the others still come.
+fn all(args: &Args) -> Result<(), CliError> {
+    if args.csv.is_some() || args.svg.is_some() || args.json {
+        return Err(CliError::Config(
+            "reproduce all prints words; --csv, --svg and --json go with one table".to_owned(),
+        ));
+    }
+    let (mut lines, mut failed) = (Vec::new(), Vec::new());
+    for what in What::value_variants().iter().filter(|w| **w != What::All) {
+        let name = what
+            .to_possible_value()
+            .map_or_else(String::new, |v| v.get_name().to_owned());
+        outln!("== {name}");
+        let start = Instant::now();
+        let found = one(&Args {
+            what: *what,
+            target: args.target.clone(),
+            csv: None,
+            svg: None,
+            ..*args
+        });
+        outln!("");
+        let words = found.unwrap_or_else(|error| {
+            failed.push(name.clone());
+            format!("FAILED: {error}")
+        });
+        lines.push(format!(
+            "{name:<12}{:>8.1} s  {words}",
+            start.elapsed().as_secs_f64()
+        ));
+    }
+    outln!("== summary");
+    for line in lines {
+        outln!("{line}");
+    }
+    if failed.is_empty() {
+        Ok(())
+    } else {
+        Err(CliError::Run(format!("{} failed", failed.join(", "))))
+    }
 }
 
 fn csv_of(header: &str, rows: impl Iterator<Item = String>) -> String {

@@ -72,6 +72,8 @@ struct Step {
 struct AxisRun {
     times_s: Vec<f64>,
     measured: Vec<f64>,
+    /// sd of each of `measured` as logged; empty = none is.
+    logged_sd: Vec<f64>,
     /// Stamps that coincide with the start.
     at_start: bool,
     steps: Vec<Step>,
@@ -255,17 +257,34 @@ impl AxisRun {
             1 if both => v[1] * psi.cos() - v[0] * psi.sin(),
             _ => v[i],
         };
+        // The same combination of the pose's covariance.
+        let variance = |p: &[f64; 36]| {
+            let (c, s) = (psi.cos(), psi.sin());
+            match i {
+                0 if both => c * c * p[0] + c * s * (p[1] + p[6]) + s * s * p[7],
+                1 if both => s * s * p[0] - c * s * (p[1] + p[6]) + c * c * p[7],
+                _ => p[7 * i],
+            }
+        };
         let mut measured = Vec::new();
+        let mut logged_sd = Vec::new();
         let mut times_s = Vec::new();
         for sample in &run.samples {
             let position = along(&sample.values);
             if position.is_finite() || (with_rate && sample.values[6 + i].is_finite()) {
                 times_s.push(sample.t_s);
                 measured.push(position);
+                let known = sample.covariance.as_deref().map(variance);
+                logged_sd.push(known.filter(|v| *v > 0.0).map_or(f64::NAN, f64::sqrt));
                 if with_rate {
                     measured.push(sample.values[6 + i]);
+                    // A log's covariance is that of the pose.
+                    logged_sd.push(f64::NAN);
                 }
             }
+        }
+        if !logged_sd.iter().any(|sd| sd.is_finite()) {
+            logged_sd.clear();
         }
         let first_s = times_s.first().copied().unwrap_or(0.0);
         let start_s = if first_s > START_SLACK_S {
@@ -325,6 +344,7 @@ impl AxisRun {
         AxisRun {
             times_s,
             measured,
+            logged_sd,
             at_start,
             steps,
             locals,
@@ -405,6 +425,9 @@ impl Forward for Axis {
     }
     fn measured(&self, run: usize) -> &[f64] {
         &self.runs[run].measured
+    }
+    fn logged_sd(&self, run: usize) -> &[f64] {
+        &self.runs[run].logged_sd
     }
 
     fn values(

@@ -11,7 +11,7 @@ use hydroline_sim::{Dual, Real, Trajectory};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::data::{CHANNELS, Run, Start};
+use super::data::{CHANNELS, Run, Sample, Start};
 use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::parameter::{Coefficient, Free, Term, free};
 
@@ -31,6 +31,8 @@ struct CoupledRun {
     raw: Vec<f64>,
     /// Slots.
     measured: Vec<f64>,
+    /// sd of each slot as logged, where the slots are not whitened by it already; empty = none is.
+    logged_sd: Vec<f64>,
     /// Rows of L^-1 per sample where the covariance is known.
     whiten: Option<Vec<[[f64; 6]; 6]>>,
     commands: Vec<(f64, [f64; 6])>,
@@ -75,13 +77,9 @@ impl Coupled {
                 .all(|s| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite()))
         };
         let with_covariance = runs.iter().all(pose_all);
-        let names = |c: &usize| {
-            let pose = if with_covariance && *c < 6 {
-                "whitened "
-            } else {
-                ""
-            };
-            format!("{pose}{}", CHANNELS[*c])
+        let names = |c: &usize| match CHANNELS[*c] {
+            name if with_covariance && *c < 6 => whitened_name(name),
+            name => name.to_owned(),
         };
         let slots = measured_channels.iter().map(names).collect();
         let step_s = if effects.is_empty() {
@@ -244,6 +242,7 @@ impl CoupledRun {
             times_s,
             raw,
             measured: Vec::new(),
+            logged_sd: Vec::new(),
             whiten,
             commands,
             start_s,
@@ -254,6 +253,19 @@ impl CoupledRun {
             let state: [f64; 12] = std::array::from_fn(|c| made.raw[12 * k + c]);
             let slots = made.project(k, &state, channels);
             made.measured.extend(slots);
+        }
+        if !with_covariance && run.samples.iter().any(|s| s.covariance.is_some()) {
+            let sd = |sample: &Sample, c: usize| {
+                let own = sample.covariance.as_deref().filter(|_| c < 6);
+                own.map(|p| p[7 * c])
+                    .filter(|v| *v > 0.0)
+                    .map_or(f64::NAN, f64::sqrt)
+            };
+            made.logged_sd = run
+                .samples
+                .iter()
+                .flat_map(|s| channels.iter().map(move |c| sd(s, *c)))
+                .collect();
         }
         made
     }
@@ -272,8 +284,13 @@ impl CoupledRun {
     }
 }
 
+/// Name of the slot that is the combination of the pose up to this channel which is uncorrelated with those before it.
+pub(super) fn whitened_name(channel: &str) -> String {
+    format!("whitened {channel}")
+}
+
 /// L^-1 of a covariance L L^T (rows); a matrix that is none gives its diagonal's.
-fn inverse_root(covariance: Option<&[f64; 36]>) -> [[f64; 6]; 6] {
+pub(super) fn inverse_root(covariance: Option<&[f64; 36]>) -> [[f64; 6]; 6] {
     let full = covariance
         .map(|c| DMatrix::from_row_slice(6, 6, c))
         .unwrap_or_else(|| DMatrix::identity(6, 6));
@@ -304,6 +321,9 @@ impl Forward for Coupled {
     }
     fn measured(&self, run: usize) -> &[f64] {
         &self.runs[run].measured
+    }
+    fn logged_sd(&self, run: usize) -> &[f64] {
+        &self.runs[run].logged_sd
     }
 
     fn values(

@@ -4,9 +4,7 @@ mod load;
 mod still;
 
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
-pub use still::{
-    ChannelNoise, NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise,
-};
+pub use still::{NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise};
 
 /// The twelve channels of `/vehicle/motion`: pose in the tank frame, rates in the body frame.
 pub const CHANNELS: [&str; 12] = [

@@ -9,7 +9,7 @@ mod rest;
 use self::choice::{choose, rests, what_is_free};
 use self::fit::Fit;
 use self::held_out::cross_validate;
-use self::rest::{noise_at_rest, stored_noise};
+use self::rest::{before_the_first_load, centred, noise_at_rest, stored_noise};
 use super::axis::Axis;
 use super::blind::blind_spots;
 use super::coupled::Coupled;
@@ -19,7 +19,7 @@ use super::lm::LevenbergMarquardt;
 use super::method::{Method, MethodError};
 use super::outcome::Identification;
 use super::parameter::Coefficient;
-use super::problem::Objective;
+use super::problem::{Objective, median_logged_sd};
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
@@ -131,14 +131,26 @@ pub fn identify(
         })
     };
     let forward = make(&moving, &coefficients)?;
-    let rest = if still.is_empty() {
-        None
-    } else {
-        Some(make(&still, &coefficients)?)
+    // A run that begins at rest for long enough brings its own measurement of the noise.
+    let openings: Vec<Run> = match still.is_empty() {
+        true => moving
+            .iter()
+            .filter_map(|r| before_the_first_load(r, tolerance))
+            .collect(),
+        false => Vec::new(),
     };
-    let measured_noise = match rest.as_deref() {
-        Some(rest) => Some(noise_at_rest(rest)),
-        None => stored_noise(runs, forward.slots()),
+    let one_dof = matches!(choice, ModelChoice::Axis(_)) && rig.physics.is_empty();
+    let resting_runs: Vec<Run> = still
+        .iter()
+        .chain(&openings)
+        .map(|r| centred(r, one_dof))
+        .collect();
+    let references = median_logged_sd(forward.as_ref());
+    let measured_noise = if resting_runs.is_empty() {
+        stored_noise(runs, forward.slots(), &references)
+    } else {
+        let rest = make(&resting_runs, &coefficients)?;
+        Some(noise_at_rest(rest.as_ref(), forward.slots(), &references))
     };
     let mut fit = Fit::new(forward.as_ref(), measured_noise, name)?;
     let resting: Vec<Dof> = dofs
@@ -149,18 +161,29 @@ pub fn identify(
     fit.hold_resting(|i| resting.contains(&coefficients[i].dof));
     fit.search(options)?;
     let mut result = fit.conclude(&moving, rig, &coefficients, options)?;
-    let knows = |r: &Run| r.samples.iter().any(|s| s.covariance.is_some());
-    let weighs = forward.slots().iter().any(|s| s.starts_with("whitened "));
-    if moving.iter().any(knows) && !weighs {
-        result.notes.push(
-            "the logs carry covariances of the pose: not used by this model (coupled weighs by them where every sample has one); every sample of a channel counts alike".to_owned(),
-        );
+    let all = moving.iter().flat_map(|r| &r.samples);
+    let (count, known) = all.fold((0usize, 0usize), |(n, k), s| {
+        (n + 1, k + usize::from(s.covariance.is_some()))
+    });
+    if known > 0 && known < count {
+        result.notes.push(format!(
+            "{} of {count} samples carry no covariance of the pose: they count like the median of the others",
+            count - known
+        ));
     }
     for s in &still {
         result.notes.push(format!(
             "{}: at rest for {:.0} s, used as the measurement of the noise",
             s.name,
             s.end_s()
+        ));
+    }
+    for r in &openings {
+        let first_s = r.samples.first().map_or(0.0, |s| s.t_s);
+        result.notes.push(format!(
+            "{}: at rest for {:.0} s before its first load, used as the measurement of the noise",
+            r.name,
+            r.end_s() - first_s
         ));
     }
     if options.cross_validate && moving.len() > 1 {

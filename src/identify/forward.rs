@@ -32,6 +32,11 @@ pub trait Forward: Sync {
     fn times_s(&self, run: usize) -> &[f64];
     /// Measurements in the order of predictions; NaN = none.
     fn measured(&self, run: usize) -> &[f64];
+    /// sd of each measurement as the log says it, in the order of predictions; NaN = not said.
+    /// Empty where the log says none at all, or where the slots are in units of it already.
+    fn logged_sd(&self, _run: usize) -> &[f64] {
+        &[]
+    }
     /// Predictions.
     ///
     /// # Errors

@@ -8,7 +8,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::statistics::robust_sd;
+use super::statistics::{Correlogram, LAGS, robust_sd};
 
 /// A sample further from its prediction than this many sd is an outlier: 7e-6 of normal ones are.
 pub const OUTLIER_SD: f64 = 4.5;
@@ -35,6 +35,16 @@ impl Noise {
             white_sd: sd,
             coloured_sd: 0.0,
             correlation_s: 0.0,
+        }
+    }
+
+    /// The same noise in another unit, or of samples that are this much worse.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        Noise {
+            white_sd: factor * self.white_sd,
+            coloured_sd: factor * self.coloured_sd,
+            ..self
         }
     }
 
@@ -155,6 +165,87 @@ pub fn estimate(series: &[Series<'_>]) -> Option<(Noise, Vec<Vec<bool>>)> {
         used = next;
     }
     Some((noise, used))
+}
+
+/// Noise of one channel as a stretch at rest measured it.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct RestNoise {
+    /// Level and colour, SI.
+    #[serde(flatten)]
+    pub noise: Noise,
+    /// Share of samples that were outliers.
+    pub outliers: f64,
+    /// What is left of the stretch itself when this colour is taken out, for comparison with residuals.
+    #[serde(default)]
+    pub left: Option<Correlogram>,
+    /// The logged sd that the level belongs to, SI; `None` = the log said none.
+    #[serde(default)]
+    pub logged_sd: Option<f64>,
+    /// What it was measured on; empty = only the figures above were stored.
+    #[serde(skip)]
+    pub stretches: Vec<Stretch>,
+}
+
+/// Stamps \[s\] and deviations of a stretch at rest; NaN = missing.
+pub type Stretch = (Vec<f64>, Vec<f64>);
+
+impl RestNoise {
+    /// What is left of the stretches when another colour than their own is taken out; of figures alone what was stored.
+    pub fn left_of(&self, noise: Noise) -> Option<Correlogram> {
+        if self.stretches.is_empty() {
+            return self.left.clone();
+        }
+        let series: Vec<Series<'_>> = self.stretches.iter().map(Series::of).collect();
+        left(&series, noise, &mask(&series, noise))
+    }
+}
+
+/// Autocorrelations of what is left of series when a noise's colour is taken out.
+fn left(series: &[Series<'_>], noise: Noise, used: &[Vec<bool>]) -> Option<Correlogram> {
+    let innovations: Vec<Vec<f64>> = series
+        .iter()
+        .zip(used)
+        .map(|(s, used)| {
+            let filter = Whitener::new(s.times_s, noise, |k| used[k]);
+            let mut values: Vec<f64> = s
+                .values
+                .iter()
+                .map(|v| if v.is_finite() { *v } else { 0.0 })
+                .collect();
+            filter.apply(values.iter_mut());
+            (0..values.len())
+                .map(|k| if used[k] { values[k] } else { f64::NAN })
+                .collect()
+        })
+        .collect();
+    Correlogram::of(&innovations, LAGS)
+}
+
+impl<'a> Series<'a> {
+    /// Of a stretch at rest.
+    pub fn of((times_s, values): &'a Stretch) -> Self {
+        Series {
+            times_s,
+            values,
+            jacobian: None,
+        }
+    }
+}
+
+/// Noise of one channel from stretches at rest.
+pub fn at_rest(stretches: Vec<Stretch>, logged_sd: Option<f64>) -> Option<RestNoise> {
+    let views: Vec<Series<'_>> = stretches.iter().map(Series::of).collect();
+    let (noise, used) = estimate(&views)?;
+    let kept = used.iter().flatten().filter(|u| **u).count();
+    let values = stretches.iter().flat_map(|s| &s.1);
+    let present = values.filter(|v| v.is_finite()).count();
+    Some(RestNoise {
+        noise,
+        outliers: 1.0 - kept as f64 / present.max(1) as f64,
+        left: left(&views, noise, &used),
+        logged_sd,
+        stretches,
+    })
 }
 
 /// Samples that are neither missing nor outliers of this noise.

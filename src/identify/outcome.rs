@@ -41,8 +41,24 @@ pub struct SlotNoise {
     pub noise: Noise,
     /// Share of samples left out.
     pub outliers: f64,
-    /// `measured at rest`, `log covariance` or `residuals`.
+    /// `measured at rest` or `residuals`.
     pub source: String,
+    /// What the logs say of the samples' sd, by which they were weighed; absent = nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub logged: Option<Logged>,
+}
+
+/// sd of a slot's samples as the logs say it, in the slot's unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Logged {
+    /// Median; the noise beside it is that of a sample with this sd.
+    pub median_sd: f64,
+    /// Of the best sample.
+    pub least_sd: f64,
+    /// Of the worst one.
+    pub greatest_sd: f64,
+    /// Noise found over noise logged: 1 = the logs say it right.
+    pub scale: f64,
 }
 
 /// Whiteness of one run's residuals in one slot.
@@ -58,6 +74,9 @@ pub struct Residuals {
     pub plain: Option<Whiteness>,
     /// After the noise's colour was taken out.
     pub filtered: Option<Whiteness>,
+    /// The same beside the stretch at rest that measured the colour, which went through the same filter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_rest: Option<Whiteness>,
 }
 
 /// A run predicted by the others.

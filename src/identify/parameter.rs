@@ -2,6 +2,8 @@
 
 use hydroline_rigs::{Dof, Vehicle};
 
+use super::paper::MASS_KG;
+
 /// Which of the three coefficients of a DOF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Term {
@@ -101,6 +103,30 @@ impl Coefficient {
     }
 }
 
+/// Widths of Table 9's ranges of X_udot, X_u, X_u|u| per kilogram of the paper's vehicle.
+const TABLE9_PER_KG: [f64; 3] = [500.0 / MASS_KG, 100.0 / MASS_KG, 500.0 / MASS_KG];
+
+impl Coefficient {
+    /// How far the truth may be from what the rig says, as a standard deviation: as far as the number is
+    /// large; where it is 0 the rig claims to know nothing, and the truth lies anywhere in Table 9's range for a
+    /// vehicle of this mass (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
+    pub fn doubt(self, vehicle: &Vehicle) -> f64 {
+        let said = self.of_vehicle(vehicle).abs();
+        if said > 0.0 {
+            return said;
+        }
+        rigid(self.dof, vehicle) * TABLE9_PER_KG[self.term as usize] / 3f64.sqrt()
+    }
+}
+
+/// Mass or moment of inertia.
+fn rigid(dof: Dof, vehicle: &Vehicle) -> f64 {
+    match dof.index() {
+        0..3 => vehicle.mass_kg,
+        i => vehicle.inertia_kgm2[i - 3],
+    }
+}
+
 /// A free number of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Free {
@@ -119,14 +145,12 @@ pub struct Free {
 /// Damping may turn out positive: no hull has it, but a fit that is stopped at 0 hides that its
 /// model lacks something. A rig without the number gets a range from mass or inertia.
 pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
-    let rigid = if coefficient.dof.index() < 3 {
-        vehicle.mass_kg
-    } else {
-        vehicle.inertia_kgm2[coefficient.dof.index() - 3]
-    };
+    let rigid = rigid(coefficient.dof, vehicle);
     let start = coefficient.of_vehicle(vehicle);
     let size = if start == 0.0 { rigid } else { start.abs() };
     let (low, high) = match coefficient.term {
+        // Table 9's range, where the rig knows none: hulls of several times their mass are in it.
+        Term::Added if start == 0.0 => (-TABLE9_PER_KG[0] * rigid, 0.0),
         Term::Added => (-5.0 * size.max(rigid), 0.0),
         Term::Linear | Term::Quadratic => (-10.0 * size, size),
     };

@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nalgebra::{DMatrix, DVector};
 
 use super::forward::{Forward, ForwardError};
-use super::noise::{Noise, Series, Whitener};
+use super::noise::{Noise, Series, Stretch, Whitener};
 use super::parameter::Free;
+use super::statistics::median;
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -35,6 +36,10 @@ pub struct Problem<'a> {
     forward: &'a dyn Forward,
     /// `[run][slot]`
     whiteners: Vec<Vec<Whitener>>,
+    /// Per slot the logged sd that the slot's noise belongs to; `None` = the log says none.
+    references: Vec<Option<f64>>,
+    /// Per run reference over logged sd of every prediction; empty = all alike.
+    precision: Vec<Vec<f64>>,
     first_local: Vec<usize>,
     free: Vec<Free>,
     /// Weight of one residual in the L1 objective, `[run][slot]`.
@@ -62,13 +67,30 @@ impl<'a> Problem<'a> {
         let mut problem = Problem {
             forward,
             whiteners: Vec::new(),
+            references: Vec::new(),
+            precision: Vec::new(),
             first_local,
             free,
             l1_weight,
             evaluations: AtomicU64::new(0),
         };
+        problem.weigh(median_logged_sd(forward));
         problem.set_white(sds);
         problem
+    }
+
+    /// Weighs every sample by its logged sd: a slot's noise is that of a sample whose logged sd is the
+    /// slot's reference, others have more or less of it in proportion. Samples without one count as the reference.
+    pub fn weigh(&mut self, references: Vec<Option<f64>>) {
+        self.precision = (0..self.forward.runs())
+            .map(|run| precision(self.forward, run, &references))
+            .collect();
+        self.references = references;
+    }
+
+    /// Per slot the logged sd that the slot's noise belongs to: the median, unless [`Problem::weigh`] gave another.
+    pub fn references(&self) -> &[Option<f64>] {
+        &self.references
     }
 
     /// Weighs every slot with white noise of this sd.
@@ -176,12 +198,32 @@ impl<'a> Problem<'a> {
         Ok((0..slots).map(slot).collect())
     }
 
+    /// The same, each for the sd that its log says: as if all had the slot's reference.
+    ///
+    /// # Errors
+    /// [`ForwardError`].
+    pub fn weighed_residuals(
+        &self,
+        run: usize,
+        parameters: &[f64],
+    ) -> Result<Vec<Vec<f64>>, ForwardError> {
+        let mut series = self.raw_residuals(run, parameters)?;
+        let slots = series.len();
+        for (slot, values) in series.iter_mut().enumerate() {
+            let factors = self.precision[run].iter().skip(slot).step_by(slots);
+            for (value, factor) in values.iter_mut().zip(factors) {
+                *value *= factor;
+            }
+        }
+        Ok(series)
+    }
+
     /// Whitened residuals of a run, `[slot]` of series; 0 where nothing counts.
     ///
     /// # Errors
     /// [`ForwardError`].
     pub fn whitened(&self, run: usize, parameters: &[f64]) -> Result<Vec<Vec<f64>>, ForwardError> {
-        let mut series = self.raw_residuals(run, parameters)?;
+        let mut series = self.weighed_residuals(run, parameters)?;
         for (values, filter) in series.iter_mut().zip(&self.whiteners[run]) {
             filter.apply(values.iter_mut());
         }
@@ -253,6 +295,10 @@ impl<'a> Problem<'a> {
         );
         match kind {
             Objective::LeastSquares => {
+                for (row, factor) in self.precision[run].iter().enumerate() {
+                    residual[row] *= factor;
+                    jacobian.row_mut(row).scale_mut(*factor);
+                }
                 for (slot, filter) in self.whiteners[run].iter().enumerate() {
                     filter.apply(residual.iter_mut().skip(slot).step_by(slots));
                     for mut column in jacobian.column_iter_mut() {
@@ -302,7 +348,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Unweighted derivatives per run over all parameters, where there is one slot; else none:
+    /// Derivatives per run over all parameters, weighed as residuals are, where there is one slot; else none:
     /// with several the restricted likelihood does not fall apart by slot, and each has so many
     /// samples per unknown that the plain one serves.
     fn all_columns(&self, parameters: &[f64]) -> Result<Vec<DMatrix<f64>>, ForwardError> {
@@ -319,22 +365,27 @@ impl<'a> Problem<'a> {
                 for (local, column) in self.columns(run).into_iter().enumerate() {
                     all.set_column(column, &own.column(local));
                 }
+                for (row, factor) in self.precision[run].iter().enumerate() {
+                    all.row_mut(row).scale_mut(*factor);
+                }
                 Ok(all)
             })
             .collect()
     }
 
-    /// Noise of each slot from the residuals at a point, pooled over runs, and which samples count.
+    /// Noise of each slot from the residuals at a point, pooled over runs and over what `beside(slot)` was seen
+    /// at rest, and which samples count.
     ///
     /// # Errors
     /// [`ForwardError`].
     #[allow(clippy::type_complexity)]
-    pub fn noise_of_residuals(
+    pub fn noise_of_residuals<'s>(
         &self,
         parameters: &[f64],
+        beside: impl Fn(usize) -> &'s [Stretch],
     ) -> Result<(Vec<Option<Noise>>, Vec<Vec<Vec<bool>>>), ForwardError> {
         let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
-            .map(|r| self.raw_residuals(r, parameters))
+            .map(|r| self.weighed_residuals(r, parameters))
             .collect();
         let residuals = residuals?;
         let slots = self.forward.slots().len();
@@ -350,6 +401,7 @@ impl<'a> Problem<'a> {
                     values: &r[slot],
                     jacobian: jacobians.get(run),
                 })
+                .chain(beside(slot).iter().map(Series::of))
                 .collect();
             let found = super::noise::estimate(&series);
             let masks = found.as_ref().map(|(_, masks)| masks.clone());
@@ -363,6 +415,48 @@ impl<'a> Problem<'a> {
         }
         Ok((noises, used))
     }
+}
+
+/// A logged sd this many times below or above the reference counts as that far: one frame that claims to be
+/// perfect must not carry a run.
+const PRECISION_MAX: f64 = 20.0;
+
+/// Per slot the median of what the logs say of its samples' sd.
+pub(super) fn median_logged_sd(forward: &dyn Forward) -> Vec<Option<f64>> {
+    let slots = forward.slots().len();
+    (0..slots)
+        .map(|slot| {
+            let of = |run: usize| {
+                let said = forward.logged_sd(run).iter().skip(slot).step_by(slots);
+                let measured = forward.measured(run).iter().skip(slot).step_by(slots);
+                said.zip(measured)
+                    .filter(|(sd, m)| sd.is_finite() && m.is_finite())
+                    .map(|(sd, _)| *sd)
+            };
+            median(&mut (0..forward.runs()).flat_map(of).collect::<Vec<f64>>())
+        })
+        .collect()
+}
+
+/// Reference over logged sd of every prediction of a run; empty where all are alike.
+pub(super) fn precision(forward: &dyn Forward, run: usize, references: &[Option<f64>]) -> Vec<f64> {
+    let slots = forward.slots().len();
+    let factor = |(k, sd): (usize, &f64)| match references.get(k % slots).copied().flatten() {
+        Some(reference) if sd.is_finite() => {
+            (reference / sd).clamp(1.0 / PRECISION_MAX, PRECISION_MAX)
+        }
+        _ => 1.0,
+    };
+    let all: Vec<f64> = forward
+        .logged_sd(run)
+        .iter()
+        .enumerate()
+        .map(factor)
+        .collect();
+    if all.iter().all(|f| (f - 1.0).abs() < 1e-9) {
+        return Vec::new();
+    }
+    all
 }
 
 fn l1_weight(forward: &dyn Forward, run: usize, slot: usize) -> f64 {

@@ -118,20 +118,24 @@ fn correlations(page: &mut String, result: &Identification) {
 }
 
 fn noise(page: &mut String, result: &Identification) {
-    page.push_str("<h2>Noise</h2><table><tr><th></th><th>white sd</th><th>coloured sd</th><th>correlation [s]</th><th>outliers</th><th>from</th></tr>\n");
+    page.push_str("<h2>Noise</h2><table><tr><th></th><th>white sd</th><th>coloured sd</th><th>correlation [s]</th><th>outliers</th><th>from</th><th>times the logged sd</th></tr>\n");
     for (slot, n) in &result.noise {
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td>{:.3e}</td><td>{:.3e}</td><td>{:.3}</td><td>{:.2} %</td><td>{}</td></tr>",
+            "<tr><td>{}</td><td>{:.3e}</td><td>{:.3e}</td><td>{:.3}</td><td>{:.2} %</td><td>{}</td><td>{}</td></tr>",
             escape(slot),
             n.noise.white_sd,
             n.noise.coloured_sd,
             n.noise.correlation_s,
             100.0 * n.outliers,
-            escape(&n.source)
+            escape(&n.source),
+            n.logged.map_or("-".to_owned(), |l| format!(
+                "{:.2} ({:.2e} .. {:.2e})",
+                l.scale, l.least_sd, l.greatest_sd
+            ))
         );
     }
-    page.push_str("</table>\n<table><tr><th>residuals</th><th>rms</th><th>Ljung-Box p</th><th>lag 1</th><th>p after colour</th></tr>\n");
+    page.push_str("</table>\n<table><tr><th>residuals</th><th>rms</th><th>Ljung-Box p</th><th>lag 1</th><th>p after colour</th><th>p beside rest</th></tr>\n");
     for r in &result.residuals {
         let p = |w: Option<super::statistics::Whiteness>| {
             w.map_or("-".to_owned(), |w| format!("{:.2e}", w.p_value))
@@ -139,12 +143,13 @@ fn noise(page: &mut String, result: &Identification) {
         let lag = r.plain.map_or("-".to_owned(), |w| format!("{:.2}", w.lag1));
         let _ = writeln!(
             page,
-            "<tr><td>{} {}</td><td>{:.3e}</td><td>{}</td><td>{lag}</td><td>{}</td></tr>",
+            "<tr><td>{} {}</td><td>{:.3e}</td><td>{}</td><td>{lag}</td><td>{}</td><td>{}</td></tr>",
             escape(&r.run),
             escape(&r.slot),
             r.rms,
             p(r.plain),
-            p(r.filtered)
+            p(r.filtered),
+            p(r.at_rest)
         );
     }
     page.push_str("</table>\n");

@@ -1,6 +1,6 @@
 //! Small statistics: medians, whiteness, quantiles.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, StudentsT};
 
 /// sd of a normal distribution per median absolute deviation.
 pub const MAD_TO_SD: f64 = 1.482_602_218_505_602;
@@ -86,6 +86,79 @@ pub fn ljung_box(series: &[f64], lags: usize) -> Option<Whiteness> {
     })
 }
 
+/// Lags of every test of whiteness and colour.
+pub const LAGS: usize = 20;
+
+/// Autocorrelations of what is left of a noise when its colour was taken out.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+pub struct Correlogram {
+    /// At lags 1, 2, ...
+    pub correlations: Vec<f64>,
+    /// Samples they come from.
+    pub samples: usize,
+}
+
+impl Correlogram {
+    /// Of several series of one process, each about its own mean; NaN = missing.
+    pub fn of(series: &[Vec<f64>], lags: usize) -> Option<Correlogram> {
+        let (mut energy, mut samples) = (0.0, 0usize);
+        let mut products = vec![0.0; lags];
+        for values in series {
+            let count = values.iter().filter(|v| v.is_finite()).count();
+            let mean = values.iter().filter(|v| v.is_finite()).sum::<f64>() / count.max(1) as f64;
+            let about: Vec<f64> = values
+                .iter()
+                .map(|v| if v.is_finite() { v - mean } else { 0.0 })
+                .collect();
+            samples += count;
+            energy += about.iter().map(|v| v * v).sum::<f64>();
+            for (k, product) in products.iter_mut().enumerate() {
+                *product += about
+                    .iter()
+                    .zip(about.iter().skip(k + 1))
+                    .map(|(a, b)| a * b)
+                    .sum::<f64>();
+            }
+        }
+        (samples >= 3 * lags.max(1) && energy > 0.0).then(|| Correlogram {
+            correlations: products.into_iter().map(|p| p / energy).collect(),
+            samples,
+        })
+    }
+
+    /// Whether another series that went through the same filter has the same autocorrelations: the sum of
+    /// squared differences over their variances (Bartlett: (n - k) / (n (n + 2)) each for nearly white series),
+    /// chi-square with as many degrees of freedom as lags.
+    ///
+    /// What the filter leaves because its numbers are estimates, it leaves in both: it drops out of the
+    /// difference, where a test of one series against white noise would call it a misfit.
+    pub fn against(&self, other: &Correlogram) -> Option<Whiteness> {
+        let lags = self.correlations.len().min(other.correlations.len());
+        let variance = |of: &Correlogram, k: usize| {
+            let n = of.samples as f64;
+            (n - k as f64) / (n * (n + 2.0))
+        };
+        let statistic = (0..lags)
+            .map(|i| {
+                let difference = self.correlations[i] - other.correlations[i];
+                difference.powi(2) / (variance(self, i + 1) + variance(other, i + 1))
+            })
+            .sum::<f64>();
+        (lags > 0).then(|| Whiteness {
+            statistic,
+            lags,
+            p_value: chi2_above(statistic, lags as f64),
+            lag1: self.correlations[0],
+            count: self.samples,
+        })
+    }
+}
+
+/// Probability that the variance of `freedom` samples is more than `ratio` times that of `of` others of the same noise.
+pub fn variance_above(ratio: f64, freedom: f64, of: f64) -> f64 {
+    FisherSnedecor::new(freedom.max(1.0), of.max(1.0)).map_or(f64::NAN, |d| d.sf(ratio.max(0.0)))
+}
+
 /// Probability that a chi-square variable exceeds `x`.
 pub fn chi2_above(x: f64, freedom: f64) -> f64 {
     ChiSquared::new(freedom).map_or(f64::NAN, |d| d.sf(x.max(0.0)))
@@ -130,6 +203,30 @@ mod tests {
         }
         assert!(ljung_box(&coloured, 20).unwrap().p_value < 1e-9);
         assert!(ljung_box(&[1.0; 10], 20).is_none());
+    }
+
+    #[test]
+    fn two_series_of_one_filter_differ_by_chance_only() {
+        // Both keep a correlation of 0.1 that a filter has left: white they are not, alike they are.
+        let left = |seed: u64, n: usize| -> Vec<f64> {
+            let e = white(seed, n + 1);
+            (0..n).map(|i| e[i + 1] + 0.1 * e[i]).collect()
+        };
+        let (mut apart, mut alike_called_different) = (0, 0);
+        for seed in 0..400 {
+            let a = Correlogram::of(&[left(2 * seed, 900)], LAGS).unwrap();
+            let b = Correlogram::of(&[left(2 * seed + 1, 500)], LAGS).unwrap();
+            alike_called_different += usize::from(a.against(&b).unwrap().p_value < 0.05);
+            let other = Correlogram::of(&[white(9000 + seed, 500)], LAGS).unwrap();
+            apart += usize::from(a.against(&other).unwrap().p_value < 0.05);
+        }
+        assert!(
+            (8..=35).contains(&alike_called_different),
+            "{alike_called_different} of 400 at 5 %"
+        );
+        assert!(apart > alike_called_different, "{apart}");
+        // 2.5 times the variance with 30 and 20 degrees of freedom: the F table's 2.35 at 2.5 %.
+        assert!((variance_above(2.3486, 30.0, 20.0) - 0.025).abs() < 1e-4);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::forward::ForwardError;
-use super::lm::least_squares;
+use super::lm::descend;
 use super::problem::Problem;
 use super::statistics::t95;
 
@@ -54,33 +54,69 @@ pub fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     })
 }
 
-/// 95 % interval by profile likelihood: all other parameters refitted at each trial value.
+/// Evaluations that the profiles of one result may take together: a second or two of the coupled model.
+pub const PROFILE_EVALUATIONS: usize = 1500;
+/// Share of t that a point of the profile may be off: the interval's end is known to 1 %.
+const END: f64 = 0.01;
+
+/// What a profile starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct Ridge<'a> {
+    /// Index of the parameter.
+    pub index: usize,
+    /// Its sd beside what is held.
+    pub sd: f64,
+    /// How all parameters move with it in the linear approximation: its column of the covariance.
+    pub column: &'a [f64],
+    /// What stays where it is.
+    pub held: &'a [bool],
+}
+
+/// 95 % interval by profile likelihood: all other parameters refitted at each trial value, from where the linear
+/// approximation sees them.
 ///
 /// `variance` scales the cost (residual variance per degree of freedom). An end that reaches the
-/// search range is that end of the range, and said to be open.
+/// search range is that end of the range, and said to be open. Returns the evaluations it took too.
 ///
 /// # Errors
 /// [`ForwardError`] when the motion diverges along the way.
 pub fn profile(
     problem: &Problem<'_>,
     at: &[f64],
-    index: usize,
-    sd: f64,
+    ridge: Ridge<'_>,
     variance: f64,
     freedom: f64,
-) -> Result<Profile, ForwardError> {
-    let cost = problem.normal(at)?.cost;
+) -> Result<(Profile, usize), ForwardError> {
+    let Ridge {
+        index,
+        sd,
+        column,
+        held,
+    } = ridge;
+    let mut evaluations = 0;
     let wanted = t95(freedom);
+    // z^2 = 2 (cost - least cost) / variance: an error of END in z is one of END t^2 in the cost.
+    let enough = 0.2 * END * wanted * wanted * variance;
+    let start = descend(problem, at.to_vec(), held, enough)?;
+    evaluations += start.0.evaluations;
+    let (at, cost) = (start.0.parameters, start.0.objective);
     let free = &problem.free()[index];
-    let mut held = vec![false; at.len()];
+    let mut held = held.to_vec();
     held[index] = true;
-    let end = |sign: f64| -> Result<(f64, bool), ForwardError> {
+    let slope: Vec<f64> = column.iter().map(|c| c / column[index]).collect();
+    let mut end = |sign: f64| -> Result<(f64, bool), ForwardError> {
         let limit = if sign > 0.0 { free.high } else { free.low };
         let room = (limit - at[index]).abs();
-        let mut warm = at.to_vec();
+        let mut warm = at.clone();
         let mut distance = |d: f64| -> Result<f64, ForwardError> {
-            warm[index] = at[index] + sign * d;
-            let found = least_squares(problem, warm.clone(), &held)?;
+            let by = at[index] + sign * d - warm[index];
+            for (i, value) in warm.iter_mut().enumerate() {
+                if i == index || !held[i] {
+                    *value += by * slope[i];
+                }
+            }
+            let (found, _) = descend(problem, warm.clone(), &held, enough)?;
+            evaluations += found.evaluations;
             warm = found.parameters;
             Ok((2.0 * (found.objective - cost).max(0.0) / variance).sqrt())
         };
@@ -88,8 +124,9 @@ pub fn profile(
         let mut trial = (wanted * sd).min(room);
         for _ in 0..12 {
             let z = distance(trial)?;
-            if (z - wanted).abs() < 0.01 * wanted {
-                return Ok((at[index] + sign * trial, false));
+            if (z - wanted).abs() < END * wanted {
+                // Nearly linear from here: the rest of the way is a line.
+                return Ok((at[index] + sign * (trial * wanted / z).min(room), false));
             }
             if z < wanted {
                 if trial >= room {
@@ -97,7 +134,7 @@ pub fn profile(
                 }
                 (inner, inner_z) = (trial, z);
                 let ratio = if z > 0.0 {
-                    (wanted / z).clamp(1.05, 3.0)
+                    (wanted / z).clamp(1.01, 3.0)
                 } else {
                     3.0
                 };
@@ -105,19 +142,22 @@ pub fn profile(
             } else {
                 // z grows nearly linearly between the last point inside and this one.
                 trial =
-                    inner + (trial - inner) * ((wanted - inner_z) / (z - inner_z)).clamp(0.1, 0.95);
+                    inner + (trial - inner) * ((wanted - inner_z) / (z - inner_z)).clamp(0.1, 0.99);
             }
         }
         Ok((at[index] + sign * trial, false))
     };
     let (low, low_open) = end(-1.0)?;
     let (high, high_open) = end(1.0)?;
-    Ok(Profile {
-        low,
-        high,
-        low_open,
-        high_open,
-    })
+    Ok((
+        Profile {
+            low,
+            high,
+            low_open,
+            high_open,
+        },
+        evaluations,
+    ))
 }
 
 /// Ends of a profile interval.

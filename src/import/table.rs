@@ -122,37 +122,43 @@ pub(super) fn cells(text: &str, map: &Map) -> (Table, Vec<Finding>) {
     (table, findings)
 }
 
-/// The file's very last cell when it is shorter than any other of its column: cut inside a number it
-/// still is one. Without a newline behind it the file surely ends too early.
+/// The file's very last cell when no line end follows and it is shorter than any other of its column: cut inside a
+/// number it still is one. Where every other cell has the same number of decimals it surely was cut; else it may
+/// be a number that happens to be short. A complete last line raises no doubt.
 fn cut_number(table: &Table, text: &str) -> Option<Finding> {
-    let (last, before) = table.rows.split_last()?;
-    let length = |row: &(u64, Vec<String>)| row.1.last().map_or(0, String::len);
-    let shortest = before
-        .iter()
-        .map(length)
-        .min()
-        .filter(|_| before.len() >= 8)?;
-    if length(last) >= shortest {
+    if text.ends_with(['\n', '\r']) {
         return None;
     }
-    let cell = last.1.last().map_or("", String::as_str);
+    let (last, before) = table.rows.split_last()?;
+    if before.len() < 8 {
+        return None;
+    }
+    let cell = |row: &(u64, Vec<String>)| row.1.last().cloned().unwrap_or_default();
+    let shortest = before.iter().map(|r| cell(r).len()).min()?;
+    let own = cell(last);
+    if own.len() >= shortest {
+        return None;
+    }
+    let decimals = |cell: &str| cell.rsplit_once(['.', ',']).map_or(0, |(_, d)| d.len());
+    let fixed = decimals(&cell(&before[0]));
+    let all_alike = before.iter().all(|r| decimals(&cell(r)) == fixed);
     let words = format!(
-        "the last cell of the file, '{cell}' on line {}, is shorter than any other of its column (at least {shortest} characters)",
+        "the last cell of the file, '{own}' on line {}, is shorter than any other of its column (at least {shortest} characters) and no line end follows",
         last.0
     );
-    Some(if text.ends_with('\n') {
-        Finding::warning(
-            "cut_number",
-            Some(last.0),
-            format!("{words}: was the file cut?"),
-        )
-    } else {
+    Some(if all_alike && decimals(&own) < fixed {
         Finding::fault(
             "cut_number",
             Some(last.0),
             format!(
-                "{words}, and no line end follows: the file was cut inside a number; take its last line away"
+                "{words}: the file was cut inside a number (all others have {fixed} decimals); take its last line away"
             ),
+        )
+    } else {
+        Finding::warning(
+            "cut_number",
+            Some(last.0),
+            format!("{words}: was the file cut?"),
         )
     })
 }

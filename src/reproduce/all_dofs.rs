@@ -97,9 +97,21 @@ struct Outcome {
 /// # Errors
 /// [`ReproduceError`].
 pub fn all_dofs(seeds: u64, progress: &(dyn Fn() + Sync)) -> Result<Vec<DofRow>, ReproduceError> {
+    dofs(&Dof::ALL[1..], seeds, progress)
+}
+
+/// The same for some of them.
+///
+/// # Errors
+/// [`ReproduceError`].
+pub fn dofs(
+    chosen: &[Dof],
+    seeds: u64,
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<DofRow>, ReproduceError> {
     let rig = Rig::builtin("lshpi")?;
     let guess = guess_of(&rig);
-    let tasks: Vec<(Dof, u64)> = Dof::ALL[1..]
+    let tasks: Vec<(Dof, u64)> = chosen
         .iter()
         .flat_map(|d| (1..=seeds).map(move |s| (*d, s)))
         .collect();
@@ -123,7 +135,7 @@ pub fn all_dofs(seeds: u64, progress: &(dyn Fn() + Sync)) -> Result<Vec<DofRow>,
         .collect();
     let outcomes = outcomes?;
     let mut rows = Vec::new();
-    for dof in &Dof::ALL[1..] {
+    for dof in chosen {
         for (e, estimator) in ["paper", "joint"].into_iter().enumerate() {
             let of: Vec<(&Outcome, usize)> = tasks
                 .iter()

@@ -45,6 +45,11 @@ impl Writer {
         self.raw(key, format_args!("{values:?}"));
     }
 
+    pub(super) fn words(&mut self, key: &str, words: &[String]) {
+        let list = words.iter().map(|w| toml::Value::String(w.clone()));
+        self.raw(key, toml::Value::Array(list.collect()));
+    }
+
     pub(super) fn pairs(&mut self, key: &str, pairs: &[[f64; 2]]) {
         self.raw(key, format_args!("{pairs:?}"));
     }

@@ -6,7 +6,7 @@ use super::laser::{read_laser, read_mounts, read_port};
 use super::physics::read_physics;
 use super::settings::{read_limits, read_log, read_tank, read_tolerance};
 use super::thruster::{read_bollard, read_thrusters};
-use super::vehicle::read_vehicle;
+use super::vehicle::{read_identified, read_vehicle};
 use super::{Includes, Section};
 use crate::Rig;
 
@@ -26,6 +26,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
     let thrusters = read_thrusters(root);
     let bollard = read_bollard(root);
     let vehicle = read_vehicle(&root.table("vehicle"));
+    let identified = read_identified(root);
     let tank = read_tank(&root.table("tank"));
     let limits = read_limits(&root.table_or_default("limits"), tank.as_ref());
     let physics = read_physics(root);
@@ -42,6 +43,7 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
         thrusters: thrusters?,
         bollard: bollard?,
         vehicle: vehicle?,
+        identified: identified?,
         tank: tank?,
         limits: limits?,
         physics: physics?,

@@ -91,7 +91,13 @@ pub(super) fn read_thrusters(root: &Section<'_>) -> Option<ThrusterSet> {
     })
 }
 
-fn row<'d>(s: &Section<'d>, item: &Item<'d>, expected: &str, range: Quantity) -> Option<Vec<f64>> {
+/// Numbers of a list.
+pub(super) fn row<'d>(
+    s: &Section<'d>,
+    item: &Item<'d>,
+    expected: &str,
+    range: Quantity,
+) -> Option<Vec<f64>> {
     let cells = s.elements(item, expected)?;
     cells.iter().map(|c| s.number_of(c, &range)).collect()
 }

@@ -1,7 +1,8 @@
 //! `[vehicle]` as typed.
 
+use super::thruster::row;
 use super::{Section, quantity};
-use crate::{AxisCoefficients, Dof, Vehicle, VehicleModel};
+use crate::{AxisCoefficients, Dof, Identified, Vehicle, VehicleModel};
 
 pub(super) fn read_vehicle(s: &Section<'_>) -> Option<Vehicle> {
     let model = s.choice_opt(
@@ -31,6 +32,74 @@ pub(super) fn read_vehicle(s: &Section<'_>) -> Option<Vehicle> {
         gravity_mps2,
         coefficients: [surge?, sway?, heave?, roll?, pitch?, yaw?],
     })
+}
+
+/// `[identified]`, which `identify --write-rig` writes; `Some(None)` = there is none.
+pub(super) fn read_identified(root: &Section<'_>) -> Option<Option<Identified>> {
+    if !root.has("identified") {
+        return Some(None);
+    }
+    let s = root.table("identified");
+    let names = "the list of coefficients, e.g. [\"x_udot\", \"x_u\"]";
+    let coefficients: Option<Vec<String>> = match s.item("coefficients") {
+        Some(item) => s.elements(&item, names).and_then(|words| {
+            let read = words.iter().map(|w| {
+                let text = w.value.as_str().map(str::to_owned);
+                if text.is_none() {
+                    s.wrong_type(w, "a coefficient's name");
+                }
+                text
+            });
+            read.collect()
+        }),
+        None => {
+            s.missing("coefficients", names);
+            None
+        }
+    };
+    let any = || quantity(-1e15, 1e15, "SI");
+    let list = |key: &str, expected: &str| match s.item(key) {
+        Some(item) => row(&s, &item, expected, any()),
+        None => {
+            s.missing(key, expected);
+            None
+        }
+    };
+    let values = list("values", "one value per coefficient, SI");
+    let sd = list("sd", "one standard deviation per coefficient, SI");
+    let square = "one list of covariances per coefficient, SI";
+    let covariance: Option<Vec<Vec<f64>>> = match s.item("covariance") {
+        Some(item) => s
+            .elements(&item, square)
+            .and_then(|rows| rows.iter().map(|r| row(&s, r, square, any())).collect()),
+        None => {
+            s.missing("covariance", square);
+            None
+        }
+    };
+    s.finish();
+    let known = Identified {
+        coefficients: coefficients?,
+        values: values?,
+        sd: sd?,
+        covariance: covariance?,
+    };
+    let n = known.coefficients.len();
+    let next = "Write it with hydroline identify LOG... --write-rig";
+    let lengths = [known.values.len(), known.sd.len(), known.covariance.len()];
+    if lengths != [n; 3] || known.covariance.iter().any(|r| r.len() != n) {
+        s.rule(
+            "covariance",
+            format!("{n} coefficients need {n} values, {n} sds and {n} rows of {n} covariances"),
+            next,
+        );
+        return None;
+    }
+    if (0..n).any(|i| known.covariance[i][i] < 0.0) {
+        s.rule("covariance", "a variance is negative", next);
+        return None;
+    }
+    Some(Some(known))
 }
 
 /// Names of added mass, linear and quadratic damping in files, with their units.

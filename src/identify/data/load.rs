@@ -252,14 +252,19 @@ fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
     let given = values(m);
     *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
     let values = given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN));
-    let covariance = <[f64; 36]>::try_from(m.covariance.as_slice())
-        .ok()
-        .filter(|c| c.iter().all(|v| v.is_finite()));
     Sample {
         t_s,
         values,
-        covariance: covariance.map(Box::new),
+        covariance: covariance(m),
     }
+}
+
+/// The pose's covariance as sent; `None` = none, or no matrix of numbers.
+pub(super) fn covariance(m: &pb::VehicleMotion) -> Option<Box<[f64; 36]>> {
+    <[f64; 36]>::try_from(m.covariance.as_slice())
+        .ok()
+        .filter(|c| c.iter().all(|v| v.is_finite()))
+        .map(Box::new)
 }
 
 fn wrenches(

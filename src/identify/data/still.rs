@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::super::noise::{Noise, Series, estimate};
+use super::super::coupled::{inverse_root, whitened_name};
+use super::super::noise::{RestNoise, at_rest};
 use super::super::statistics::{difference_sd, median, robust_sd};
 use super::{CHANNELS, Run, Sample};
 use crate::log::messages::{pb, timestamp, unix_ns};
@@ -74,18 +75,8 @@ fn rate_is_noise(values: &[f64], limit_per_s: f64) -> bool {
         && robust_sd(&away) <= 3.0 * difference_sd(values)
 }
 
-/// Noise of one channel as a run at rest measured it.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct ChannelNoise {
-    /// Level and colour, SI.
-    #[serde(flatten)]
-    pub noise: Noise,
-    /// Share of samples that were outliers.
-    pub outliers: f64,
-}
-
 /// Noise by channel name; what a log at rest carries in its metadata (`summary`, key [`NOISE_KEY`]).
-pub type StillNoise = BTreeMap<String, ChannelNoise>;
+pub type StillNoise = BTreeMap<String, RestNoise>;
 
 /// Key in the log's metadata `summary`; its value is [`StillNoise`] as JSON.
 pub const NOISE_KEY: &str = "noise_at_rest";
@@ -93,33 +84,67 @@ pub const NOISE_KEY: &str = "noise_at_rest";
 /// Fewest samples that measure a channel's noise.
 const SAMPLES_MIN: usize = 30;
 
-/// Noise of every channel of a run at rest: deviations from the median.
+/// Noise of every channel of a run at rest: deviations from the median, each for the sd that the log says of it.
+/// Where every sample has a pose with its covariance, the pose's whitened combinations too (the coupled model's slots).
 pub fn still_noise(run: &Run) -> StillNoise {
-    let measure = |channel: usize| -> Option<(String, ChannelNoise)> {
-        let middle = run.median(channel)?;
-        let (times_s, values): (Vec<f64>, Vec<f64>) = run
-            .samples
-            .iter()
-            .map(|s| (s.t_s, s.values[channel] - middle))
-            .filter(|(_, v)| v.is_finite())
-            .unzip();
+    let measure = |name: String, samples: &[(f64, f64, f64)]| -> Option<(String, RestNoise)> {
+        let mut values: Vec<f64> = samples.iter().map(|s| s.1).collect();
         if values.len() < SAMPLES_MIN {
             return None;
         }
-        let series = Series {
-            times_s: &times_s,
-            values: &values,
-            jacobian: None,
-        };
-        let (noise, used) = estimate(&[series])?;
-        let kept = used.iter().flatten().filter(|u| **u).count();
-        let outliers = 1.0 - kept as f64 / values.len() as f64;
-        Some((
-            CHANNELS[channel].to_owned(),
-            ChannelNoise { noise, outliers },
-        ))
+        let middle = median(&mut values)?;
+        let mut sds: Vec<f64> = samples
+            .iter()
+            .map(|s| s.2)
+            .filter(|sd| sd.is_finite())
+            .collect();
+        let reference = median(&mut sds);
+        let stretch = samples
+            .iter()
+            .map(|(t_s, value, sd)| {
+                let factor = reference.filter(|_| sd.is_finite()).map_or(1.0, |r| r / sd);
+                (*t_s, (value - middle) * factor)
+            })
+            .unzip();
+        Some((name, at_rest(vec![stretch], reference)?))
     };
-    (0..12).filter_map(measure).collect()
+    let channel = |c: usize| {
+        let sd = |s: &Sample| {
+            let own = s.covariance.as_deref().filter(|_| c < 6).map(|p| p[7 * c]);
+            own.filter(|v| *v > 0.0).map_or(f64::NAN, f64::sqrt)
+        };
+        let samples: Vec<(f64, f64, f64)> = run
+            .samples
+            .iter()
+            .filter(|s| s.values[c].is_finite())
+            .map(|s| (s.t_s, s.values[c], sd(s)))
+            .collect();
+        measure(CHANNELS[c].to_owned(), &samples)
+    };
+    let whole = |s: &Sample| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite());
+    let combination = |c: usize| {
+        if !run.samples.iter().all(whole) {
+            return None;
+        }
+        // Deviations, not values: a covariance that varies would turn a place far from zero into noise.
+        let middle: [f64; 6] = std::array::from_fn(|j| run.median(j).unwrap_or(0.0));
+        let samples: Vec<(f64, f64, f64)> = run
+            .samples
+            .iter()
+            .map(|s| {
+                let rows = inverse_root(s.covariance.as_deref());
+                let value = (0..=c)
+                    .map(|j| rows[c][j] * (s.values[j] - middle[j]))
+                    .sum();
+                (s.t_s, value, f64::NAN)
+            })
+            .collect();
+        measure(whitened_name(CHANNELS[c]), &samples)
+    };
+    (0..12)
+        .filter_map(channel)
+        .chain((0..6).filter_map(combination))
+        .collect()
 }
 
 /// Watches a log being written and measures the noise at its end, if the vehicle was at rest throughout.
@@ -155,7 +180,7 @@ impl StillWatch {
             self.run.samples.push(Sample {
                 t_s,
                 values,
-                covariance: None,
+                covariance: super::load::covariance(motion),
             });
         }
     }
@@ -201,7 +226,7 @@ mod tests {
         assert_eq!(key, NOISE_KEY);
         let found: StillNoise = serde_json::from_str(&json).unwrap();
         assert_eq!(found.len(), 1);
-        let x = found["x_m"];
+        let x = &found["x_m"];
         assert!((x.noise.white_sd / 2e-4 - 1.0).abs() < 0.1, "{x:?}");
         assert!((x.noise.coloured_sd / 3e-4 - 1.0).abs() < 0.3, "{x:?}");
         assert!((0.3..1.2).contains(&x.noise.correlation_s), "{x:?}");

@@ -1,25 +1,29 @@
 //! A settled fit in numbers and words: intervals, noise, runs, residuals.
 
-use super::fit::{Fit, beside};
+use super::fit::{Fit, NOT_WHITE, beside};
 use super::{IdentifyError, Options};
 use crate::identify::data::Run;
-use crate::identify::outcome::{Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace};
+use crate::identify::outcome::{
+    Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace,
+};
 use crate::identify::parameter::Coefficient;
 use crate::identify::problem::Objective;
-use crate::identify::statistics::{ljung_box, t95};
-use crate::identify::uncertainty::{correlation, covariance, profile};
+use crate::identify::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95, variance_above};
+use crate::identify::uncertainty::{
+    PROFILE_EVALUATIONS, Profile, Ridge, correlation, covariance, profile,
+};
 use hydroline_rigs::Rig;
-use nalgebra::DMatrix;
+use nalgebra::{Cholesky, DMatrix};
 use std::collections::BTreeMap;
 
-/// Relative sd above which a direction is weak: the interval comes from the profile.
-const WEAK: f64 = 0.05;
+/// Relative sd above which a coefficient is weakly determined: the interval comes from the profile.
+const WEAK: f64 = 0.2;
+/// Correlation with another coefficient above which the same holds.
+const TIED: f64 = 0.95;
 /// sd over size above which a coefficient counts as not excited.
 pub(super) const UNEXCITED: f64 = 0.5;
-/// p below which residuals are called not white.
-const NOT_WHITE: f64 = 1e-3;
-/// Lags of the whiteness test.
-const LAGS: usize = 20;
+/// Residual variance over that of the noise at rest below which nobody need be told.
+const LARGER: f64 = 1.2;
 
 impl Fit<'_> {
     /// The result of a fit that has settled.
@@ -34,13 +38,15 @@ impl Fit<'_> {
         options: &Options<'_>,
     ) -> Result<Identification, IdentifyError> {
         let (variance, freedom) = self.variance()?;
-        let mut normal = self.problem.normal(&self.at)?;
-        let of_data = normal.hessian.clone();
-        for (i, held) in self.held.iter().enumerate() {
-            if *held {
-                // What is held is known no better than to its own size: carried into the others' intervals.
-                normal.hessian[(i, i)] +=
-                    1.0 / self.forward.globals()[i].start.abs().max(1e-9).powi(2);
+        let of_data = self.problem.normal(&self.at)?.hessian;
+        let doubts: Vec<f64> = coefficients.iter().map(|c| c.doubt(&rig.vehicle)).collect();
+        // What is held is known no better than the rig knows it: carried into the others' intervals.
+        for i in (0..coefficients.len()).filter(|i| self.held[*i]) {
+            if coefficients[i].of_vehicle(&rig.vehicle) == 0.0 {
+                self.notes.push(format!(
+                    "{}: the rig file knows no number; held at 0 and taken as 0 +- {:.3} {} (Table 9's range for this mass) in the other intervals",
+                    coefficients[i].key(), doubts[i], coefficients[i].unit()
+                ));
             }
         }
         // Measured noise that is too small for the residuals does not make intervals narrower than they are.
@@ -49,35 +55,31 @@ impl Fit<'_> {
         } else {
             variance
         };
-        let mut all = covariance(&normal.hessian) * scale;
+        // Doubt about the rig does not grow with the noise.
+        let beside_held = covariance(&beside(&of_data, &self.held)) * scale;
         let count = coefficients.len();
-        let open = (0..count).any(|i| all[(i, i)].is_infinite());
-        if open && self.held.iter().any(|h| *h) {
-            // The data are so much sharper than the size of what is held that rounding eats it.
-            all = self.beside_held(&of_data, scale);
-        }
+        let all = if self.held.iter().any(|h| *h) {
+            self.with_doubts(&of_data, &doubts, scale)
+        } else {
+            beside_held.clone()
+        };
         let block: DMatrix<f64> = all.view((0, 0), (count, count)).into_owned();
         let correlations = correlation(&block);
         let quantile = t95(freedom);
+        let mut profiles = self.profiles(&beside_held, count, (scale, freedom), options)?;
         let mut parameters = BTreeMap::new();
         for (i, c) in coefficients.iter().enumerate() {
             let free = &self.problem.free()[i];
             let value = self.at[i];
             let sd = block[(i, i)].sqrt();
             let excited = !self.held[i] && sd.is_finite() && sd < UNEXCITED * value.abs();
-            let weak = sd.is_finite() && !self.held[i] && sd > WEAK * value.abs();
-            let cheap = count <= 3;
-            let profile = if weak
-                && cheap
-                // A profile would set free what is held.
-                && !self.held.iter().any(|h| *h)
-                && options.method.name() == "lm"
-                && options.objective == Objective::LeastSquares
-            {
-                Some(profile(&self.problem, &self.at, i, sd, scale, freedom)?)
-            } else {
-                None
-            };
+            // What is held widens the profile's interval as it widens the sd.
+            let wider = sd / beside_held[(i, i)].sqrt();
+            let profile = profiles.remove(&i).map(|p| Profile {
+                low: value + (p.low - value) * wider,
+                high: value + (p.high - value) * wider,
+                ..p
+            });
             let ends = sd
                 .is_finite()
                 .then_some((value - quantile * sd, value + quantile * sd));
@@ -145,32 +147,97 @@ impl Fit<'_> {
         Ok(result)
     }
 
-    /// Whether any run measured this slot; a model of rates has its position as a slot all the same.
-    fn is_measured(&self, slot: usize) -> bool {
-        let slots = self.forward.slots().len();
-        (0..self.forward.runs()).any(|run| {
-            let values = self.forward.measured(run).iter().skip(slot).step_by(slots);
-            values.into_iter().any(|v| v.is_finite())
-        })
+    /// 95 % intervals by profile likelihood of the coefficients that are weakly determined, the weakest first;
+    /// what is held stays held.
+    fn profiles(
+        &mut self,
+        beside_held: &DMatrix<f64>,
+        count: usize,
+        (scale, freedom): (f64, f64),
+        options: &Options<'_>,
+    ) -> Result<BTreeMap<usize, Profile>, IdentifyError> {
+        let mut found = BTreeMap::new();
+        if options.method.name() != "lm" || options.objective != Objective::LeastSquares {
+            return Ok(found);
+        }
+        let correlations = correlation(beside_held);
+        let share = |i: usize| beside_held[(i, i)].sqrt() / self.at[i].abs();
+        let tied = |i: usize| (0..count).any(|j| j != i && correlations[(i, j)].abs() > TIED);
+        let mut weak: Vec<usize> = (0..count)
+            .filter(|i| !self.held[*i] && beside_held[(*i, *i)].is_finite())
+            .filter(|i| share(*i) > WEAK || tied(*i))
+            .collect();
+        weak.sort_by(|a, b| share(*b).total_cmp(&share(*a)));
+        let mut left = PROFILE_EVALUATIONS;
+        let mut linear = Vec::new();
+        for i in weak {
+            if left == 0 {
+                linear.push(self.problem.free()[i].name.clone());
+                continue;
+            }
+            let column: Vec<f64> = beside_held.column(i).iter().copied().collect();
+            let ridge = Ridge {
+                index: i,
+                sd: beside_held[(i, i)].sqrt(),
+                column: &column,
+                held: &self.held,
+            };
+            let (ends, evaluations) = profile(&self.problem, &self.at, ridge, scale, freedom)?;
+            left = left.saturating_sub(evaluations);
+            self.evaluations += evaluations;
+            found.insert(i, ends);
+        }
+        if !linear.is_empty() {
+            self.notes.push(format!(
+                "{}: weakly determined too, but interval from the sd: {PROFILE_EVALUATIONS} evaluations were spent on the profiles of the weaker ones",
+                linear.join(", ")
+            ));
+        }
+        Ok(found)
     }
 
-    /// Covariance where what is held is known to its own size only, from the covariance beside the
-    /// held values and how the estimates move with them: d = - C H_held, C + d size^2 d^T.
-    fn beside_held(&self, hessian: &DMatrix<f64>, scale: f64) -> DMatrix<f64> {
+    /// Covariance where what is held is as uncertain as the rig's doubt about it and these data leave it
+    /// (V = (S / scale + doubt^-2)^-1, S the Schur complement of the held), from the covariance beside the held
+    /// values and how the estimates move with them: C + D V D^T, D = - C H_held. The sum of information and
+    /// doubt would be the same, but the data may be so much sharper that rounding eats the doubt.
+    fn with_doubts(&self, hessian: &DMatrix<f64>, doubts: &[f64], scale: f64) -> DMatrix<f64> {
         let n = hessian.nrows();
-        let mut all = covariance(&beside(hessian, &self.held));
-        let open: Vec<usize> = (0..n).filter(|i| all[(*i, *i)].is_infinite()).collect();
-        for i in (0..n).filter(|i| self.held[*i] || open.contains(i)) {
-            all[(i, i)] = 0.0;
+        let held: Vec<usize> = (0..n).filter(|i| self.held[*i]).collect();
+        let mut beside = covariance(&beside(hessian, &self.held));
+        let open: Vec<usize> = (0..n).filter(|i| beside[(*i, *i)].is_infinite()).collect();
+        for i in held.iter().chain(&open) {
+            beside[(*i, *i)] = 0.0;
         }
-        let beside = all.clone();
-        all *= scale;
-        for h in (0..n).filter(|h| self.held[*h]) {
-            let size = self.forward.globals()[h].start.abs().max(1e-9);
-            let mut moves = -(&beside * hessian.column(h));
-            moves[h] = 1.0;
-            all.ger(size * size, &moves, &moves, 1.0);
+        let mut moves = DMatrix::zeros(n, held.len());
+        for (k, h) in held.iter().enumerate() {
+            moves.set_column(k, &(-(&beside * hessian.column(*h))));
+            moves[(*h, k)] = 1.0;
         }
+        // S = H_hh + H_hf D_f = H_h D, rows h.
+        let precision = DMatrix::from_fn(held.len(), held.len(), |a, b| {
+            let schur = hessian
+                .row(held[a])
+                .transpose()
+                .dot(&moves.column(b))
+                .max(if a == b { 0.0 } else { f64::NEG_INFINITY });
+            let doubt = if a == b {
+                doubts[held[a]].max(1e-9).powi(-2)
+            } else {
+                0.0
+            };
+            schur / scale + doubt
+        });
+        let mut all = beside * scale;
+        let doubted = Cholesky::new(precision).map_or_else(
+            // Rounding: then the doubt alone.
+            || {
+                DMatrix::from_fn(held.len(), held.len(), |a, b| {
+                    if a == b { doubts[held[a]].powi(2) } else { 0.0 }
+                })
+            },
+            |c| c.inverse(),
+        );
+        all += &moves * doubted * moves.transpose();
         for i in open {
             all[(i, i)] = f64::INFINITY;
         }
@@ -191,6 +258,7 @@ impl Fit<'_> {
                 noise: self.noises[slot],
                 outliers: self.outliers[slot],
                 source: source.to_owned(),
+                logged: self.logged(slot),
             };
             result.noise.insert(name.clone(), noise);
         }
@@ -198,12 +266,56 @@ impl Fit<'_> {
             result.notes.push(
                 "noise estimated from the residuals: what the model lacks counts as noise; a `still` run (>= 20 s at rest) measures it".to_owned(),
             );
-        } else if result.variance_ratio > 1.2 {
+            return;
+        }
+        let measured = |slot: &usize| self.is_measured(*slot);
+        let (mut known, mut unknown) = (Vec::new(), Vec::new());
+        for slot in (0..self.forward.slots().len()).filter(measured) {
+            match self.measured_at_rest(slot) {
+                Some(rest) => known.push(rest),
+                None => unknown.push(self.forward.slots()[slot].as_str()),
+            }
+        }
+        if !unknown.is_empty() {
+            result.notes.push(format!(
+                "{}: not measured at rest; noise estimated from the residuals",
+                unknown.join(", ")
+            ));
+        }
+        // A short stretch at rest knows the level only so well.
+        let samples: usize = known
+            .iter()
+            .filter_map(|r| Some(r.left.as_ref()?.samples))
+            .sum();
+        let by_chance = match samples {
+            0 => 0.0,
+            n => variance_above(result.variance_ratio, self.freedom(), n as f64),
+        };
+        if result.variance_ratio > LARGER && by_chance < NOT_WHITE {
             result.misfit.push(format!(
-                "residuals are {:.1} times the noise measured at rest: the model lacks something",
+                "residuals are {:.2} times the noise measured at rest: the model lacks something",
                 result.variance_ratio.sqrt()
             ));
         }
+    }
+
+    /// What the logs say of a slot's sd, beside what was found.
+    fn logged(&self, slot: usize) -> Option<Logged> {
+        let median_sd = self.problem.references()[slot]?;
+        let slots = self.forward.slots().len();
+        let said = (0..self.forward.runs()).flat_map(|run| {
+            let sds = self.forward.logged_sd(run).iter().skip(slot).step_by(slots);
+            sds.copied().filter(|sd| sd.is_finite())
+        });
+        let (least_sd, greatest_sd) = said.fold((f64::INFINITY, 0.0_f64), |(l, g), sd| {
+            (l.min(sd), g.max(sd))
+        });
+        Some(Logged {
+            median_sd,
+            least_sd,
+            greatest_sd,
+            scale: self.noises[slot].total_sd() / median_sd,
+        })
     }
 
     fn describe_runs(
@@ -262,67 +374,69 @@ impl Fit<'_> {
         runs: &[Run],
         result: &mut Identification,
     ) -> Result<(), IdentifyError> {
-        let mut worst: BTreeMap<String, (f64, String, f64, f64, bool)> = BTreeMap::new();
+        let mut worst: BTreeMap<String, (Whiteness, String, f64, bool)> = BTreeMap::new();
+        let slots: Vec<usize> = (0..self.forward.slots().len())
+            .filter(|slot| self.is_measured(*slot))
+            .collect();
+        let threshold = self.threshold();
         for (i, run) in runs.iter().enumerate() {
-            let plain = self.problem.raw_residuals(i, &self.at)?;
+            let raw = self.problem.raw_residuals(i, &self.at)?;
+            let plain = self.problem.weighed_residuals(i, &self.at)?;
             let filtered = self.problem.whitened(i, &self.at)?;
-            for (slot, name) in self.forward.slots().iter().enumerate() {
-                if !self.is_measured(slot) {
-                    continue;
-                }
-                let filter = &self.problem.whiteners()[i][slot];
-                let kept = |series: &[f64]| -> Vec<f64> {
-                    series
-                        .iter()
-                        .enumerate()
-                        .map(|(k, v)| if filter.counts(k) { *v } else { f64::NAN })
-                        .collect()
-                };
-                let plain_kept = kept(&plain[slot]);
-                let (sum, n) = plain_kept
+            for &slot in &slots {
+                let name = &self.forward.slots()[slot];
+                let kept = |series: &[f64]| self.innovations(i, slot, series);
+                let (sum, n) = kept(&raw[slot])
                     .iter()
                     .filter(|v| v.is_finite())
                     .fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+                let filtered = kept(&filtered[slot]);
+                // Colour that was measured at rest is no misfit: it is taken out first, of the stretch at rest too.
+                let rest = self.measured_at_rest(slot);
+                let at_rest = rest
+                    .and_then(|rest| rest.left_of(self.noises[slot]))
+                    .zip(Correlogram::of(std::slice::from_ref(&filtered), LAGS))
+                    .and_then(|(rest, own)| own.against(&rest));
                 let entry = Residuals {
                     run: run.name.clone(),
                     slot: name.clone(),
                     rms: (sum / n.max(1) as f64).sqrt(),
-                    plain: ljung_box(&plain_kept, LAGS),
-                    filtered: ljung_box(&kept(&filtered[slot]), LAGS),
+                    plain: ljung_box(&kept(&plain[slot]), LAGS),
+                    filtered: ljung_box(&filtered, LAGS),
+                    at_rest,
                 };
-                // Colour that was measured at rest is no misfit: it is taken out first.
-                let colour_known = self.measured_at_rest(slot).is_some();
-                let judged = if colour_known {
-                    entry.filtered
-                } else {
-                    entry.plain
+                let judged = match rest {
+                    Some(_) => at_rest.or(entry.filtered),
+                    None => entry.plain,
                 };
-                if let Some(w) = judged.filter(|w| w.p_value < NOT_WHITE) {
-                    let before = worst.get(name).map_or(f64::INFINITY, |w| w.0);
+                if let Some(w) = judged.filter(|w| w.p_value < threshold) {
+                    let before = worst.get(name).map_or(f64::INFINITY, |w| w.0.p_value);
                     if w.p_value <= before {
                         worst.insert(
                             name.clone(),
-                            (w.p_value, run.name.clone(), w.lag1, entry.rms, colour_known),
+                            (w, run.name.clone(), entry.rms, rest.is_some()),
                         );
                     }
                 }
                 result.residuals.push(entry);
             }
         }
-        for (slot, (p, run, lag1, rms, colour_known)) in worst {
-            let (taken_out, why) = if colour_known {
+        for (slot, (Whiteness { p_value, lag1, .. }, run, rms, colour_known)) in worst {
+            let (taken_out, test, why) = if colour_known {
                 (
                     " although the colour measured at rest was taken out",
+                    "beside the stretch at rest",
                     "the model lacks something, or the noise was another one",
                 )
             } else {
                 (
                     "",
+                    "Ljung-Box",
                     "either the noise is coloured or the model lacks something",
                 )
             };
             result.misfit.push(format!(
-                "{slot}: residuals are far from white{taken_out} (worst run {run}: Ljung-Box p = {p:.1e}, neighbours correlate {lag1:.2}, rms {rms:.3e}); {why}: hydroline diagnose"
+                "{slot}: residuals are far from white{taken_out} (worst run {run}: {test} p = {p_value:.1e}, neighbours correlate {lag1:.2}, rms {rms:.3e}); {why}: hydroline diagnose"
             ));
         }
         Ok(())

@@ -3,14 +3,16 @@
 use super::{IdentifyError, Options};
 use crate::identify::forward::Forward;
 use crate::identify::lm;
-use crate::identify::noise::{Noise, Series, mask};
+use crate::identify::noise::{Noise, RestNoise, Series, mask};
 use crate::identify::problem::{Objective, Problem};
-use crate::identify::statistics::difference_sd;
+use crate::identify::statistics::{Correlogram, LAGS, difference_sd, variance_above};
 use crate::identify::uncertainty::covariance;
 use nalgebra::DMatrix;
 
 /// sd over the rig's size above which a coefficient is held.
 const HOLD_ABOVE: f64 = 2.0;
+/// p below which residuals are called not white, over all runs and slots of a fit together.
+pub(super) const NOT_WHITE: f64 = 1e-3;
 /// Decrease of half the sum of squares that a step of a refit between two holdings must bring.
 const REFIT_ENOUGH: f64 = 0.1;
 
@@ -18,7 +20,9 @@ const REFIT_ENOUGH: f64 = 0.1;
 pub(super) struct Fit<'f> {
     pub(super) forward: &'f dyn Forward,
     pub(super) problem: Problem<'f>,
-    pub(super) measured_noise: Option<Vec<Option<(Noise, f64)>>>,
+    pub(super) measured_noise: Option<Vec<Option<RestNoise>>>,
+    /// Slots whose residuals agree with the noise at rest: both together are its measurement.
+    agreed: Vec<bool>,
     pub(super) name: String,
     pub(super) noises: Vec<Noise>,
     pub(super) outliers: Vec<f64>,
@@ -33,7 +37,7 @@ pub(super) struct Fit<'f> {
 impl<'f> Fit<'f> {
     pub(super) fn new(
         forward: &'f dyn Forward,
-        measured_noise: Option<Vec<Option<(Noise, f64)>>>,
+        measured_noise: Option<Vec<Option<RestNoise>>>,
         name: String,
     ) -> Result<Self, IdentifyError> {
         let slots = forward.slots().len();
@@ -72,6 +76,7 @@ impl<'f> Fit<'f> {
             held: vec![false; at.len()],
             problem,
             measured_noise,
+            agreed: vec![false; slots],
             name,
             noises,
             outliers: vec![0.0; slots],
@@ -105,6 +110,16 @@ impl<'f> Fit<'f> {
             return Ok(());
         }
         self.hold_unexcited()?;
+        self.settle()?;
+        if self.agree()? {
+            self.reweigh()?;
+            self.settle()?;
+        }
+        Ok(())
+    }
+
+    /// Parameters beside the noise and the noise beside the parameters, until neither moves the other.
+    fn settle(&mut self) -> Result<(), IdentifyError> {
         for _ in 0..5 {
             let found = lm::least_squares(&self.problem, self.at.clone(), &self.held)?;
             self.evaluations += found.evaluations;
@@ -128,13 +143,18 @@ impl<'f> Fit<'f> {
 
     /// Noise and outliers from the residuals, or from rest with outliers from the residuals.
     fn reweigh(&mut self) -> Result<(), IdentifyError> {
-        let (found, mut used) = self.problem.noise_of_residuals(&self.at)?;
+        let beside = |slot: usize| match self.measured_at_rest(slot) {
+            Some(rest) if self.agreed[slot] => rest.stretches.as_slice(),
+            _ => &[],
+        };
+        let (found, mut used) = self.problem.noise_of_residuals(&self.at, beside)?;
         let slots = self.forward.slots().len();
         for slot in 0..slots {
-            if let Some((noise, _)) = self.measured_at_rest(slot) {
+            let alone = self.measured_at_rest(slot).filter(|_| !self.agreed[slot]);
+            if let Some(noise) = alone.map(|n| n.noise) {
                 self.noises[slot] = noise;
                 let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
-                    .map(|r| self.problem.raw_residuals(r, &self.at))
+                    .map(|r| self.problem.weighed_residuals(r, &self.at))
                     .collect();
                 let residuals = residuals?;
                 let views: Vec<Series<'_>> = residuals
@@ -172,8 +192,68 @@ impl<'f> Fit<'f> {
     }
 
     /// The noise of a slot that was measured at rest, if it was, and its outliers.
-    pub(super) fn measured_at_rest(&self, slot: usize) -> Option<(Noise, f64)> {
-        self.measured_noise.as_ref()?.get(slot).copied().flatten()
+    pub(super) fn measured_at_rest(&self, slot: usize) -> Option<&RestNoise> {
+        self.measured_noise.as_ref()?.get(slot)?.as_ref()
+    }
+
+    /// Finds the slots whose residuals have the level and the colour of the noise at rest. There the residuals,
+    /// often many more samples, measure the noise too: what twenty seconds leave open of its colour would
+    /// make intervals too narrow in one experiment and too wide in the next. Whether any was found.
+    fn agree(&mut self) -> Result<bool, IdentifyError> {
+        let runs = self.forward.runs();
+        let whitened: Result<Vec<_>, _> = (0..runs)
+            .map(|run| self.problem.whitened(run, &self.at))
+            .collect();
+        let whitened = whitened?;
+        let threshold = self.threshold();
+        for slot in 0..self.agreed.len() {
+            let Some(rest) = self.measured_at_rest(slot) else {
+                continue;
+            };
+            let Some(left) = rest.left.as_ref().filter(|_| !rest.stretches.is_empty()) else {
+                continue;
+            };
+            let own = |run: usize| self.innovations(run, slot, &whitened[run][slot]);
+            let colour = (0..runs)
+                .filter_map(|run| Correlogram::of(&[own(run)], LAGS)?.against(left))
+                .all(|w| w.p_value >= threshold);
+            let all: Vec<f64> = (0..runs).flat_map(own).filter(|v| v.is_finite()).collect();
+            // Each slot pays for its share of what was fitted.
+            let share = self.freedom() / self.problem.samples().max(1) as f64;
+            let freedom = share * all.len() as f64;
+            let ratio = all.iter().map(|v| v * v).sum::<f64>() / freedom.max(1.0);
+            let at_rest = left.samples as f64;
+            let level = variance_above(ratio, freedom, at_rest) >= NOT_WHITE
+                && variance_above(1.0 / ratio, at_rest, freedom) >= NOT_WHITE;
+            self.agreed[slot] = colour && level;
+        }
+        Ok(self.agreed.iter().any(|a| *a))
+    }
+
+    /// Filtered residuals of a run and slot, NaN where a sample does not count.
+    pub(super) fn innovations(&self, run: usize, slot: usize, filtered: &[f64]) -> Vec<f64> {
+        let filter = &self.problem.whiteners()[run][slot];
+        filtered
+            .iter()
+            .enumerate()
+            .map(|(k, v)| if filter.counts(k) { *v } else { f64::NAN })
+            .collect()
+    }
+
+    /// p below which one of this fit's tests is a finding: the smallest of many is small by chance (Bonferroni).
+    pub(super) fn threshold(&self) -> f64 {
+        let slots = self.forward.slots().len();
+        let measured = (0..slots).filter(|slot| self.is_measured(*slot)).count();
+        NOT_WHITE / (self.forward.runs() * measured).max(1) as f64
+    }
+
+    /// Whether any run measured this slot; a model of rates has its position as a slot all the same.
+    pub(super) fn is_measured(&self, slot: usize) -> bool {
+        let slots = self.forward.slots().len();
+        (0..self.forward.runs()).any(|run| {
+            let values = self.forward.measured(run).iter().skip(slot).step_by(slots);
+            values.into_iter().any(|v| v.is_finite())
+        })
     }
 
     fn sds(&self) -> Result<Vec<f64>, IdentifyError> {
@@ -208,9 +288,14 @@ impl<'f> Fit<'f> {
         Ok(())
     }
 
+    /// Samples that count less what was fitted to them.
+    pub(super) fn freedom(&self) -> f64 {
+        (self.problem.samples() as f64 - self.problem.free().len() as f64).max(1.0)
+    }
+
     /// Residual variance per degree of freedom of the whitened residuals.
     pub(super) fn variance(&self) -> Result<(f64, f64), IdentifyError> {
-        let freedom = (self.problem.samples() as f64 - self.problem.free().len() as f64).max(1.0);
+        let freedom = self.freedom();
         Ok((2.0 * self.problem.normal(&self.at)?.cost / freedom, freedom))
     }
 }
@@ -252,8 +337,11 @@ pub(super) fn hold_undetermined(
         let sds = sds(&hessian, held);
         let mut worst: Option<(usize, f64)> = None;
         for (i, free) in globals.iter().enumerate().filter(|(i, _)| !held[*i]) {
-            // A rig that knows no number gives no size either: the estimate's own then.
-            let size = if free.start == 0.0 { at[i] } else { free.start };
+            // A rig that knows no number gives no size either: what may lie within the search range then.
+            let size = match free.start {
+                0.0 => (free.high - free.low) / 12f64.sqrt(),
+                said => said,
+            };
             let relative = if sds[i].is_finite() {
                 sds[i] / size.abs().max(1e-9)
             } else {

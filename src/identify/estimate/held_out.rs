@@ -33,6 +33,7 @@ pub(super) fn cross_validate(
             .collect();
         let training = make(&others, coefficients)?;
         let mut problem = Problem::new(training.as_ref(), &vec![1.0; training.slots().len()]);
+        problem.weigh(fit.problem.references().to_vec());
         problem.set_noise(&fit.noises, |run, slot, k| {
             let original = run + usize::from(run >= left);
             fit.problem.whiteners()[original][slot].counts(k)
@@ -49,6 +50,7 @@ pub(super) fn cross_validate(
         let trained = lm::least_squares(&problem, start, &held)?;
         let alone = make(std::slice::from_ref(&runs[left]), coefficients)?;
         let mut own = Problem::new(alone.as_ref(), &vec![1.0; alone.slots().len()]);
+        own.weigh(fit.problem.references().to_vec());
         own.set_noise(&fit.noises, |_, slot, k| {
             fit.problem.whiteners()[left][slot].counts(k)
         });

@@ -1,62 +1,108 @@
-//! The noise of the measurement, from runs at rest or from what a log carries of one.
+//! The noise of the measurement, from stretches at rest or from what a log carries of one.
 
-use crate::identify::data::Run;
+use crate::identify::data::{Run, is_still};
 use crate::identify::forward::Forward;
-use crate::identify::noise::{Noise, Series, estimate as estimate_noise};
+use crate::identify::noise::{RestNoise, Stretch, at_rest};
+use crate::identify::problem::precision;
 use crate::identify::statistics::median;
 
 /// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
-/// Slots that are combinations of channels have none.
-pub(super) fn stored_noise(runs: &[Run], slots: &[String]) -> Option<Vec<Option<(Noise, f64)>>> {
-    let of = |slot: &String| {
-        runs.iter()
+/// Its level belongs to the sd that was logged there; `references` are those of the slots here.
+pub(super) fn stored_noise(
+    runs: &[Run],
+    slots: &[String],
+    references: &[Option<f64>],
+) -> Option<Vec<Option<RestNoise>>> {
+    let of = |(slot, reference): (&String, &Option<f64>)| {
+        let stored = runs
+            .iter()
             .filter_map(|r| r.noise_at_rest.as_ref()?.get(slot))
-            .map(|n| (n.noise, n.outliers))
-            .find(|(noise, _)| noise.total_sd() > 0.0)
+            .find(|n| n.noise.total_sd() > 0.0)?;
+        let scale = match (reference, stored.logged_sd) {
+            (Some(here), Some(there)) if there > 0.0 => here / there,
+            _ => 1.0,
+        };
+        Some(RestNoise {
+            noise: stored.noise.times(scale),
+            logged_sd: *reference,
+            ..stored.clone()
+        })
     };
-    let found: Vec<Option<(Noise, f64)>> = slots.iter().map(of).collect();
+    let found: Vec<Option<RestNoise>> = slots.iter().zip(references).map(of).collect();
     found.iter().any(Option::is_some).then_some(found)
 }
 
-/// Noise per slot of runs at rest: deviations from each run's median.
-pub(super) fn noise_at_rest(rest: &dyn Forward) -> Vec<Option<(Noise, f64)>> {
-    let slots = rest.slots().len();
-    (0..slots)
-        .map(|slot| {
-            let series: Vec<(Vec<f64>, Vec<f64>)> = (0..rest.runs())
+/// Noise per slot of `slots` from runs at rest: deviations from each run's median. Slots go by name: a run at
+/// rest may have measured other channels than the ones that moved.
+pub(super) fn noise_at_rest(
+    rest: &dyn Forward,
+    slots: &[String],
+    references: &[Option<f64>],
+) -> Vec<Option<RestNoise>> {
+    let own = rest.slots();
+    let count = own.len();
+    // The references in the order of the rest's own slots.
+    let matched: Vec<Option<f64>> = own
+        .iter()
+        .map(|name| {
+            let place = slots.iter().position(|s| s == name)?;
+            references.get(place).copied().flatten()
+        })
+        .collect();
+    let factors: Vec<Vec<f64>> = (0..rest.runs())
+        .map(|run| precision(rest, run, &matched))
+        .collect();
+    slots
+        .iter()
+        .zip(references)
+        .map(|(name, reference)| {
+            let slot = own.iter().position(|s| s == name)?;
+            let stretches: Vec<Stretch> = (0..rest.runs())
                 .map(|run| {
                     let values: Vec<f64> = rest
                         .measured(run)
                         .iter()
                         .skip(slot)
-                        .step_by(slots)
+                        .step_by(count)
                         .copied()
                         .collect();
                     let mut present: Vec<f64> =
                         values.iter().copied().filter(|v| v.is_finite()).collect();
                     let middle = median(&mut present).unwrap_or(0.0);
+                    let factor = |k: usize| factors[run].get(k * count + slot).unwrap_or(&1.0);
+                    let away = values.iter().enumerate();
                     (
                         rest.times_s(run).to_vec(),
-                        values.iter().map(|v| v - middle).collect(),
+                        away.map(|(k, v)| (v - middle) * factor(k)).collect(),
                     )
                 })
                 .collect();
-            let views: Vec<Series<'_>> = series
-                .iter()
-                .map(|(t, v)| Series {
-                    times_s: t,
-                    values: v,
-                    jacobian: None,
-                })
-                .collect();
-            let (noise, used) = estimate_noise(&views)?;
-            let kept = used.iter().flatten().filter(|u| **u).count() as f64;
-            let present = views
-                .iter()
-                .flat_map(|s| s.values)
-                .filter(|v| v.is_finite())
-                .count() as f64;
-            Some((noise, 1.0 - kept / present.max(1.0)))
+            at_rest(stretches, *reference)
         })
         .collect()
+}
+
+/// A run at rest with its pose about zero: combinations of channels that a covariance makes must not turn a
+/// place far from zero into noise where that covariance varies. One DOF needs the heading, which says where ahead is.
+pub(super) fn centred(run: &Run, keep_heading: bool) -> Run {
+    let mut run = run.clone();
+    for channel in 0..if keep_heading { 5 } else { 6 } {
+        let middle = run.median(channel).unwrap_or(0.0);
+        for sample in &mut run.samples {
+            sample.values[channel] -= middle;
+        }
+    }
+    run
+}
+
+/// What a run that is driven later shows before its first load, if that is a stretch at rest that measures noise.
+pub(super) fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<Run> {
+    let first = run
+        .commands
+        .iter()
+        .find(|c| c.wrench.iter().any(|w| *w != 0.0))?;
+    let mut stretch = run.clone();
+    stretch.commands.clear();
+    stretch.samples.retain(|s| s.t_s < first.t_s);
+    is_still(&stretch, tolerance).then_some(stretch)
 }

@@ -206,3 +206,28 @@ fn targets_and_boards_that_make_no_sense() {
         );
     }
 }
+
+#[test]
+fn what_an_identification_left_is_read_back_and_held_against_itself() {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    assert!(rig.identified.is_none());
+    rig.identified = Some(crate::Identified {
+        coefficients: vec!["x_udot".into(), "x_u".into()],
+        values: vec![-250.25, -20.125],
+        sd: vec![1.5, 0.1],
+        covariance: vec![vec![2.25, -0.01], vec![-0.01, 0.01]],
+    });
+    let text = rig.to_toml();
+    let read = Rig::from_toml(&text, "r.toml", None).unwrap();
+    assert_eq!(read.identified, rig.identified);
+    for (was, is, words) in [
+        ("[1.5, 0.1]", "[1.5]", "2 coefficients need 2 values"),
+        ("[2.25, -0.01]", "[-2.25, -0.01]", "negative"),
+        ("\"x_u\"]", "7]", "name"),
+        ("values = [", "valeus = [", "valeus"),
+    ] {
+        assert!(text.contains(was), "{was}: {text}");
+        let wrong = Rig::from_toml(&text.replace(was, is), "r.toml", None).expect_err(words);
+        tells(&wrong, &["identified", words]);
+    }
+}
