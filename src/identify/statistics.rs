@@ -96,6 +96,8 @@ pub struct Correlogram {
     pub correlations: Vec<f64>,
     /// Samples they come from.
     pub samples: usize,
+    /// Their variance.
+    pub variance: f64,
 }
 
 impl Correlogram {
@@ -123,6 +125,7 @@ impl Correlogram {
         (samples >= 3 * lags.max(1) && energy > 0.0).then(|| Correlogram {
             correlations: products.into_iter().map(|p| p / energy).collect(),
             samples,
+            variance: energy / samples as f64,
         })
     }
 

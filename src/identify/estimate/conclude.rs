@@ -287,10 +287,10 @@ impl Fit<'_> {
             .iter()
             .filter_map(|r| Some(r.left.as_ref()?.samples))
             .sum();
-        let by_chance = match samples {
+        let by_chance = self.level_p.unwrap_or_else(|| match samples {
             0 => 0.0,
             n => variance_above(result.variance_ratio, self.freedom(), n as f64),
-        };
+        });
         if result.variance_ratio > LARGER && by_chance < NOT_WHITE {
             result.misfit.push(format!(
                 "residuals are {:.2} times the noise measured at rest: the model lacks something",
@@ -393,10 +393,11 @@ impl Fit<'_> {
                 let filtered = kept(&filtered[slot]);
                 // Colour that was measured at rest is no misfit: it is taken out first, of the stretch at rest too.
                 let rest = self.measured_at_rest(slot);
-                let at_rest = rest
-                    .and_then(|rest| rest.left_of(self.noises[slot]))
-                    .zip(Correlogram::of(std::slice::from_ref(&filtered), LAGS))
-                    .and_then(|(rest, own)| own.against(&rest));
+                let compared = self.beside_rest.get(i).and_then(|slots| slots[slot]);
+                let at_rest = compared.or_else(|| {
+                    let left = rest?.left_of(self.noises[slot])?;
+                    Correlogram::of(std::slice::from_ref(&filtered), LAGS)?.against(&left)
+                });
                 let entry = Residuals {
                     run: run.name.clone(),
                     slot: name.clone(),

@@ -5,7 +5,7 @@ use crate::identify::forward::Forward;
 use crate::identify::lm;
 use crate::identify::noise::{Noise, RestNoise, Series, mask};
 use crate::identify::problem::{Objective, Problem};
-use crate::identify::statistics::{Correlogram, LAGS, difference_sd, variance_above};
+use crate::identify::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
 use crate::identify::uncertainty::covariance;
 use nalgebra::DMatrix;
 
@@ -23,6 +23,10 @@ pub(super) struct Fit<'f> {
     pub(super) measured_noise: Option<Vec<Option<RestNoise>>>,
     /// Slots whose residuals agree with the noise at rest: both together are its measurement.
     agreed: Vec<bool>,
+    /// Residuals of each run and slot beside the noise at rest, where that was compared.
+    pub(super) beside_rest: Vec<Vec<Option<Whiteness>>>,
+    /// Probability that residuals are as large by chance as they are beside the noise at rest.
+    pub(super) level_p: Option<f64>,
     pub(super) name: String,
     pub(super) noises: Vec<Noise>,
     pub(super) outliers: Vec<f64>,
@@ -77,6 +81,8 @@ impl<'f> Fit<'f> {
             problem,
             measured_noise,
             agreed: vec![false; slots],
+            beside_rest: Vec::new(),
+            level_p: None,
             name,
             noises,
             outliers: vec![0.0; slots],
@@ -111,8 +117,8 @@ impl<'f> Fit<'f> {
         }
         self.hold_unexcited()?;
         self.settle()?;
-        if self.agree()? {
-            self.reweigh()?;
+        self.agree()?;
+        if self.agreed.contains(&true) {
             self.settle()?;
         }
         Ok(())
@@ -198,36 +204,64 @@ impl<'f> Fit<'f> {
 
     /// Finds the slots whose residuals have the level and the colour of the noise at rest. There the residuals,
     /// often many more samples, measure the noise too: what twenty seconds leave open of its colour would
-    /// make intervals too narrow in one experiment and too wide in the next. Whether any was found.
-    fn agree(&mut self) -> Result<bool, IdentifyError> {
+    /// make intervals too narrow in one experiment and too wide in the next.
+    ///
+    /// The test takes the noise that both together show out of both: only what is then nearly white on either side
+    /// has the scatter that the test assumes, and under one and the same noise it is. Leaves the weights as found.
+    fn agree(&mut self) -> Result<(), IdentifyError> {
         let runs = self.forward.runs();
+        let slots = self.agreed.len();
+        let testable = |fit: &Self, slot: usize| {
+            fit.measured_at_rest(slot)
+                .is_some_and(|rest| !rest.stretches.is_empty())
+        };
+        self.agreed = (0..slots).map(|slot| testable(self, slot)).collect();
+        if !self.agreed.contains(&true) {
+            return Ok(());
+        }
+        self.reweigh()?;
         let whitened: Result<Vec<_>, _> = (0..runs)
             .map(|run| self.problem.whitened(run, &self.at))
             .collect();
         let whitened = whitened?;
         let threshold = self.threshold();
-        for slot in 0..self.agreed.len() {
-            let Some(rest) = self.measured_at_rest(slot) else {
+        // Each slot pays for its share of what was fitted.
+        let share = self.freedom() / self.problem.samples().max(1) as f64;
+        let mut tests = vec![vec![None; slots]; runs];
+        let mut levels = Vec::new();
+        for slot in 0..slots {
+            if !self.agreed[slot] {
                 continue;
-            };
-            let Some(left) = rest.left.as_ref().filter(|_| !rest.stretches.is_empty()) else {
+            }
+            let rest = self.measured_at_rest(slot);
+            let Some(left) = rest.and_then(|r| r.left_of(self.noises[slot])) else {
+                self.agreed[slot] = false;
                 continue;
             };
             let own = |run: usize| self.innovations(run, slot, &whitened[run][slot]);
-            let colour = (0..runs)
-                .filter_map(|run| Correlogram::of(&[own(run)], LAGS)?.against(left))
-                .all(|w| w.p_value >= threshold);
-            let all: Vec<f64> = (0..runs).flat_map(own).filter(|v| v.is_finite()).collect();
-            // Each slot pays for its share of what was fitted.
-            let share = self.freedom() / self.problem.samples().max(1) as f64;
-            let freedom = share * all.len() as f64;
-            let ratio = all.iter().map(|v| v * v).sum::<f64>() / freedom.max(1.0);
+            for (run, tests) in tests.iter_mut().enumerate() {
+                tests[slot] = Correlogram::of(&[own(run)], LAGS).and_then(|c| c.against(&left));
+            }
+            let all = (0..runs).flat_map(own).filter(|v| v.is_finite());
+            let (sum, count) = all.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+            let freedom = (share * count as f64).max(1.0);
+            let ratio = sum / freedom / left.variance;
             let at_rest = left.samples as f64;
-            let level = variance_above(ratio, freedom, at_rest) >= NOT_WHITE
-                && variance_above(1.0 / ratio, at_rest, freedom) >= NOT_WHITE;
-            self.agreed[slot] = colour && level;
+            let (above, below) = (
+                variance_above(ratio, freedom, at_rest),
+                variance_above(1.0 / ratio, at_rest, freedom),
+            );
+            levels.push(above);
+            let colour = tests.iter().filter_map(|t| t[slot]);
+            self.agreed[slot] = colour.into_iter().all(|w| w.p_value >= threshold)
+                && above.min(below) >= NOT_WHITE / slots as f64;
         }
-        Ok(self.agreed.iter().any(|a| *a))
+        self.level_p = levels
+            .into_iter()
+            .reduce(f64::min)
+            .map(|p| p * slots as f64);
+        self.beside_rest = tests;
+        self.reweigh()
     }
 
     /// Filtered residuals of a run and slot, NaN where a sample does not count.
