@@ -39,7 +39,8 @@ enum Loss {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables) and,
-unless they are decay tests, /thruster/command. A log at rest for 20 s or more measures the noise.
+unless they are decay tests, /thruster/command. A log at rest for 20 s or more measures the noise; so do the
+first 20 s or more of a run before its first load. Samples are weighed by the sd that their log says.
 
 Example: hydroline identify run0.mcap run1.mcap --rig lshpi --report out")]
 pub struct Args {
