@@ -2,7 +2,7 @@
 //! are asked of them. One experiment of the shortest kinds always runs; twenty of each with --ignored.
 #![allow(clippy::unwrap_used)]
 
-use hydroline::reproduce::{DofRow, Table10Row, all_dofs, dofs, table10, table10_under};
+use hydroline::reproduce::{DofRow, Table10Row, all_dofs, dofs, table3, table10, table10_under};
 use hydroline_rigs::Dof;
 
 /// Asked rms errors of X_udot, X_u, X_u|u| \[%\]: undisturbed by the paper's estimator and by joint pose, disturbed by
@@ -19,6 +19,14 @@ fn by<'r>(rows: &'r [Table10Row], condition: &str, estimator: &str) -> &'r Table
     rows.iter()
         .find(|r| r.condition == condition && r.estimator == estimator)
         .unwrap()
+}
+
+#[test]
+fn thinned_animations_keep_the_frame_they_are_measured_from() {
+    for row in table3(60).unwrap() {
+        let largest = row.ours[0].abs().max(row.ours[1].abs());
+        assert!(row.frames >= 4 && largest < 0.1, "{row:?}");
+    }
 }
 
 #[test]

@@ -45,13 +45,14 @@ enum What {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-hydroline reproduce all --every 10 --seeds 2 takes some minutes; with every frame and 20 seeds (the defaults) table10 and
+hydroline reproduce all --every 10 --seeds 2 takes about ten minutes of a core; with every frame and 20 seeds (the defaults) table10 and
 all-dofs alone take an hour of two cores.")]
 pub struct Args {
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]
     what: What,
-    /// Takes every n-th frame of the paper's animations only (table3, table7, figures)
+    /// Takes every n-th frame of the paper's animations only (table3, table7, figures). The formulas of table7 follow
+    /// the vehicle from frame to frame: with few frames they may take a place for its mirror image
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     every: u16,
     /// Frames for joint-pose

@@ -62,7 +62,9 @@ fn one(
     let per_si = motion.per_si();
     let start = start(motion, height_m, psi_deg);
     let count = ((high - low) / increment).round() as usize;
-    let values: Vec<f64> = (0..=count)
+    // Thinned about the level frame, which roll and pitch are measured from.
+    let level = (-low / increment).round().max(0.0) as usize;
+    let values: Vec<f64> = (level % every..=count)
         .step_by(every)
         .map(|k| (low + increment * k as f64) / per_si)
         .collect();
