@@ -311,3 +311,50 @@ fn what_is_held_at_a_zero_of_the_rig_is_not_taken_as_known() {
     assert!(held, "{:?}", found.notes);
     assert!(!found.parameters["x_uu"].excited);
 }
+
+#[test]
+fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none() {
+    let rig = decoupled();
+    let truth = rig.vehicle.clone();
+    let push = |x: f64, n: f64| [x, 0.0, 0.0, 0.0, 0.0, n];
+    // Surge well driven; yaw so gently that its quadratic term hardly shows.
+    let commands = [
+        (0.0, push(12.0, 0.08)),
+        (7.0, push(-10.0, -0.08)),
+        (14.0, push(5.0, 0.05)),
+    ];
+    let run = simulated(&truth, "gentle", &commands, 22.0, WHITE, 6);
+    let quick = quick();
+    let others = [Dof::Sway, Dof::Heave, Dof::Roll, Dof::Pitch];
+    let options = Options {
+        model: ModelChoice::Coupled,
+        fixed: others.into_iter().flat_map(Coefficient::of).collect(),
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    let found = identify(&[run], &rig, &options).unwrap();
+    assert_eq!(found.order.len(), 6);
+    let (mut weak, mut strong) = (0, 0);
+    for (i, key) in found.order.iter().enumerate() {
+        let p = &found.parameters[key];
+        let tied = (0..6).any(|j| j != i && found.correlation[i][j].abs() > 0.95);
+        let held = found
+            .notes
+            .iter()
+            .any(|n| n.starts_with(&format!("{key}: these runs")));
+        println!("{key}: {p:?} tied {tied} held {held}");
+        let is_weak = !held && (p.sd.unwrap() > 0.2 * p.value.abs() || tied);
+        assert_eq!(p.profile.is_some(), is_weak, "{key}: {p:?}");
+        weak += usize::from(is_weak);
+        strong += usize::from(!is_weak);
+        let actual = Coefficient::find(key).unwrap().of_vehicle(&truth);
+        let (low, high) = (p.low.unwrap(), p.high.unwrap());
+        // Three times the interval's half width about its middle: 6 sd.
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        assert!(
+            (actual - middle).abs() < 3.0 * half,
+            "{key}: {p:?} {actual}"
+        );
+    }
+    assert!(weak > 0 && strong > 0, "{weak} {strong}");
+}
