@@ -201,16 +201,17 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     println!("{}", power.told);
 }
 
-/// A mass with viscous friction, its numbers a third off; both are fitted (the mass as added mass). What it
-/// lacks is found by prediction: no law reaches the noise of the encoder.
+/// A mass with viscous friction, its numbers a quarter and more off; both are fitted (the mass as added mass). What it
+/// lacks is found by prediction: no law reaches the noise of the encoder. Friction and what depends on the
+/// direction were found in 51 s of one core; that the offset comes out as well, second, is not shown yet.
 #[test]
-#[ignore = "a minute of processor time"]
+#[ignore = "a minute of processor time; not reached: the offset"]
 fn the_drive_lacks_friction_offset_and_direction() {
     let Some(real) = shared() else { return };
     let mut rig = Rig::builtin("lshpi").unwrap();
-    rig.vehicle.mass_kg = 60.0;
-    rig.vehicle.coefficients[0].added = -20.0;
-    rig.vehicle.coefficients[0].linear = -150.0;
+    rig.vehicle.mass_kg = 2.0;
+    rig.vehicle.coefficients[0].added = -10.0;
+    rig.vehicle.coefficients[0].linear = -40.0;
     rig.vehicle.coefficients[0].quadratic = 0.0;
     let all = source(&real.join("emps/DATA_EMPS_SC.csv"), DRIVE, &rig);
     let fitted = [stretch(&all, "a", 0.0, 12.4, 8)];

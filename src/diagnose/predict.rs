@@ -22,8 +22,9 @@ pub struct Prediction {
 
 /// Parts of each run over which squared errors are summed before two predictions are compared.
 const PARTS: usize = 10;
-/// t of the difference of two predictions' squared errors above which one is better (one in forty by chance).
-pub const BETTER_T: f64 = 2.0;
+/// t of the difference of two predictions' squared errors above which one is better: one in forty by chance
+/// in the ten parts of one run, fewer in more runs.
+pub const BETTER_T: f64 = 2.26;
 
 impl Prediction {
     /// How surely the other one misses by more: t of the mean difference of squared errors, tenth by tenth

@@ -254,8 +254,13 @@ fn told(
         1 => format!("of the vocabulary only {} lies within", within[0]),
         _ => format!("{} are not decided", within.join(" and ")),
     };
+    let sure = if open[1] > open[0] {
+        "not decided closer than"
+    } else {
+        "decided:"
+    };
     format!(
-        "force grows faster than linearly with the rate; exponent {} by prediction, {} by likelihood (95 %): {verdict}",
+        "force grows faster than linearly with the rate; exponent {sure} {} by prediction ({} by likelihood, 95 %): {verdict}",
         edge(open),
         edge(likely)
     )

@@ -14,11 +14,13 @@ use crate::diagnose::setting::Track;
 /// Most effects.
 const MOST: usize = 6;
 /// Additions fitted per step in windows, and of those the ones fitted to the whole runs.
-const ADDED: usize = 14;
+const ADDED: usize = 12;
 /// See [`ADDED`].
 const WHOLE: usize = 6;
-/// Where no single one helps: sets from which a second addition is tried, and additions of each.
-const PAIRED: (usize, usize) = (4, 5);
+/// Of those the ones from which a second addition is tried, and additions of each.
+const PAIRED: (usize, usize) = (3, 5);
+/// rms of the runs held out with two effects more over that with one from which two are taken at once.
+const BOTH: f64 = 0.7;
 /// rms of the runs held out with an effect over that without it from which it is worth its place.
 const WORTH: f64 = 0.97;
 /// Without a member over with it, up to which it is not.
@@ -38,17 +40,22 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     while now.0.set.len() < MOST {
         let blind = |c: usize| search.blind.contains(&c);
         let singles = windows.grow(&seen, blind, ADDED);
-        let mut next = best(search, held, &windows, &singles).filter(|s| worth(&s.0, &now));
-        if next.is_none() {
-            let blind = |c: usize| search.blind.contains(&c);
-            let mut pairs: Vec<Fit> = singles
-                .iter()
-                .take(PAIRED.0)
-                .flat_map(|s| windows.grow(s, blind, PAIRED.1))
-                .collect();
-            pairs.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            next = best(search, held, &windows, &pairs).filter(|s| worth(&s.0, &now));
-        }
+        let blind = |c: usize| search.blind.contains(&c);
+        let mut pairs: Vec<Fit> = singles
+            .iter()
+            .take(PAIRED.0)
+            .flat_map(|s| windows.grow(s, blind, PAIRED.1))
+            .collect();
+        pairs.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        pairs.dedup_by(|a, b| a.set == b.set);
+        let single = best(search, held, &windows, &singles).filter(|s| worth(&s.0, &now));
+        let pair = best(search, held, &windows, &pairs).filter(|s| worth(&s.0, &now));
+        // One effect may do a little of the work of two that hide each other.
+        let next = match (single, pair) {
+            (Some(s), Some(p)) if p.0.1.rms < BOTH * s.0.1.rms => Some(p),
+            (None, pair) => pair,
+            (single, _) => single,
+        };
         let Some((better, from)) = next else { break };
         tracing::debug!(
             "by prediction {:?}: {:.3e} for {:.3e}",

@@ -20,7 +20,7 @@ const WINDOWS: usize = 10;
 /// Samples that a window has at least.
 const SAMPLES: usize = 20;
 /// Starting points fitted per candidate.
-const STARTS: usize = 3;
+const STARTS: usize = 2;
 
 /// The problem in windows.
 pub struct Windows {

@@ -23,9 +23,9 @@ const NAMED_TO_THE_NOISE: f64 = 0.6;
 /// may as well be a force.
 const SLOW: f64 = 0.1;
 /// The same above which it is no noise at all.
-const AS_SLOW_AS_THE_RUN: f64 = 0.2;
+const AS_SLOW_AS_THE_RUN: f64 = 0.15;
 /// Slow over white part that says the same.
-const ALL_SLOW: f64 = 20.0;
+const ALL_SLOW: f64 = 10.0;
 
 impl Search<'_> {
     /// Noise from what no candidate, no free force and no coefficient explains beside a set
