@@ -61,7 +61,7 @@ pub struct Identified {
     pub coefficients: Vec<String>,
     /// Values that the covariance belongs to, SI. Where `[vehicle]` says other ones it is not theirs.
     pub values: Vec<f64>,
-    /// Standard deviations, for people: the square roots of the covariance's diagonal.
+    /// Standard deviations, for people: the square roots of the covariance's diagonal, and checked to be.
     pub sd: Vec<f64>,
     /// Covariance, one row per coefficient, SI.
     pub covariance: Vec<Vec<f64>>,
@@ -87,6 +87,18 @@ impl Dof {
             Dof::Roll => "roll",
             Dof::Pitch => "pitch",
             Dof::Yaw => "yaw",
+        }
+    }
+
+    /// Names of its three coefficients in identifications: added mass, linear and quadratic damping.
+    pub fn coefficient_names(self) -> [&'static str; 3] {
+        match self {
+            Dof::Surge => ["x_udot", "x_u", "x_uu"],
+            Dof::Sway => ["y_vdot", "y_v", "y_vv"],
+            Dof::Heave => ["z_wdot", "z_w", "z_ww"],
+            Dof::Roll => ["k_pdot", "k_p", "k_pp"],
+            Dof::Pitch => ["m_qdot", "m_q", "m_qq"],
+            Dof::Yaw => ["n_rdot", "n_r", "n_rr"],
         }
     }
 
