@@ -284,33 +284,39 @@ fn the_inviscid_simulation_left_out_damping() {
     let found = diagnose(&fitted, &held, &inviscid.rig, &|_| {}).unwrap();
     show(&found.verdict);
     let v = &found.verdict;
-    // What a simulation without viscosity leaves out is damping, of a kind that grows faster than the rate.
+    // What a simulation without viscosity leaves out is damping, of a kind that grows faster than the rate. Beside
+    // the linear one that the recording brings along each law of it weighs less than the 0.1 deg that matter.
     let damping: Vec<_> = v
         .effects
         .iter()
-        .filter(|e| e.effect.ends_with("_damping"))
+        .filter(|e| ["quadratic_damping", "cubic_damping"].contains(&e.effect.as_str()))
         .collect();
     assert!(
-        damping.iter().any(|e| e.matters && e.probability > 0.95),
-        "{}",
-        v.sentence
+        damping.iter().any(|e| e.probability > 0.95),
+        "{} {:?}",
+        v.sentence,
+        v.effects
     );
     assert!(
-        damping
-            .iter()
-            .any(|e| ["quadratic_damping", "cubic_damping"].contains(&e.effect.as_str())),
-        "{}",
-        v.sentence
+        v.parameters.exponents.iter().any(|e| e.open[0] > 1.2),
+        "{:?}",
+        v.parameters.exponents
     );
     let (before, after) = (
         v.fit.held_out.before["phi_rad"],
         v.fit.held_out.after["phi_rad"],
     );
-    assert!(after < 0.7 * before, "{before} {after}");
-    // And it left it out: the simulation itself, asked the same, shows less of it than the recording.
+    assert!(after < 0.4 * before, "{before} {after}");
+    // And linear damping: the recording has at least twice the simulation's.
     let linear = |p: &std::collections::BTreeMap<String, hydroline::diagnose::verdict::Value>| {
         p["k_p"].value
     };
+    assert!(
+        linear(&v.parameters.before) < 2.0 * linear(&inviscid.verdict.parameters.before),
+        "{:?} {:?}",
+        v.parameters.before,
+        inviscid.verdict.parameters.before
+    );
     println!(
         "K_p of the simulation {:?}, of the recording {:?}",
         linear(&inviscid.verdict.parameters.written),

@@ -36,7 +36,7 @@ use kin::as_good;
 use rivals::{Rivals, names};
 use spots::blind;
 pub(super) use tables::HELD_OUT;
-use tables::{alternatives, coefficients, predictions, test};
+use tables::{alternatives, coefficients, predictions, rms, test};
 use words::{sentence, unexplained};
 
 /// Why there is no verdict.
@@ -277,7 +277,14 @@ fn one(
         }
     }
     // A function fitted along is no part of what a rig file can hold: predictions are the set's own.
-    let first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
+    let mut first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
+    if found.bent().is_some()
+        && let Some(refitted) = search.alone(&first)
+        && rms(&search, &refitted) < rms(&search, &first)
+    {
+        // Nor can it hold a bend: without it the numbers found beside it fit worse than the set's own.
+        first = refitted;
+    }
     let verdict = &mut made.verdict;
     let shares = weights(&setting, &first);
     verdict

@@ -248,7 +248,7 @@ pub fn explain(
             return Some(sparse);
         }
     }
-    if let (true, Some(plain)) = (best.family.is_some(), alone(search, &best.fit))
+    if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
         && let Some(family) = &mut best.family
     {
         family.gain = best.log_evidence - plain.log_evidence;
@@ -328,14 +328,6 @@ fn again(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
         needed: found.needed.clone(),
         ..Explanation::with(search, joint, function)
     })
-}
-
-/// A set's own fit, without any function.
-fn alone(search: &mut Search<'_>, like: &Fit) -> Option<Fit> {
-    if search.get(&like.set).is_none() {
-        search.fit(vec![(like.set.clone(), like.at.clone())]);
-    }
-    search.finished(&like.set)
 }
 
 /// Members taken out as long as what is left explains more beside its best function.

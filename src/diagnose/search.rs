@@ -185,6 +185,14 @@ impl<'a> Search<'a> {
         self.get(set).cloned()
     }
 
+    /// A set's own fit, without any function that it was fitted along with.
+    pub fn alone(&mut self, like: &Fit) -> Option<Fit> {
+        if self.get(&like.set).is_none() {
+            self.fit(vec![(like.set.clone(), like.at.clone())]);
+        }
+        self.finished(&like.set)
+    }
+
     /// Fits the empty set from the rig's numbers and, where that ends far from the noise, from others: with
     /// commands that a controller gave, a mass or a damping that is far off has minima of its own.
     pub fn nothing(&mut self) {
