@@ -92,10 +92,8 @@ fn weighed(experiments: u64, model: ModelChoice) -> (f64, f64, [f64; 2]) {
             sds[0] += sd / actual.abs();
             sds[1] += other / actual.abs();
         }
-        if let Some(noise) = found.noise.get("x_m") {
-            let logged = noise.logged.unwrap();
-            assert!((logged.scale / 1.7 - 1.0).abs() < 0.2, "{logged:?}");
-        }
+        let logged = found.noise["x_m"].logged.unwrap();
+        assert!((logged.scale / 1.7 - 1.0).abs() < 0.2, "{logged:?}");
     }
     let n = 3.0 * experiments as f64;
     (hits as f64 / n, (square / n).sqrt(), sds)

@@ -57,7 +57,8 @@ pub struct Coupled {
 }
 
 impl Coupled {
-    /// Builds the model of a rig for these runs.
+    /// Builds the model of a rig for these runs; `with_covariance`: poses as the combinations that their
+    /// covariance leaves uncorrelated, in units of it (needs [`every_pose_is_known`]).
     ///
     /// # Errors
     /// [`EffectError`] for a bad `[[physics]]` entry.
@@ -66,17 +67,12 @@ impl Coupled {
         rig: &Rig,
         free_terms: &[Coefficient],
         start: Start,
+        with_covariance: bool,
     ) -> Result<Coupled, EffectError> {
         let effects = check(&rig.physics)?;
         let measured_channels: Vec<usize> = (0..12)
             .filter(|c| runs.iter().any(|r| r.count(*c) > 0))
             .collect();
-        let pose_all = |r: &Run| {
-            r.samples
-                .iter()
-                .all(|s| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite()))
-        };
-        let with_covariance = runs.iter().all(pose_all);
         let names = |c: &usize| match CHANNELS[*c] {
             name if with_covariance && *c < 6 => whitened_name(name),
             name => name.to_owned(),
@@ -282,6 +278,12 @@ impl CoupledRun {
             })
             .collect()
     }
+}
+
+/// Whether every sample has its whole pose with a covariance.
+pub(super) fn every_pose_is_known(run: &Run) -> bool {
+    let known = |s: &Sample| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite());
+    run.samples.iter().all(known)
 }
 
 /// Name of the slot that is the combination of the pose up to this channel which is uncorrelated with those before it.

@@ -12,7 +12,7 @@ use self::held_out::cross_validate;
 use self::rest::{before_the_first_load, centred, noise_at_rest, stored_noise};
 use super::axis::Axis;
 use super::blind::blind_spots;
-use super::coupled::Coupled;
+use super::coupled::{Coupled, every_pose_is_known};
 use super::data::{CHANNELS, Run, Start, is_still};
 use super::forward::{Forward, ForwardError};
 use super::lm::LevenbergMarquardt;
@@ -122,37 +122,62 @@ pub fn identify(
         given => given,
     };
     let (coefficients, dofs, name) = what_is_free(choice, &moving, rig, options);
+    let one_dof = matches!(choice, ModelChoice::Axis(_)) && rig.physics.is_empty();
+    // One decision for what moves and what rests: else the noise at rest would be that of other slots.
+    let (moving_known, still_known) = (
+        moving.iter().all(every_pose_is_known),
+        still.iter().all(every_pose_is_known),
+    );
+    let whitened = moving_known && still_known;
     let make = |runs: &[Run], free: &[Coefficient]| -> Result<Box<dyn Forward>, IdentifyError> {
         Ok(match choice {
-            ModelChoice::Axis(dof) if rig.physics.is_empty() => {
+            ModelChoice::Axis(dof) if one_dof => {
                 Box::new(Axis::new(runs, &rig.vehicle, dof, free, options.start))
             }
-            _ => Box::new(Coupled::new(runs, rig, free, options.start)?),
+            _ => Box::new(Coupled::new(runs, rig, free, options.start, whitened)?),
         })
     };
     let forward = make(&moving, &coefficients)?;
     // A run that begins at rest for long enough brings its own measurement of the noise.
-    let openings: Vec<Run> = match still.is_empty() {
-        true => moving
-            .iter()
-            .filter_map(|r| before_the_first_load(r, tolerance))
-            .collect(),
-        false => Vec::new(),
-    };
-    let one_dof = matches!(choice, ModelChoice::Axis(_)) && rig.physics.is_empty();
+    let openings: Vec<Option<(Run, f64)>> = moving
+        .iter()
+        .map(|r| before_the_first_load(r, tolerance).filter(|_| still.is_empty()))
+        .collect();
+    let opening_s: Vec<Option<f64>> = openings.iter().map(|o| Some(o.as_ref()?.1)).collect();
+    let openings: Vec<Run> = openings.into_iter().flatten().map(|o| o.0).collect();
     let resting_runs: Vec<Run> = still
         .iter()
         .chain(&openings)
         .map(|r| centred(r, one_dof))
         .collect();
-    let references = median_logged_sd(forward.as_ref());
+    let logged = median_logged_sd(forward.as_ref());
+    // The paper's Eq. 10 weighs all samples alike: so must the least squares that its intervals come from.
+    let alike = options.objective == Objective::SumOfAbsolute;
+    let references = if alike {
+        vec![None; logged.len()]
+    } else {
+        logged.clone()
+    };
     let measured_noise = if resting_runs.is_empty() {
         stored_noise(runs, forward.slots(), &references)
     } else {
         let rest = make(&resting_runs, &coefficients)?;
-        Some(noise_at_rest(rest.as_ref(), forward.slots(), &references))
+        let found = noise_at_rest(rest.as_ref(), forward.slots(), &references);
+        found.iter().any(Option::is_some).then_some(found)
     };
-    let mut fit = Fit::new(forward.as_ref(), measured_noise, name)?;
+    // Which of the runs at rest measured a slot of the fit.
+    let used: Vec<bool> = (0..resting_runs.len())
+        .map(|i| {
+            let slots = measured_noise.iter().flatten().flatten();
+            slots
+                .filter_map(|rest| rest.stretches.get(i))
+                .any(|(_, values)| values.iter().any(|v| v.is_finite()))
+        })
+        .collect();
+    let mut fit = Fit::new(forward.as_ref(), measured_noise, opening_s, name)?;
+    if alike {
+        fit.problem.weigh(references);
+    }
     let resting: Vec<Dof> = dofs
         .iter()
         .copied()
@@ -171,19 +196,32 @@ pub fn identify(
             count - known
         ));
     }
-    for s in &still {
-        result.notes.push(format!(
-            "{}: at rest for {:.0} s, used as the measurement of the noise",
-            s.name,
-            s.end_s()
-        ));
+    if alike && logged.iter().any(Option::is_some) {
+        result.notes.push(
+            "the objective l1 is the paper's Eq. 10: samples count alike, whatever sd their logs say, in the intervals too (--objective ls weighs them)".to_owned(),
+        );
     }
-    for r in &openings {
+    if !one_dof && moving_known && !still_known {
+        result.notes.push(
+            "the logs at rest do not carry every pose with its covariance: channels are weighed by their own sd, not by whole covariances".to_owned(),
+        );
+    }
+    for (i, r) in still.iter().chain(&openings).enumerate() {
         let first_s = r.samples.first().map_or(0.0, |s| s.t_s);
         result.notes.push(format!(
-            "{}: at rest for {:.0} s before its first load, used as the measurement of the noise",
+            "{}: at rest for {:.0} s{}, {}",
             r.name,
-            r.end_s() - first_s
+            r.end_s() - first_s,
+            if still.is_empty() {
+                " before its first load"
+            } else {
+                ""
+            },
+            if used[i] {
+                "used as the measurement of the noise"
+            } else {
+                "not used: it measured nothing that these equations are fitted to"
+            }
         ));
     }
     if options.cross_validate && moving.len() > 1 {

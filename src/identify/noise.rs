@@ -8,7 +8,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::statistics::{Correlogram, LAGS, robust_sd};
+use super::statistics::{Correlogram, LAGS, median, robust_sd};
 
 /// A sample further from its prediction than this many sd is an outlier: 7e-6 of normal ones are.
 pub const OUTLIER_SD: f64 = 4.5;
@@ -230,6 +230,18 @@ impl<'a> Series<'a> {
             jacobian: None,
         }
     }
+}
+
+/// A stretch at rest of samples (stamp \[s\], value, factor): deviations from the median, times the factor.
+pub fn about_median(samples: &[(f64, f64, f64)]) -> Stretch {
+    let mut present: Vec<f64> = samples
+        .iter()
+        .map(|s| s.1)
+        .filter(|v| v.is_finite())
+        .collect();
+    let middle = median(&mut present).unwrap_or(0.0);
+    let away = |(t_s, value, factor): &(f64, f64, f64)| (*t_s, (value - middle) * factor);
+    samples.iter().map(away).unzip()
 }
 
 /// Noise of one channel from stretches at rest.

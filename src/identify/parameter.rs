@@ -1,6 +1,6 @@
 //! The eighteen coefficients of Table 1: names, units, ranges.
 
-use hydroline_rigs::{Dof, Vehicle};
+use hydroline_rigs::{Dof, Rig, Vehicle};
 
 use super::paper::MASS_KG;
 
@@ -107,16 +107,33 @@ impl Coefficient {
 const TABLE9_PER_KG: [f64; 3] = [500.0 / MASS_KG, 100.0 / MASS_KG, 500.0 / MASS_KG];
 
 impl Coefficient {
-    /// How far the truth may be from what the rig says, as a standard deviation: as far as the number is
-    /// large; where it is 0 the rig claims to know nothing, and the truth lies anywhere in Table 9's range for a
-    /// vehicle of this mass (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
-    pub fn doubt(self, vehicle: &Vehicle) -> f64 {
-        let said = self.of_vehicle(vehicle).abs();
+    /// How far the truth may be from what the rig says, as a standard deviation: what an identification left in
+    /// the rig's `[identified]` of this very number; else as far as the number is large; where it is 0 the rig
+    /// claims to know nothing, and the truth lies anywhere in Table 9's range for a vehicle of this mass
+    /// (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
+    pub fn doubt(self, rig: &Rig) -> f64 {
+        if let Some(sd) = self.identified_sd(rig) {
+            return sd;
+        }
+        let said = self.of_vehicle(&rig.vehicle).abs();
         if said > 0.0 {
             return said;
         }
-        rigid(self.dof, vehicle) * TABLE9_PER_KG[self.term as usize] / 3f64.sqrt()
+        table9(self, &rig.vehicle) / 3f64.sqrt()
     }
+
+    /// The sd that the rig's `[identified]` holds of its own value.
+    pub fn identified_sd(self, rig: &Rig) -> Option<f64> {
+        let known = rig.identified.as_ref()?;
+        let i = known.coefficients.iter().position(|k| k == self.key())?;
+        let (value, sd) = (known.values.get(i)?, known.sd.get(i)?);
+        (*value == self.of_vehicle(&rig.vehicle) && *sd > 0.0).then_some(*sd)
+    }
+}
+
+/// Width of Table 9's range for a vehicle of this mass (inertia).
+fn table9(coefficient: Coefficient, vehicle: &Vehicle) -> f64 {
+    rigid(coefficient.dof, vehicle) * TABLE9_PER_KG[coefficient.term as usize]
 }
 
 /// Mass or moment of inertia.
@@ -143,14 +160,20 @@ pub struct Free {
 /// Search range about what the rig says: damping -10 to +1, added mass -5 to 0 times its size.
 ///
 /// Damping may turn out positive: no hull has it, but a fit that is stopped at 0 hides that its
-/// model lacks something. A rig without the number gets a range from mass or inertia.
+/// model lacks something. A rig without the number gets Table 9's range for its mass or inertia, and a tenth of
+/// it above 0.
 pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
     let rigid = rigid(coefficient.dof, vehicle);
     let start = coefficient.of_vehicle(vehicle);
-    let size = if start == 0.0 { rigid } else { start.abs() };
+    let size = if start == 0.0 {
+        // Table 9's range, where the rig knows none.
+        0.1 * table9(coefficient, vehicle)
+    } else {
+        start.abs()
+    };
     let (low, high) = match coefficient.term {
-        // Table 9's range, where the rig knows none: hulls of several times their mass are in it.
-        Term::Added if start == 0.0 => (-TABLE9_PER_KG[0] * rigid, 0.0),
+        // Hulls of several times their mass are in it.
+        Term::Added if start == 0.0 => (-10.0 * size, 0.0),
         Term::Added => (-5.0 * size.max(rigid), 0.0),
         Term::Linear | Term::Quadratic => (-10.0 * size, size),
     };
@@ -166,6 +189,37 @@ pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
 mod tests {
     use super::*;
     use hydroline_rigs::Rig;
+
+    #[test]
+    fn a_zero_in_the_rig_gets_table_9_for_its_mass_and_an_identified_number_its_own_sd() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        rig.vehicle.mass_kg = MASS_KG;
+        for (c, width) in Coefficient::of(Dof::Surge)
+            .into_iter()
+            .zip([500.0, 100.0, 500.0])
+        {
+            let said = c.of_vehicle(&rig.vehicle);
+            assert_eq!(c.doubt(&rig), said.abs());
+            rig.identified = Some(hydroline_rigs::Identified {
+                coefficients: vec![c.key().to_owned()],
+                values: vec![said],
+                sd: vec![0.25],
+                covariance: vec![vec![0.0625]],
+            });
+            assert_eq!(c.doubt(&rig), 0.25);
+            // The sd is that of another number now.
+            c.put(&mut rig.vehicle, 0.0);
+            let range = free(c, &rig.vehicle);
+            assert!((range.low + width).abs() < 1e-9, "{range:?}");
+            let slack = if c.term == Term::Added {
+                0.0
+            } else {
+                0.1 * width
+            };
+            assert!((range.high - slack).abs() < 1e-9, "{range:?}");
+            assert!((c.doubt(&rig) - width / 3f64.sqrt()).abs() < 1e-9);
+        }
+    }
 
     #[test]
     fn all_eighteen_have_their_own_key_and_place() {

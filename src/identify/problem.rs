@@ -16,7 +16,8 @@ pub enum Objective {
     /// Half the sum of squared whitened residuals.
     LeastSquares,
     /// Sum over runs of the paper's Eq. 10, each normalised: mean |x_eof - x_img| over the run's
-    /// measured range. (The paper says "normalised", not by what; this is our choice.)
+    /// measured range. (The paper says "normalised", not by what; this is our choice.) Samples count alike,
+    /// whatever sd their logs say.
     SumOfAbsolute,
 }
 
@@ -374,7 +375,8 @@ impl<'a> Problem<'a> {
     }
 
     /// Noise of each slot from the residuals at a point, pooled over runs and over what `beside(slot)` was seen
-    /// at rest, and which samples count.
+    /// at rest, and which samples count. Where a slot has such a stretch, a run's samples before `opening_s[run]`
+    /// are left out of the residuals: they are that stretch.
     ///
     /// # Errors
     /// [`ForwardError`].
@@ -383,6 +385,7 @@ impl<'a> Problem<'a> {
         &self,
         parameters: &[f64],
         beside: impl Fn(usize) -> &'s [Stretch],
+        opening_s: &[Option<f64>],
     ) -> Result<(Vec<Option<Noise>>, Vec<Vec<Vec<bool>>>), ForwardError> {
         let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
             .map(|r| self.weighed_residuals(r, parameters))
@@ -393,18 +396,37 @@ impl<'a> Problem<'a> {
         let mut noises = Vec::new();
         let mut used = vec![vec![Vec::new(); slots]; self.forward.runs()];
         for slot in 0..slots {
-            let series: Vec<Series<'_>> = residuals
+            let at_rest = beside(slot);
+            let twice = |run: usize| {
+                let end_s = opening_s.get(run).copied().flatten();
+                end_s.filter(|_| !at_rest.is_empty())
+            };
+            let once: Vec<Vec<f64>> = residuals
                 .iter()
                 .enumerate()
-                .map(|(run, r)| Series {
-                    times_s: self.forward.times_s(run),
-                    values: &r[slot],
-                    jacobian: jacobians.get(run),
-                })
-                .chain(beside(slot).iter().map(Series::of))
+                .map(|(run, r)| from(self.forward.times_s(run), &r[slot], twice(run)))
+                .collect();
+            let view = |(run, values)| Series {
+                times_s: self.forward.times_s(run),
+                values,
+                jacobian: jacobians.get(run),
+            };
+            let series: Vec<Series<'_>> = once
+                .iter()
+                .map(Vec::as_slice)
+                .enumerate()
+                .map(view)
+                .chain(at_rest.iter().map(Series::of))
                 .collect();
             let found = super::noise::estimate(&series);
-            let masks = found.as_ref().map(|(_, masks)| masks.clone());
+            let masks = found.as_ref().map(|(noise, masks)| {
+                if (0..once.len()).all(|run| twice(run).is_none()) {
+                    return masks.clone();
+                }
+                // What was left out of the noise counts in the fit.
+                let all = residuals.iter().map(|r| r[slot].as_slice()).enumerate();
+                super::noise::mask(&all.map(view).collect::<Vec<_>>(), *noise)
+            });
             for (run, r) in residuals.iter().enumerate() {
                 used[run][slot] = masks.as_ref().map_or_else(
                     || r[slot].iter().map(|v| v.is_finite()).collect(),
@@ -415,6 +437,15 @@ impl<'a> Problem<'a> {
         }
         Ok((noises, used))
     }
+}
+
+/// A series with NaN before `first_s`.
+pub(super) fn from(times_s: &[f64], values: &[f64], first_s: Option<f64>) -> Vec<f64> {
+    let first_s = first_s.unwrap_or(f64::NEG_INFINITY);
+    let pairs = times_s.iter().zip(values);
+    pairs
+        .map(|(t_s, v)| if *t_s < first_s { f64::NAN } else { *v })
+        .collect()
 }
 
 /// A logged sd this many times below or above the reference counts as that far: one frame that claims to be
@@ -438,15 +469,21 @@ pub(super) fn median_logged_sd(forward: &dyn Forward) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// Reference over logged sd of every prediction of a run; empty where all are alike.
-pub(super) fn precision(forward: &dyn Forward, run: usize, references: &[Option<f64>]) -> Vec<f64> {
-    let slots = forward.slots().len();
-    let factor = |(k, sd): (usize, &f64)| match references.get(k % slots).copied().flatten() {
+/// Reference over logged sd of one sample; 1 where one of them is not known.
+pub(super) fn precision_of(reference: Option<f64>, sd: f64) -> f64 {
+    match reference {
         Some(reference) if sd.is_finite() => {
             (reference / sd).clamp(1.0 / PRECISION_MAX, PRECISION_MAX)
         }
         _ => 1.0,
-    };
+    }
+}
+
+/// Reference over logged sd of every prediction of a run; empty where all are alike.
+pub(super) fn precision(forward: &dyn Forward, run: usize, references: &[Option<f64>]) -> Vec<f64> {
+    let slots = forward.slots().len();
+    let factor =
+        |(k, sd): (usize, &f64)| precision_of(references.get(k % slots).copied().flatten(), *sd);
     let all: Vec<f64> = forward
         .logged_sd(run)
         .iter()

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::forward::ForwardError;
 use super::lm::descend;
-use super::problem::Problem;
+use super::problem::{Objective, Problem};
 use super::statistics::t95;
 
 /// A direction whose information is below this share of the largest (after scaling every parameter
@@ -93,10 +93,12 @@ pub fn profile(
         column,
         held,
     } = ridge;
-    let mut evaluations = 0;
+    let mut evaluations = 1;
     let wanted = t95(freedom);
-    // z^2 = 2 (cost - least cost) / variance: an error of END in z is one of END t^2 in the cost.
-    let enough = 0.2 * END * wanted * wanted * variance;
+    // z^2 = 2 (cost - least cost) / variance: an error of END in z is one of END t^2 in the cost. `descend` asks for
+    // a thousandth more of it per unit of cost: of many samples an end would come out too near.
+    let reached = problem.objective(Objective::LeastSquares, at);
+    let enough = 0.2 * END * wanted * wanted * variance / (1.0 + 1e-3 * reached);
     let start = descend(problem, at.to_vec(), held, enough)?;
     evaluations += start.0.evaluations;
     let (at, cost) = (start.0.parameters, start.0.objective);

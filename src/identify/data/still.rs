@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::super::coupled::{inverse_root, whitened_name};
-use super::super::noise::{RestNoise, at_rest};
+use super::super::coupled::{every_pose_is_known, inverse_root, whitened_name};
+use super::super::noise::{RestNoise, about_median, at_rest};
+use super::super::problem::precision_of;
 use super::super::statistics::{difference_sd, median, robust_sd};
 use super::{CHANNELS, Run, Sample};
 use crate::log::messages::{pb, timestamp, unix_ns};
@@ -88,25 +89,20 @@ const SAMPLES_MIN: usize = 30;
 /// Where every sample has a pose with its covariance, the pose's whitened combinations too (the coupled model's slots).
 pub fn still_noise(run: &Run) -> StillNoise {
     let measure = |name: String, samples: &[(f64, f64, f64)]| -> Option<(String, RestNoise)> {
-        let mut values: Vec<f64> = samples.iter().map(|s| s.1).collect();
-        if values.len() < SAMPLES_MIN {
+        if samples.len() < SAMPLES_MIN {
             return None;
         }
-        let middle = median(&mut values)?;
         let mut sds: Vec<f64> = samples
             .iter()
             .map(|s| s.2)
             .filter(|sd| sd.is_finite())
             .collect();
         let reference = median(&mut sds);
-        let stretch = samples
+        let weighed: Vec<(f64, f64, f64)> = samples
             .iter()
-            .map(|(t_s, value, sd)| {
-                let factor = reference.filter(|_| sd.is_finite()).map_or(1.0, |r| r / sd);
-                (*t_s, (value - middle) * factor)
-            })
-            .unzip();
-        Some((name, at_rest(vec![stretch], reference)?))
+            .map(|(t_s, value, sd)| (*t_s, *value, precision_of(reference, *sd)))
+            .collect();
+        Some((name, at_rest(vec![about_median(&weighed)], reference)?))
     };
     let channel = |c: usize| {
         let sd = |s: &Sample| {
@@ -121,9 +117,8 @@ pub fn still_noise(run: &Run) -> StillNoise {
             .collect();
         measure(CHANNELS[c].to_owned(), &samples)
     };
-    let whole = |s: &Sample| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite());
     let combination = |c: usize| {
-        if !run.samples.iter().all(whole) {
+        if !every_pose_is_known(run) {
             return None;
         }
         // Deviations, not values: a covariance that varies would turn a place far from zero into noise.

@@ -8,7 +8,7 @@ use crate::identify::outcome::{
 };
 use crate::identify::parameter::Coefficient;
 use crate::identify::problem::Objective;
-use crate::identify::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95, variance_above};
+use crate::identify::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95};
 use crate::identify::uncertainty::{
     PROFILE_EVALUATIONS, Profile, Ridge, correlation, covariance, profile,
 };
@@ -39,10 +39,12 @@ impl Fit<'_> {
     ) -> Result<Identification, IdentifyError> {
         let (variance, freedom) = self.variance()?;
         let of_data = self.problem.normal(&self.at)?.hessian;
-        let doubts: Vec<f64> = coefficients.iter().map(|c| c.doubt(&rig.vehicle)).collect();
+        let doubts: Vec<f64> = coefficients.iter().map(|c| c.doubt(rig)).collect();
         // What is held is known no better than the rig knows it: carried into the others' intervals.
         for i in (0..coefficients.len()).filter(|i| self.held[*i]) {
-            if coefficients[i].of_vehicle(&rig.vehicle) == 0.0 {
+            if coefficients[i].of_vehicle(&rig.vehicle) == 0.0
+                && coefficients[i].identified_sd(rig).is_none()
+            {
                 self.notes.push(format!(
                     "{}: the rig file knows no number; held at 0 and taken as 0 +- {:.3} {} (Table 9's range for this mass) in the other intervals",
                     coefficients[i].key(), doubts[i], coefficients[i].unit()
@@ -129,7 +131,7 @@ impl Fit<'_> {
                 .map(|r| r.iter().copied().collect())
                 .collect(),
             noise: BTreeMap::new(),
-            variance_ratio: variance,
+            variance_ratio: self.ratio_at_rest.unwrap_or(variance),
             residuals: Vec::new(),
             misfit: Vec::new(),
             cross_validation: Vec::new(),
@@ -255,7 +257,7 @@ impl Fit<'_> {
                 "residuals"
             };
             let noise = SlotNoise {
-                noise: self.noises[slot],
+                noise: self.noise_of(slot),
                 outliers: self.outliers[slot],
                 source: source.to_owned(),
                 logged: self.logged(slot),
@@ -269,33 +271,27 @@ impl Fit<'_> {
             return;
         }
         let measured = |slot: &usize| self.is_measured(*slot);
-        let (mut known, mut unknown) = (Vec::new(), Vec::new());
-        for slot in (0..self.forward.slots().len()).filter(measured) {
-            match self.measured_at_rest(slot) {
-                Some(rest) => known.push(rest),
-                None => unknown.push(self.forward.slots()[slot].as_str()),
-            }
-        }
+        let (known, unknown): (Vec<usize>, Vec<usize>) = (0..self.forward.slots().len())
+            .filter(measured)
+            .partition(|slot| self.measured_at_rest(*slot).is_some());
+        let name = |slot: usize| self.forward.slots()[slot].as_str();
         if !unknown.is_empty() {
             result.notes.push(format!(
                 "{}: not measured at rest; noise estimated from the residuals",
-                unknown.join(", ")
+                unknown.into_iter().map(name).collect::<Vec<_>>().join(", ")
             ));
         }
-        // A short stretch at rest knows the level only so well.
-        let samples: usize = known
-            .iter()
-            .filter_map(|r| Some(r.left.as_ref()?.samples))
-            .sum();
-        let by_chance = self.level_p.unwrap_or_else(|| match samples {
-            0 => 0.0,
-            n => variance_above(result.variance_ratio, self.freedom(), n as f64),
-        });
-        if result.variance_ratio > LARGER && by_chance < NOT_WHITE {
-            result.misfit.push(format!(
-                "residuals are {:.2} times the noise measured at rest: the model lacks something",
-                result.variance_ratio.sqrt()
-            ));
+        let threshold = NOT_WHITE / known.len().max(1) as f64;
+        for slot in known {
+            // A short stretch at rest knows the level only so well.
+            let by_chance = self.level_p[slot].is_some_and(|p| p >= threshold);
+            if self.louder[slot].powi(2) > LARGER && !by_chance {
+                result.misfit.push(format!(
+                    "{}: residuals are {:.2} times the noise measured at rest: the model lacks something",
+                    name(slot),
+                    self.louder[slot]
+                ));
+            }
         }
     }
 
@@ -314,7 +310,7 @@ impl Fit<'_> {
             median_sd,
             least_sd,
             greatest_sd,
-            scale: self.noises[slot].total_sd() / median_sd,
+            scale: self.noise_of(slot).total_sd() / median_sd,
         })
     }
 
@@ -382,7 +378,7 @@ impl Fit<'_> {
         for (i, run) in runs.iter().enumerate() {
             let raw = self.problem.raw_residuals(i, &self.at)?;
             let plain = self.problem.weighed_residuals(i, &self.at)?;
-            let filtered = self.problem.whitened(i, &self.at)?;
+            let whitened = self.problem.whitened(i, &self.at)?;
             for &slot in &slots {
                 let name = &self.forward.slots()[slot];
                 let kept = |series: &[f64]| self.innovations(i, slot, series);
@@ -390,13 +386,13 @@ impl Fit<'_> {
                     .iter()
                     .filter(|v| v.is_finite())
                     .fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
-                let filtered = kept(&filtered[slot]);
+                let filtered = kept(&whitened[slot]);
                 // Colour that was measured at rest is no misfit: it is taken out first, of the stretch at rest too.
                 let rest = self.measured_at_rest(slot);
                 let compared = self.beside_rest.get(i).and_then(|slots| slots[slot]);
                 let at_rest = compared.or_else(|| {
-                    let left = rest?.left_of(self.noises[slot])?;
-                    Correlogram::of(std::slice::from_ref(&filtered), LAGS)?.against(&left)
+                    let left = rest?.left_of(self.noise_of(slot))?;
+                    Correlogram::of(&[self.driven(i, slot, &whitened[slot])], LAGS)?.against(&left)
                 });
                 let entry = Residuals {
                     run: run.name.clone(),

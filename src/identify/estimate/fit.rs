@@ -4,7 +4,7 @@ use super::{IdentifyError, Options};
 use crate::identify::forward::Forward;
 use crate::identify::lm;
 use crate::identify::noise::{Noise, RestNoise, Series, mask};
-use crate::identify::problem::{Objective, Problem};
+use crate::identify::problem::{Objective, Problem, from};
 use crate::identify::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
 use crate::identify::uncertainty::covariance;
 use nalgebra::DMatrix;
@@ -25,8 +25,14 @@ pub(super) struct Fit<'f> {
     agreed: Vec<bool>,
     /// Residuals of each run and slot beside the noise at rest, where that was compared.
     pub(super) beside_rest: Vec<Vec<Option<Whiteness>>>,
-    /// Probability that residuals are as large by chance as they are beside the noise at rest.
-    pub(super) level_p: Option<f64>,
+    /// Per slot the probability that residuals are as large by chance as they are beside the noise at rest.
+    pub(super) level_p: Vec<Option<f64>>,
+    /// Per slot residuals over the noise at rest, where they are larger than it; else 1.
+    pub(super) louder: Vec<f64>,
+    /// Residual variance over the noise at rest as measured, where some of it was enlarged since.
+    pub(super) ratio_at_rest: Option<f64>,
+    /// Per run the time of its first load \[s\], where what was before measured the noise.
+    opening_s: Vec<Option<f64>>,
     pub(super) name: String,
     pub(super) noises: Vec<Noise>,
     pub(super) outliers: Vec<f64>,
@@ -42,6 +48,7 @@ impl<'f> Fit<'f> {
     pub(super) fn new(
         forward: &'f dyn Forward,
         measured_noise: Option<Vec<Option<RestNoise>>>,
+        opening_s: Vec<Option<f64>>,
         name: String,
     ) -> Result<Self, IdentifyError> {
         let slots = forward.slots().len();
@@ -82,7 +89,10 @@ impl<'f> Fit<'f> {
             measured_noise,
             agreed: vec![false; slots],
             beside_rest: Vec::new(),
-            level_p: None,
+            level_p: vec![None; slots],
+            louder: vec![1.0; slots],
+            ratio_at_rest: None,
+            opening_s,
             name,
             noises,
             outliers: vec![0.0; slots],
@@ -113,12 +123,16 @@ impl<'f> Fit<'f> {
         self.reweigh()?;
         if options.objective != Objective::LeastSquares || options.method.name() != "lm" {
             // The estimate is the method's own; only its spread comes from the least squares.
+            self.enlarge()?;
             return Ok(());
         }
         self.hold_unexcited()?;
         self.settle()?;
         self.agree()?;
         if self.agreed.contains(&true) {
+            self.settle()?;
+        }
+        if self.enlarge()? {
             self.settle()?;
         }
         Ok(())
@@ -153,12 +167,14 @@ impl<'f> Fit<'f> {
             Some(rest) if self.agreed[slot] => rest.stretches.as_slice(),
             _ => &[],
         };
-        let (found, mut used) = self.problem.noise_of_residuals(&self.at, beside)?;
+        let (found, mut used) =
+            self.problem
+                .noise_of_residuals(&self.at, beside, &self.opening_s)?;
         let slots = self.forward.slots().len();
         for slot in 0..slots {
             let alone = self.measured_at_rest(slot).filter(|_| !self.agreed[slot]);
             if let Some(noise) = alone.map(|n| n.noise) {
-                self.noises[slot] = noise;
+                self.noises[slot] = noise.times(self.louder[slot]);
                 let residuals: Result<Vec<_>, _> = (0..self.forward.runs())
                     .map(|r| self.problem.weighed_residuals(r, &self.at))
                     .collect();
@@ -202,6 +218,46 @@ impl<'f> Fit<'f> {
         self.measured_noise.as_ref()?.get(slot)?.as_ref()
     }
 
+    /// Where residuals are louder than the noise at rest, slot by slot, the noise is as loud as they: a misfit
+    /// in one channel neither hides behind quiet ones nor makes intervals narrower than they are. Returns
+    /// whether a slot was.
+    fn enlarge(&mut self) -> Result<bool, IdentifyError> {
+        let share = self.freedom() / self.problem.samples().max(1) as f64;
+        let runs = self.forward.runs();
+        let whitened: Result<Vec<_>, _> = (0..runs)
+            .map(|run| self.problem.whitened(run, &self.at))
+            .collect();
+        let whitened = whitened?;
+        for slot in 0..self.louder.len() {
+            let Some(rest) = self.measured_at_rest(slot).filter(|_| !self.agreed[slot]) else {
+                continue;
+            };
+            let at_rest = rest.left.as_ref().map_or(0, |left| left.samples);
+            let driven = (0..runs).flat_map(|run| self.driven(run, slot, &whitened[run][slot]));
+            let (sum, count) = driven
+                .filter(|v| v.is_finite())
+                .fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+            let freedom = (share * count as f64).max(1.0);
+            let ratio = sum / freedom;
+            if ratio > 1.0 {
+                self.louder[slot] = ratio.sqrt();
+            }
+            if self.level_p[slot].is_none() {
+                // Figures without samples are taken as exact.
+                self.level_p[slot] = Some(match at_rest {
+                    0 => 0.0,
+                    n => variance_above(ratio, freedom, n as f64),
+                });
+            }
+        }
+        if self.louder.iter().all(|l| *l == 1.0) {
+            return Ok(false);
+        }
+        self.ratio_at_rest = Some(self.variance()?.0);
+        self.reweigh()?;
+        Ok(true)
+    }
+
     /// Finds the slots whose residuals have the level and the colour of the noise at rest. There the residuals,
     /// often many more samples, measure the noise too: what twenty seconds leave open of its colour would
     /// make intervals too narrow in one experiment and too wide in the next.
@@ -228,7 +284,7 @@ impl<'f> Fit<'f> {
         // Each slot pays for its share of what was fitted.
         let share = self.freedom() / self.problem.samples().max(1) as f64;
         let mut tests = vec![vec![None; slots]; runs];
-        let mut levels = Vec::new();
+        let mut levels = vec![None; slots];
         for slot in 0..slots {
             if !self.agreed[slot] {
                 continue;
@@ -238,7 +294,7 @@ impl<'f> Fit<'f> {
                 self.agreed[slot] = false;
                 continue;
             };
-            let own = |run: usize| self.innovations(run, slot, &whitened[run][slot]);
+            let own = |run: usize| self.driven(run, slot, &whitened[run][slot]);
             for (run, tests) in tests.iter_mut().enumerate() {
                 tests[slot] = Correlogram::of(&[own(run)], LAGS).and_then(|c| c.against(&left));
             }
@@ -251,15 +307,12 @@ impl<'f> Fit<'f> {
                 variance_above(ratio, freedom, at_rest),
                 variance_above(1.0 / ratio, at_rest, freedom),
             );
-            levels.push(above);
+            levels[slot] = Some(above);
             let colour = tests.iter().filter_map(|t| t[slot]);
             self.agreed[slot] = colour.into_iter().all(|w| w.p_value >= threshold)
                 && above.min(below) >= NOT_WHITE / slots as f64;
         }
-        self.level_p = levels
-            .into_iter()
-            .reduce(f64::min)
-            .map(|p| p * slots as f64);
+        self.level_p = levels;
         self.beside_rest = tests;
         self.reweigh()
     }
@@ -272,6 +325,18 @@ impl<'f> Fit<'f> {
             .enumerate()
             .map(|(k, v)| if filter.counts(k) { *v } else { f64::NAN })
             .collect()
+    }
+
+    /// The same without what measured the noise: a stretch at rest beside itself agrees with anything.
+    pub(super) fn driven(&self, run: usize, slot: usize, filtered: &[f64]) -> Vec<f64> {
+        let opening_s = self.opening_s[run].filter(|_| self.measured_at_rest(slot).is_some());
+        let innovations = self.innovations(run, slot, filtered);
+        from(self.forward.times_s(run), &innovations, opening_s)
+    }
+
+    /// The noise of a slot: as measured at rest, if it was and residuals are louder.
+    pub(super) fn noise_of(&self, slot: usize) -> Noise {
+        self.noises[slot].times(1.0 / self.louder[slot])
     }
 
     /// p below which one of this fit's tests is a finding: the smallest of many is small by chance (Bonferroni).
@@ -371,9 +436,10 @@ pub(super) fn hold_undetermined(
         let sds = sds(&hessian, held);
         let mut worst: Option<(usize, f64)> = None;
         for (i, free) in globals.iter().enumerate().filter(|(i, _)| !held[*i]) {
-            // A rig that knows no number gives no size either: what may lie within the search range then.
+            // A rig that knows no number gives no size either: that of the doubt about it then, which is what
+            // Table 9's range leaves, the search range below 0.
             let size = match free.start {
-                0.0 => (free.high - free.low) / 12f64.sqrt(),
+                0.0 => free.low / 3f64.sqrt(),
                 said => said,
             };
             let relative = if sds[i].is_finite() {

@@ -2,9 +2,8 @@
 
 use crate::identify::data::{Run, is_still};
 use crate::identify::forward::Forward;
-use crate::identify::noise::{RestNoise, Stretch, at_rest};
+use crate::identify::noise::{RestNoise, Stretch, about_median, at_rest};
 use crate::identify::problem::precision;
-use crate::identify::statistics::median;
 
 /// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
 /// Its level belongs to the sd that was logged there; `references` are those of the slots here.
@@ -59,22 +58,15 @@ pub(super) fn noise_at_rest(
             let slot = own.iter().position(|s| s == name)?;
             let stretches: Vec<Stretch> = (0..rest.runs())
                 .map(|run| {
-                    let values: Vec<f64> = rest
-                        .measured(run)
-                        .iter()
-                        .skip(slot)
-                        .step_by(count)
-                        .copied()
+                    let values = rest.measured(run).iter().skip(slot).step_by(count);
+                    let stamped = rest.times_s(run).iter().zip(values).enumerate();
+                    let samples: Vec<(f64, f64, f64)> = stamped
+                        .map(|(k, (t_s, value))| {
+                            let factor = factors[run].get(k * count + slot).unwrap_or(&1.0);
+                            (*t_s, *value, *factor)
+                        })
                         .collect();
-                    let mut present: Vec<f64> =
-                        values.iter().copied().filter(|v| v.is_finite()).collect();
-                    let middle = median(&mut present).unwrap_or(0.0);
-                    let factor = |k: usize| factors[run].get(k * count + slot).unwrap_or(&1.0);
-                    let away = values.iter().enumerate();
-                    (
-                        rest.times_s(run).to_vec(),
-                        away.map(|(k, v)| (v - middle) * factor(k)).collect(),
-                    )
+                    about_median(&samples)
                 })
                 .collect();
             at_rest(stretches, *reference)
@@ -95,8 +87,9 @@ pub(super) fn centred(run: &Run, keep_heading: bool) -> Run {
     run
 }
 
-/// What a run that is driven later shows before its first load, if that is a stretch at rest that measures noise.
-pub(super) fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<Run> {
+/// What a run that is driven later shows before its first load, if that is a stretch at rest that measures noise,
+/// and when that load comes \[s\].
+pub(super) fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<(Run, f64)> {
     let first = run
         .commands
         .iter()
@@ -104,5 +97,5 @@ pub(super) fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<Ru
     let mut stretch = run.clone();
     stretch.commands.clear();
     stretch.samples.retain(|s| s.t_s < first.t_s);
-    is_still(&stretch, tolerance).then_some(stretch)
+    is_still(&stretch, tolerance).then_some((stretch, first.t_s))
 }
