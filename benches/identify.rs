@@ -1,8 +1,8 @@
 //! lm, cmaes and ga side by side on the same objective, one thread each: must show 3 and 7.
 //!
 //! `cargo bench --bench identify` prints a table and ends with 1 where a figure that is asked is missed. GA_REPEATS=1
-//! shortens it: repetitions are independent and equally long, so ten take ten times that, and the best of fewer
-//! can only be worse for `ga`.
+//! shortens it: repetitions are independent and equally long, so ten take ten times that, by which times are compared.
+//! The best of fewer than ten is not the objective that is asked to be reached: such a run ends with 1 too.
 
 #![allow(clippy::expect_used)]
 
@@ -31,8 +31,17 @@ const CMAES_TIMES: f64 = 300.0;
 const UNCERTAINTY_S: f64 = 0.5;
 /// Relative difference of objectives that is rounding of sums taken in another order.
 const ROUNDING: f64 = 1e-9;
-/// Repetitions of which the fastest counts: the machine may be busy with something else.
+/// The paper's repetitions of `ga`, of which the best counts.
+const ASKED_REPEATS: usize = 10;
+/// Takes of what is over in seconds, of which the middle one counts, as `ga`'s time is that of ten repetitions: the machine
+/// may be busy with something else, and neither side is to be given its luckiest moment.
 const TAKES: usize = 5;
+
+/// The middle one.
+fn median(mut times_s: Vec<f64>) -> f64 {
+    times_s.sort_by(f64::total_cmp);
+    times_s[times_s.len() / 2]
+}
 
 /// A surge run from rest at 25 Hz with white noise.
 fn run(rig: &Rig, commands: Vec<Command>, length_s: f64, seed: u64) -> Run {
@@ -88,10 +97,21 @@ fn main() -> ExitCode {
     );
     axis.set_ranges(&TABLE9);
     let problem = Problem::new(&axis, &[NOISE_M]);
-    let repeats = std::env::var("GA_REPEATS")
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(10);
+    let repeats = match std::env::var("GA_REPEATS") {
+        Err(_) => ASKED_REPEATS,
+        Ok(typed) => match typed.parse() {
+            Ok(count) if count > 0 => count,
+            _ => {
+                println!("GA_REPEATS={typed}: give a count of 1 or more");
+                return ExitCode::FAILURE;
+            }
+        },
+    };
+    if repeats < ASKED_REPEATS {
+        missed.push(format!(
+            "ga's best of {repeats} is not its best of {ASKED_REPEATS}: whether objectives are reached is not shown"
+        ));
+    }
     let (lm, cmaes, ga) = (
         LevenbergMarquardt::default(),
         Cmaes::default(),
@@ -108,9 +128,10 @@ fn main() -> ExitCode {
         );
         let mut rows = Vec::new();
         for method in [&lm as &dyn Method, &cmaes, &ga] {
-            // ga takes minutes; the others are over before the clock is read well.
+            // ga takes minutes; the others are over before the clock is read well. Every take is the same search
+            // (one seed), so their objectives are one.
             let takes = if method.name() == "ga" { 1 } else { TAKES };
-            let (mut found, mut least_s) = (None, f64::INFINITY);
+            let (mut found, mut times_s) = (None, Vec::new());
             for _ in 0..takes {
                 let start = Instant::now();
                 found = Some(
@@ -118,11 +139,11 @@ fn main() -> ExitCode {
                         .minimise(&problem, objective, 1)
                         .expect("a finite motion"),
                 );
-                least_s = least_s.min(start.elapsed().as_secs_f64());
+                times_s.push(start.elapsed().as_secs_f64());
             }
-            rows.push((method.name(), found.expect("taken once"), least_s));
+            rows.push((method.name(), found.expect("taken once"), median(times_s)));
         }
-        let slowest = rows.last().map_or(1.0, |r| r.2) * 10.0 / repeats as f64;
+        let slowest = rows.last().map_or(1.0, |r| r.2) * ASKED_REPEATS as f64 / repeats as f64;
         for (name, found, time_s) in &rows {
             let p = &found.parameters;
             println!(
@@ -154,11 +175,13 @@ fn main() -> ExitCode {
                 ));
             }
         }
-        let worse = best("lm") / best("ga") - 1.0;
-        if worse.is_nan() || worse > ROUNDING {
-            missed.push(format!(
-                "{objective:?}: lm's objective is {worse:.3e} above ga's best"
-            ));
+        for name in ["lm", "cmaes"] {
+            let worse = best(name) / best("ga") - 1.0;
+            if worse.is_nan() || worse > ROUNDING {
+                missed.push(format!(
+                    "{objective:?}: {name}'s objective is {worse:.3e} above ga's best of {repeats}"
+                ));
+            }
         }
     }
     // Four runs of 24 s at 25 Hz, starts and velocities free, everything `identify` does.
@@ -195,7 +218,7 @@ fn main() -> ExitCode {
         ),
         ("the same without cross-validation", false, UNCERTAINTY_S),
     ] {
-        let (mut evaluations, mut least_s) = (0, f64::INFINITY);
+        let (mut evaluations, mut times_s) = (0, Vec::new());
         for _ in 0..TAKES {
             let start = Instant::now();
             let found = identify(
@@ -208,11 +231,12 @@ fn main() -> ExitCode {
             )
             .expect("identified");
             evaluations = found.evaluations;
-            least_s = least_s.min(start.elapsed().as_secs_f64());
+            times_s.push(start.elapsed().as_secs_f64());
         }
-        println!("{words}: {least_s:.3} s, {evaluations} evaluations");
-        if least_s > asked_s {
-            missed.push(format!("{words}: {least_s:.3} s, asked {asked_s} s"));
+        let took_s = median(times_s);
+        println!("{words}: {took_s:.3} s, {evaluations} evaluations");
+        if took_s > asked_s {
+            missed.push(format!("{words}: {took_s:.3} s, asked {asked_s} s"));
         }
     }
     for words in &missed {

@@ -2,9 +2,10 @@
 //!
 //! The plan goes through the same setpoints as `record` and `simulate`; the band is first order
 //! in the coefficients' covariance, with the integrator's exact sensitivities:
-//! variance(t) = g(t) C g(t)^T. Numbers that the rig holds without an uncertainty add none.
+//! variance(t) = g(t) C g(t)^T. Numbers that the rig holds without an uncertainty add none; those of them that
+//! the plan's motion depends on are named.
 
-use hydroline_rigs::{Plan, Rig};
+use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::{EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -36,6 +37,8 @@ pub struct Prediction {
     pub motion: Vec<[f64; 12]>,
     /// sd of the same from the coefficients' covariance; empty = no covariance was given.
     pub sd: Vec<[f64; 12]>,
+    /// Coefficients of the DOFs that move which carry no uncertainty: their doubt is not in the band.
+    pub without_doubt: Vec<&'static str>,
 }
 
 /// Why there is no prediction.
@@ -58,6 +61,16 @@ pub enum PredictError {
     Identified {
         /// File.
         file: String,
+        /// Why.
+        reason: String,
+    },
+    /// `[identified]` of the rig.
+    #[error(
+        "[identified] of rig {rig}: {reason}; mend or take out that table, or write the rig anew (hydroline identify LOG... --write-rig)"
+    )]
+    OfRig {
+        /// Name of the rig.
+        rig: String,
         /// Why.
         reason: String,
     },
@@ -123,13 +136,13 @@ impl Identified {
     /// What the rig's own `[identified]` says; `Ok(None)` = it has none.
     ///
     /// # Errors
-    /// [`PredictError::Identified`] where it belongs to other coefficients than `[vehicle]` has, or names none.
+    /// [`PredictError::OfRig`] where it belongs to other coefficients than `[vehicle]` has, or names none.
     pub fn of_rig(rig: &Rig) -> Result<Option<Identified>, PredictError> {
         let Some(known) = &rig.identified else {
             return Ok(None);
         };
-        let bad = |reason: String| PredictError::Identified {
-            file: format!("[identified] of rig {}", rig.name),
+        let bad = |reason: String| PredictError::OfRig {
+            rig: rig.name.clone(),
             reason,
         };
         let mut values = Vec::new();
@@ -139,7 +152,7 @@ impl Identified {
             let said = coefficient.of_vehicle(&rig.vehicle);
             if said != *value {
                 return Err(bad(format!(
-                    "its covariance belongs to {key} = {value}, but [vehicle] says {said}: take the table out, or identify again (--write-rig)"
+                    "its covariance belongs to {key} = {value}, but [vehicle] says {said}"
                 )));
             }
             if values.iter().any(|(c, _)| *c == coefficient) {
@@ -209,7 +222,10 @@ pub fn predict(
         t_s: Vec::new(),
         motion: Vec::new(),
         sd: Vec::new(),
+        without_doubt: Vec::new(),
     };
+    // Way (turn) of each DOF from start to end, there and back again.
+    let mut travelled = [0.0; 6];
     let samples = (length_s * rate_hz).floor() as u64;
     for k in 0..=samples {
         let t_s = k as f64 / rate_hz;
@@ -226,6 +242,9 @@ pub fn predict(
         let state = path.state_at(Dual::from_f64(t_s))?.vehicle;
         let all: [Dual<N>; 12] =
             std::array::from_fn(|c| if c < 6 { state.eta[c] } else { state.nu[c - 6] });
+        for (way, rate) in travelled.iter_mut().zip(&state.nu) {
+            *way += rate.value.abs() / rate_hz;
+        }
         out.t_s.push(t_s);
         out.motion.push(all.map(|d| d.value));
         if let Some(known) = identified {
@@ -233,7 +252,32 @@ pub fn predict(
                 .push(all.map(|d| spread(&d.slope, &known.covariance)));
         }
     }
+    if let Some(known) = identified {
+        out.without_doubt = without_doubt(rig, known, &travelled);
+    }
     Ok(out)
+}
+
+/// Coefficients without a variance, of the DOFs that travel farther than the rig's tolerance of a pose.
+fn without_doubt(rig: &Rig, known: &Identified, travelled: &[f64; 6]) -> Vec<&'static str> {
+    let carries = |c: &Coefficient| {
+        let place = known.values.iter().position(|(k, _)| k == c);
+        place.is_some_and(|i| known.covariance[(i, i)] > 0.0)
+    };
+    let moves = |dof: &Dof| {
+        let tolerance = match dof.index() {
+            0..3 => rig.tolerance.position_m,
+            _ => rig.tolerance.attitude_rad,
+        };
+        travelled[dof.index()] > tolerance
+    };
+    Dof::ALL
+        .into_iter()
+        .filter(moves)
+        .flat_map(Coefficient::of)
+        .filter(|c| !carries(c))
+        .map(Coefficient::key)
+        .collect()
 }
 
 fn spread(slope: &[f64; N], covariance: &DMatrix<f64>) -> f64 {
@@ -270,6 +314,75 @@ mod tests {
         let sound = |value: f64| read(r#"["x_u"]"#, value, "[[1]]").unwrap().implausible();
         assert!(sound(-20.0).is_empty());
         assert!(sound(20.0)[0].contains("x_u"), "{:?}", sound(20.0));
+    }
+
+    #[test]
+    fn coefficients_that_move_the_vehicle_without_a_doubt_are_named() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let plan = Plan::builtin("surge-8n").unwrap();
+        let named = |keys: &[&str], variances: &[f64]| {
+            let known = Identified {
+                values: keys
+                    .iter()
+                    .map(|k| Coefficient::find(k).unwrap())
+                    .map(|c| (c, c.of_vehicle(&rig.vehicle)))
+                    .collect(),
+                covariance: DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(variances)),
+            };
+            predict(&rig, &plan, Some(&known), 5.0, 0.0)
+                .unwrap()
+                .without_doubt
+        };
+        // Held by --fix, written with a variance of nothing, never identified: all the same.
+        let surge = |named: Vec<&'static str>| -> Vec<&'static str> {
+            named.into_iter().filter(|k| k.starts_with("x_")).collect()
+        };
+        assert_eq!(surge(named(&["x_udot", "x_uu"], &[1.0, 9.0])), ["x_u"]);
+        assert_eq!(
+            surge(named(&["x_udot", "x_u", "x_uu"], &[1.0, 0.0, 9.0])),
+            ["x_u"]
+        );
+        let whole = named(&["x_udot", "x_u", "x_uu"], &[1.0, 0.04, 9.0]);
+        assert!(surge(whole.clone()).is_empty());
+        // A push along x turns and sways nothing.
+        assert!(
+            whole
+                .iter()
+                .all(|k| !k.starts_with("n_") && !k.starts_with("y_")),
+            "{whole:?}"
+        );
+        // Without any covariance there is no band to leave something out of.
+        let bare = predict(&rig, &plan, None, 5.0, 0.0).unwrap();
+        assert!(bare.without_doubt.is_empty());
+    }
+
+    #[test]
+    fn a_rig_whose_identification_is_not_its_own_is_told_what_to_do_with_the_rig() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        let value = rig.vehicle.coefficients[0].linear;
+        rig.identified = Some(hydroline_rigs::Identified {
+            coefficients: vec!["x_u".into()],
+            values: vec![value],
+            sd: vec![1.0],
+            covariance: vec![vec![1.0]],
+        });
+        assert!(Identified::of_rig(&rig).unwrap().is_some());
+        rig.vehicle.coefficients[0].linear = value - 1.0;
+        let words = Identified::of_rig(&rig).unwrap_err().to_string();
+        for word in ["[identified]", "x_u = ", "[vehicle]", "--write-rig"] {
+            assert!(words.contains(word), "no {word:?} in {words}");
+        }
+        assert!(!words.contains("--json"), "{words}");
+    }
+
+    #[test]
+    fn a_rig_file_and_an_identification_name_coefficients_alike() {
+        for dof in Dof::ALL {
+            assert_eq!(
+                Coefficient::of(dof).map(Coefficient::key),
+                dof.coefficient_names()
+            );
+        }
     }
 
     #[test]

@@ -169,6 +169,140 @@ fn a_bollard_pull_goes_into_a_rig_and_cures_the_thrust_scale() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("measured.toml"));
 }
 
+/// lshpi that knows its surge drag to 1 %.
+fn rig_that_was_identified(path: &Path) -> Rig {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    let value = rig.vehicle.coefficients[0].quadratic;
+    let sd = 0.01 * value.abs();
+    rig.identified = Some(hydroline_rigs::Identified {
+        coefficients: vec!["x_uu".into()],
+        values: vec![value],
+        sd: vec![sd],
+        covariance: vec![vec![sd * sd]],
+    });
+    std::fs::write(path, rig.to_toml()).unwrap();
+    rig
+}
+
+#[test]
+fn a_new_thrust_curve_ends_what_was_identified_with_the_old_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let from = dir.path().join("known.toml");
+    let rig = rig_that_was_identified(&from);
+    let table = dir.path().join("pull.csv");
+    std::fs::write(&table, pull_table(&rig)).unwrap();
+    let written = dir.path().join("measured.toml");
+    let output = hydroline()
+        .args(["identify", "--bollard"])
+        .arg(&table)
+        .arg("--rig")
+        .arg(&from)
+        .arg("--write-rig")
+        .arg(&written)
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{words}");
+    assert!(words.contains("note: x_uu: identified with"), "{words}");
+    let measured = Rig::load(&written).unwrap();
+    assert!(measured.bollard.is_some() && measured.identified.is_none());
+    assert_eq!(
+        measured.vehicle.coefficients[0],
+        rig.vehicle.coefficients[0]
+    );
+
+    // Logs beside it that determine the coefficient: known anew, nothing to note.
+    let log = simulated(dir.path(), "lshpi", "surge-8n", 3);
+    let both = dir.path().join("both.toml");
+    let output = identify(
+        &[&log],
+        &[
+            "--rig",
+            from.to_str().unwrap(),
+            "--bollard",
+            table.to_str().unwrap(),
+            "--write-rig",
+            both.to_str().unwrap(),
+        ],
+    );
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{words}");
+    assert!(!words.contains("x_uu: identified with"), "{words}");
+    let known = Rig::load(&both).unwrap().identified.unwrap();
+    assert!(known.coefficients.contains(&"x_uu".to_owned()), "{known:?}");
+}
+
+#[test]
+fn what_was_found_is_not_lost_with_what_fails_after_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = simulated(dir.path(), "lshpi", "surge-8n", 3);
+    // A report where a file stands, a name that no file system takes: both fail, and not before they are tried.
+    let file = dir.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let too_long = dir.path().join("x".repeat(300));
+    let output = identify(
+        &[&log],
+        &[
+            "--rig",
+            "lshpi",
+            "--json",
+            "--report",
+            file.to_str().unwrap(),
+            "--write-rig",
+            too_long.to_str().unwrap(),
+        ],
+    );
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    for word in ["xxx", "identify.html"] {
+        assert!(words.contains(word), "no {word} in {words}");
+    }
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(found["parameters"]["x_u"]["value"].is_number());
+
+    // A report that fails takes neither the result nor the rig with it.
+    let written = dir.path().join("fitted.toml");
+    let output = identify(
+        &[&log],
+        &[
+            "--rig",
+            "lshpi",
+            "--json",
+            "--report",
+            file.to_str().unwrap(),
+            "--write-rig",
+            written.to_str().unwrap(),
+        ],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(found["parameters"]["x_u"]["value"].is_number());
+    assert!(Rig::load(&written).unwrap().identified.is_some());
+
+    // Logs that cannot be read leave the curve of the pull.
+    let table = dir.path().join("pull.csv");
+    std::fs::write(&table, pull_table(&Rig::builtin("lshpi").unwrap())).unwrap();
+    let broken = dir.path().join("broken.mcap");
+    std::fs::write(&broken, "no log").unwrap();
+    let curve = dir.path().join("curve.toml");
+    let output = identify(
+        &[&broken],
+        &[
+            "--rig",
+            "lshpi",
+            "--bollard",
+            table.to_str().unwrap(),
+            "--write-rig",
+            curve.to_str().unwrap(),
+        ],
+    );
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(words.contains("broken.mcap"), "{words}");
+    assert!(words.contains("bollard pull only"), "{words}");
+    assert!(Rig::load(&curve).unwrap().bollard.is_some());
+}
+
 fn predicted(rig: &str, more: &[&str]) -> Vec<Vec<f64>> {
     let output = hydroline()
         .args(["predict", "--rig", rig, "--plan", "surge-8n", "--rate", "5"])

@@ -1,9 +1,10 @@
 //! The paper's Table 10 and its likes in the other five DOFs, through rendered frames, against the limits that
-//! are asked of them. One experiment of the shortest kinds always runs; twenty of each with --ignored.
+//! are asked of them. One experiment of the shortest kinds always runs; forty and twenty of each with --ignored.
 #![allow(clippy::unwrap_used)]
 
 use hydroline::reproduce::{DofRow, Table10Row, all_dofs, dofs, table3, table10, table10_under};
 use hydroline_rigs::Dof;
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// Asked rms errors of X_udot, X_u, X_u|u| \[%\]: undisturbed by the paper's estimator and by joint pose, disturbed by
 /// joint pose.
@@ -14,6 +15,24 @@ const JOINT_DISTURBED: [f64; 3] = [0.15, 0.6, 0.7];
 const PREDICTION_MM: f64 = 6.0;
 /// Asked of every coefficient of the other DOFs \[%\].
 const OTHERS: f64 = 0.5;
+
+/// Of Table 10, per condition: the rms of so many scatters by a ninth about what it stands for.
+const EXPERIMENTS: u64 = 40;
+/// How often the largest error of a test may be beyond its limit where every reported sd is right.
+const FALSE_ALARM: f64 = 0.02;
+
+/// The largest of `errors` independent normal errors, in sds: what it exceeds with the chance of a false alarm.
+fn largest_of(errors: usize) -> f64 {
+    let each = 1.0 - (1.0 - FALSE_ALARM).powf(1.0 / errors as f64);
+    -Normal::standard().inverse_cdf(0.5 * each)
+}
+
+/// The largest of `parameters` rms errors in their sd, each over so many experiments, by the same chance.
+fn rms_of(experiments: u64, parameters: usize) -> f64 {
+    let each = 1.0 - (1.0 - FALSE_ALARM).powf(1.0 / parameters as f64);
+    let n = experiments as f64;
+    (ChiSquared::new(n).unwrap().inverse_cdf(1.0 - each) / n).sqrt()
+}
 
 fn by<'r>(rows: &'r [Table10Row], condition: &str, estimator: &str) -> &'r Table10Row {
     rows.iter()
@@ -66,9 +85,13 @@ fn one_yaw_experiment_stays_within_its_sd() {
 }
 
 #[test]
-#[ignore = "60 experiments of 650 frames: half an hour of two cores; run with --release and --ignored"]
-fn twenty_experiments_of_table_10_reach_what_is_asked() {
-    let rows = table10(20, &|| ()).unwrap();
+#[ignore = "120 experiments of 650 frames: half an hour of one core; run with --release and --ignored"]
+fn forty_experiments_of_table_10_reach_what_is_asked() {
+    let rows = table10(EXPERIMENTS, &|| ()).unwrap();
+    let conditions = ["surge only", "with pitch", "with pitch and yaw"];
+    let errors = conditions.len() * 3 * EXPERIMENTS as usize;
+    let largest = largest_of(errors);
+    println!("the largest of {errors} errors may be {largest:.2} sd");
     let mut missed = Vec::new();
     let mut check = |row: &Table10Row, what: &str, value: f64, asked: f64| {
         println!(
@@ -87,34 +110,30 @@ fn twenty_experiments_of_table_10_reach_what_is_asked() {
     for (k, asked) in PAPER.into_iter().enumerate() {
         check(paper, names[k], paper.rms_percent[k], asked);
     }
-    for condition in ["surge only", "with pitch", "with pitch and yaw"] {
+    for condition in conditions {
         let joint = by(&rows, condition, "joint");
         let asked = match condition {
             "surge only" => JOINT,
             _ => JOINT_DISTURBED,
         };
         for (k, asked) in asked.into_iter().enumerate() {
-            if condition == "surge only" && k == 1 {
-                // Two runs of 1 m leave X_u a reported sd of 0.135 to 0.144 %; the rms of twenty experiments scatters by
-                // a sixth about that (0.173 of one twenty, 0.148 of forty). What is asked, 0.15, is within
-                // that scatter: held to what the fit says of itself, and printed beside what is asked.
-                let (rms, sd) = (joint.rms_percent[k], joint.sd_percent[k]);
-                println!(
-                    "surge only | joint: X_u {rms:.4}, asked {asked}: {}",
-                    if rms > asked { "MISSED" } else { "reached" }
-                );
-                check(joint, "X_u over its reported sd", rms / sd, 1.3);
-                continue;
-            }
             check(joint, names[k], joint.rms_percent[k], asked);
         }
-        // Of 180 errors the largest is below 3 sd in 61 % of such sets and below 3.9 in 98 %.
+        // Each error within 3 of its sd is asked. What is asked of every single one cannot be held against the largest of
+        // 360: where every sd is right it still exceeds 3 in 62 of 100 such sets. So a parameter's rms error is held to
+        // its sd as near as so many experiments tell (far within 3), and the largest to what the largest may be.
         for (k, name) in names.iter().enumerate() {
+            check(
+                joint,
+                &format!("{name} rms error in its sd"),
+                joint.rms_percent[k] / joint.sd_percent[k],
+                rms_of(EXPERIMENTS, conditions.len() * 3),
+            );
             check(
                 joint,
                 &format!("{name} largest error in its sd"),
                 joint.worst_in_sd[k],
-                3.9,
+                largest,
             );
         }
         if condition != "surge only" {
@@ -136,11 +155,12 @@ fn twenty_experiments_of_table_10_reach_what_is_asked() {
 }
 
 #[test]
-#[ignore = "100 experiments of some 1200 frames: an hour of two cores; run with --release and --ignored"]
+#[ignore = "100 experiments of some 1200 frames: half an hour of one core and more; run with --release and --ignored"]
 fn twenty_experiments_of_the_other_dofs_reach_half_a_percent() {
     let rows = all_dofs(20, &|| ()).unwrap();
     let joint: Vec<&DofRow> = rows.iter().filter(|r| r.estimator == "joint").collect();
     assert_eq!(joint.len(), 5);
+    let largest = largest_of(joint.len() * 3 * 20);
     for row in joint {
         println!(
             "{}: rms {:?} %, largest in sd {:?}",
@@ -148,8 +168,8 @@ fn twenty_experiments_of_the_other_dofs_reach_half_a_percent() {
         );
         for k in 0..3 {
             assert!(row.rms_percent[k] <= OTHERS, "{row:?}");
-            // 300 errors: the largest is below 4 sd in 98 % of such sets.
-            assert!(row.worst_in_sd[k] < 4.0, "{row:?}");
+            assert!(row.rms_percent[k] <= 3.0 * row.sd_percent[k], "{row:?}");
+            assert!(row.worst_in_sd[k] <= largest, "{row:?}");
         }
     }
 }

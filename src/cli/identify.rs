@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use hydroline_rigs::{Dof, Rig};
+use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
@@ -107,23 +107,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
     }
-    let bollard = args
-        .bollard
-        .as_deref()
-        .map(|path| measure_curve(path, &mut rig))
-        .transpose()?;
-    if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
-        write_rig(args, &rig)?;
-        if args.json {
-            outln!(
-                "{}",
-                serde_json::to_string_pretty(found).map_err(CliError::run)?
-            );
-        } else {
-            out!("{}", found.to_toml());
-        }
-        return Ok(Outcome::Done);
-    }
+    // Before anything is measured: a word typed wrongly costs nothing yet.
     let model = model(&args.model)?;
     let fixed: Result<Vec<Coefficient>, CliError> = args
         .fix
@@ -136,7 +120,78 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             })
         })
         .collect();
-    let runs = runs(args, &rig)?;
+    let fixed = fixed?;
+    let given = rig.thrusters.clone();
+    let bollard = args
+        .bollard
+        .as_deref()
+        .map(|path| measure_curve(path, &mut rig))
+        .transpose()?;
+    let outdated = match &bollard {
+        Some(_) => outdated(&mut rig, &given),
+        None => Vec::new(),
+    };
+    if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
+        if args.json {
+            outln!(
+                "{}",
+                serde_json::to_string_pretty(found).map_err(CliError::run)?
+            );
+        } else {
+            out!("{}", found.to_toml());
+        }
+        write_rig(args, &rig, &outdated)?;
+        return Ok(Outcome::Done);
+    }
+    let result = match fitted(args, &rig, model, fixed) {
+        Ok(found) => found,
+        // A command that was wrong is typed again, and what it would have written is not in its way.
+        Err(e @ CliError::Config(_)) => return Err(e),
+        Err(e) => {
+            if bollard.is_some() && args.write_rig.is_some() {
+                write_rig(args, &rig, &outdated)?;
+                eprintln!(
+                    "note: the logs gave no coefficients: the rig written holds the curve of the bollard pull only, its coefficients are those of {}",
+                    args.rig
+                );
+            }
+            return Err(e);
+        }
+    };
+    // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is told.
+    if args.json {
+        outln!(
+            "{}",
+            serde_json::to_string_pretty(&result).map_err(CliError::run)?
+        );
+    } else {
+        print(&result);
+    }
+    let reported = report(args, &result);
+    if args.write_rig.is_some() {
+        for words in adopt(&result, &mut rig) {
+            eprintln!("note: not written: {words}");
+        }
+        if let Err(e) = write_rig(args, &rig, &outdated) {
+            // Both are told; the exit code is the same.
+            if let Err(also) = reported {
+                eprintln!("ERROR {also}");
+            }
+            return Err(e);
+        }
+    }
+    reported?;
+    Ok(Outcome::Done)
+}
+
+/// Coefficients from the logs, with what a measured thrust curve does to them.
+fn fitted(
+    args: &Args,
+    rig: &Rig,
+    model: ModelChoice,
+    fixed: Vec<Coefficient>,
+) -> Result<Identification, CliError> {
+    let runs = runs(args, rig)?;
     let (lm, cmaes, ga) = (
         LevenbergMarquardt::default(),
         Cmaes::default(),
@@ -155,7 +210,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             Loss::Ls => Objective::LeastSquares,
             Loss::L1 => Objective::SumOfAbsolute,
         },
-        fixed: fixed?,
+        fixed,
         start: if args.from_rest {
             Start::AtRest
         } else {
@@ -164,43 +219,48 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         cross_validate: true,
         seed: args.seed,
     };
-    let mut result = identify(&runs, &rig, &options).map_err(CliError::run)?;
-    thrust_scale(args, &rig, &runs, &options, &mut result)?;
-    if args.write_rig.is_some() {
-        let mut written = rig.clone();
-        for words in adopt(&result, &mut written) {
-            eprintln!("note: not written: {words}");
-        }
-        write_rig(args, &written)?;
-    }
-    if let Some(dir) = &args.report {
-        let path = dir.join("identify.html");
-        let written = std::fs::create_dir_all(dir).and_then(|()| {
-            std::fs::write(
-                &path,
-                html(&result, &std::env::args().collect::<Vec<_>>().join(" ")),
-            )
-        });
-        written.map_err(|e| {
+    let mut result = identify(&runs, rig, &options).map_err(CliError::run)?;
+    thrust_scale(args, rig, &runs, &options, &mut result)?;
+    Ok(result)
+}
+
+fn report(args: &Args, result: &Identification) -> Result<(), CliError> {
+    let Some(dir) = &args.report else {
+        return Ok(());
+    };
+    let path = dir.join("identify.html");
+    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    std::fs::create_dir_all(dir)
+        .and_then(|()| std::fs::write(&path, html(result, &command)))
+        .map_err(|e| {
             CliError::Run(format!(
                 "{}: {e}; check that the folder is writable",
                 path.display()
             ))
         })?;
-        eprintln!("{}", path.display());
-    }
-    if args.json {
-        outln!(
-            "{}",
-            serde_json::to_string_pretty(&result).map_err(CliError::run)?
-        );
-    } else {
-        print(&result);
-    }
-    Ok(Outcome::Done)
+    eprintln!("{}", path.display());
+    Ok(())
 }
 
-fn write_rig(args: &Args, rig: &Rig) -> Result<(), CliError> {
+/// Takes out what the rig's `[identified]` says where the thrusters' curve is another one than `before`: coefficients
+/// are found in proportion to the thrust, and neither they nor their covariance belong to the new curve.
+/// Returns whose.
+fn outdated(rig: &mut Rig, before: &ThrusterSet) -> Vec<String> {
+    let same = rig.thrusters.thrusters.len() == before.thrusters.len()
+        && rig
+            .thrusters
+            .thrusters
+            .iter()
+            .zip(&before.thrusters)
+            .all(|(now, was)| now.curve.points == was.curve.points);
+    if same {
+        return Vec::new();
+    }
+    rig.identified.take().map_or(Vec::new(), |k| k.coefficients)
+}
+
+/// Writes the rig that --write-rig asks for; `outdated` are coefficients whose uncertainty a new thrust curve ended.
+fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError> {
     let Some(path) = &args.write_rig else {
         return Ok(());
     };
@@ -211,6 +271,18 @@ fn write_rig(args: &Args, rig: &Rig) -> Result<(), CliError> {
         ))
     })?;
     eprintln!("{}", path.display());
+    let anew = rig.identified.as_ref().map(|k| &k.coefficients);
+    let gone: Vec<&str> = outdated
+        .iter()
+        .filter(|key| anew.is_none_or(|keys| !keys.contains(key)))
+        .map(String::as_str)
+        .collect();
+    if !gone.is_empty() {
+        eprintln!(
+            "note: {}: identified with the thrust curve that the bollard pull replaced; [vehicle] keeps the values, [identified] no longer says how well they are known: identify them again with the new rig",
+            gone.join(", ")
+        );
+    }
     Ok(())
 }
 

@@ -59,6 +59,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
         );
     }
+    if !made.without_doubt.is_empty() {
+        eprintln!(
+            "note: the band is too narrow where {} are not as the rig says: they carry no uncertainty, and this plan moves their degrees of freedom; identify runs that excite them",
+            made.without_doubt.join(", ")
+        );
+    }
     if args.json {
         outln!("{}", serde_json::to_string(&made).map_err(CliError::run)?);
         return Ok(Outcome::Done);
