@@ -149,7 +149,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         Err(e @ CliError::Config(_)) => return Err(e),
         Err(e) => {
             if bollard.is_some() && args.write_rig.is_some() {
-                write_rig(args, &rig, &outdated)?;
+                if let Err(also) = write_rig(args, &rig, &outdated) {
+                    eprintln!("hydroline: {also}");
+                    return Err(e);
+                }
                 eprintln!(
                     "note: the logs gave no coefficients: the rig written holds the curve of the bollard pull only, its coefficients are those of {}",
                     args.rig
@@ -175,7 +178,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         if let Err(e) = write_rig(args, &rig, &outdated) {
             // Both are told; the exit code is the same.
             if let Err(also) = reported {
-                eprintln!("ERROR {also}");
+                eprintln!("hydroline: {also}");
             }
             return Err(e);
         }

@@ -151,8 +151,8 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
     let n = c.len();
     let name = |i: usize| known.coefficients[i].as_str();
     let wrong = |key: String, what: String| Some((key, what));
-    for i in 0..n {
-        let (variance, sd) = (c[i][i], known.sd[i]);
+    for (i, (row, sd)) in c.iter().zip(&known.sd).enumerate() {
+        let variance = row[i];
         if variance < 0.0 {
             return wrong(
                 "covariance".into(),
@@ -176,7 +176,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
     for i in 0..n {
         for j in 0..i {
             let (below, above) = (c[i][j], c[j][i]);
-            let scale = (c[i][i] * c[j][j]).sqrt();
+            let scale = c[i][i].sqrt() * c[j][j].sqrt();
             if (below - above).abs() > ROUNDING * scale {
                 return wrong(
                     "covariance".into(),
@@ -200,10 +200,13 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
             }
         }
     }
+    if n == 0 {
+        return None;
+    }
     // Of the correlations: kilograms and kilograms per metre have no common scale. A variance of 0 has, by
     // the limits above, no covariances either.
     let correlation = DMatrix::from_fn(n, n, |i, j| {
-        let scale = (c[i][i] * c[j][j]).sqrt();
+        let scale = c[i][i].sqrt() * c[j][j].sqrt();
         match (i == j, scale > 0.0) {
             (true, _) => 1.0,
             (false, true) => 0.5 * (c[i][j] + c[j][i]) / scale,
@@ -215,7 +218,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
         .iter()
         .fold(1.0, |a: f64, b| a.min(*b));
     // Rounding of n entries adds up to at most n times that of one.
-    if least < -ROUNDING * n.max(1) as f64 {
+    if least < -ROUNDING * n as f64 {
         return wrong(
             "covariance".into(),
             format!(
@@ -343,6 +346,10 @@ mod tests {
         // Wholly correlated, as one unknown scale leaves it, with a last digit astray.
         k.covariance[0][1] = 2.0 + 1e-9;
         k.covariance[1][0] = 2.0 - 1e-9;
+        assert!(Rig::from_toml(&known.to_toml(), "r.toml", None).is_ok());
+        // Nothing known is no contradiction either.
+        let k = known.identified.as_mut().unwrap();
+        (k.coefficients, k.values, k.sd, k.covariance) = (vec![], vec![], vec![], vec![]);
         assert!(Rig::from_toml(&known.to_toml(), "r.toml", None).is_ok());
     }
 }
