@@ -9,8 +9,10 @@ mod experiment;
 use experiment::{
     TestNoise, WHITE, decoupled, inside, other_vehicle, quick, simulated, surge, surge_runs,
 };
+use hydroline::identify::adopt::adopt;
 use hydroline::identify::data::{Run, Start};
 use hydroline::identify::parameter::Coefficient;
+use hydroline::identify::problem::Objective;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use rand::{SeedableRng, rngs::StdRng};
@@ -36,6 +38,285 @@ fn options(method: &hydroline::identify::lm::LevenbergMarquardt) -> Options<'_> 
 
 fn fit(runs: &[Run], rig: &Rig) -> Identification {
     identify(runs, rig, &options(&quick())).unwrap()
+}
+
+/// What `vehicle` does under the load of a run, without noise, against the same of another.
+fn apart_m(a: &Vehicle, b: &Vehicle, commands: &[(f64, [f64; 6])], length_s: f64) -> f64 {
+    let [a, b] = [a, b].map(|v| simulated(v, "", commands, length_s, NONE, 1));
+    let pairs = a.samples.iter().zip(&b.samples);
+    pairs.fold(0.0, |m, (a, b)| m.max((a.values[0] - b.values[0]).abs()))
+}
+
+#[test]
+fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
+    let truth = decoupled().vehicle;
+    let mut rig = decoupled();
+    rig.vehicle.coefficients[0].linear *= 1.3;
+    rig.vehicle.coefficients[0].quadratic *= 2.0;
+    let commands = [(0.0, surge(0.4)), (10.0, surge(-0.3)), (18.0, surge(0.2))];
+    let (mut tried, quick) = (0, quick());
+    for seed in 1..=8 {
+        let run = simulated(&truth, "weak", &commands, 24.0, WHITE, seed);
+        let options = Options {
+            start: Start::AtRest,
+            ..options(&quick)
+        };
+        let found = identify(&[run], &rig, &options).unwrap();
+        let [linear, quadratic] = ["x_u", "x_uu"].map(|k| found.parameters[k].clone());
+        let mut written = rig.clone();
+        let words = adopt(&found, &mut written);
+        println!("seed {seed}: {linear:?} {quadratic:?} {words:?}");
+        // Not determined, but free.
+        if quadratic.excited || quadratic.value == quadratic.rig || !linear.excited {
+            continue;
+        }
+        tried += 1;
+        let mut fitted = rig.vehicle.clone();
+        for (key, p) in &found.parameters {
+            Coefficient::find(key).unwrap().put(&mut fitted, p.value);
+        }
+        // What was written as it came out beside what was not.
+        let mut mixed = fitted.clone();
+        mixed.coefficients[0].quadratic = rig.vehicle.coefficients[0].quadratic;
+        let near_m = apart_m(&written.vehicle, &fitted, &commands, 24.0);
+        let far_m = apart_m(&mixed, &fitted, &commands, 24.0);
+        println!("seed {seed}: {near_m:.2e} m, mixed {far_m:.2e} m");
+        assert_eq!(
+            written.vehicle.coefficients[0].quadratic,
+            rig.vehicle.coefficients[0].quadratic
+        );
+        assert!(words[0].contains("x_u is written as"), "{words:?}");
+        // No further than the noise of a sample, and much nearer than unconditioned values.
+        assert!(near_m < WHITE.position_m, "{near_m}");
+        assert!(near_m < 0.2 * far_m, "{near_m} {far_m}");
+        // The doubt about what is kept is in the file too, and in the others' sds.
+        let known = written.identified.unwrap();
+        let row = |key: &str| known.coefficients.iter().position(|k| k == key).unwrap();
+        let (u, uu) = (row("x_u"), row("x_uu"));
+        assert!(known.covariance[u][uu] != 0.0);
+        assert_eq!(known.values[uu], rig.vehicle.coefficients[0].quadratic);
+        let off = known.values[uu] - truth.coefficients[0].quadratic;
+        assert!(off.abs() < 2.0 * known.sd[uu], "{off} {}", known.sd[uu]);
+        let off = known.values[u] - truth.coefficients[0].linear;
+        assert!(off.abs() < 3.0 * known.sd[u], "{off} {}", known.sd[u]);
+    }
+    assert!(tried > 0);
+}
+
+#[test]
+fn what_a_fit_held_is_written_with_its_rows_of_the_covariance() {
+    let rig = decoupled();
+    let weak = [(0.0, surge(0.3))];
+    let quick = quick();
+    let run = simulated(&rig.vehicle, "weak", &weak, 12.0, WHITE, 3);
+    let options = Options {
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    let found = identify(&[run], &rig, &options).unwrap();
+    println!("{:?} {:?}", found.parameters, found.notes);
+    assert_eq!(
+        found.parameters["x_uu"].value,
+        rig.vehicle.coefficients[0].quadratic
+    );
+    assert!(!found.parameters["x_uu"].excited);
+    let mut written = rig.clone();
+    adopt(&found, &mut written);
+    let known = written.identified.unwrap();
+    assert_eq!(known.coefficients.len(), 3);
+    let place = |key: &String| found.order.iter().position(|k| k == key).unwrap();
+    for (i, a) in known.coefficients.iter().enumerate() {
+        assert_eq!(Some(known.values[i]), found.value(a));
+        for (j, b) in known.coefficients.iter().enumerate() {
+            let of_fit = found.covariance[place(a)][place(b)].unwrap();
+            let size = known.sd[i] * known.sd[j];
+            assert!(
+                (known.covariance[i][j] - of_fit).abs() < 1e-6 * size,
+                "{a} {b}"
+            );
+        }
+    }
+    // Held again, it is as doubtful as the file says, not as large as it is.
+    let sure = written_with_sd(&rig, "x_uu", 4.0);
+    let run = simulated(&rig.vehicle, "weak", &weak, 12.0, WHITE, 3);
+    let again = identify(&[run], &sure, &options).unwrap();
+    let (before, after) = (&found.parameters["x_uu"], &again.parameters["x_uu"]);
+    assert!(
+        after.sd.unwrap() <= 4.0 && after.sd < before.sd,
+        "{after:?}"
+    );
+    assert!(again.parameters["x_u"].sd < found.parameters["x_u"].sd);
+}
+
+/// A rig whose `[identified]` knows one coefficient.
+fn written_with_sd(rig: &Rig, key: &str, sd: f64) -> Rig {
+    let value = Coefficient::find(key).unwrap().of_vehicle(&rig.vehicle);
+    let mut rig = rig.clone();
+    rig.identified = Some(hydroline_rigs::Identified {
+        coefficients: vec![key.to_owned()],
+        values: vec![value],
+        sd: vec![sd],
+        covariance: vec![vec![sd * sd]],
+    });
+    rig
+}
+
+#[test]
+fn a_misfit_after_a_long_opening_is_seen_beside_it() {
+    let rig = decoupled();
+    let commands = [(40.0, surge(8.0)), (45.0, surge(-8.0))];
+    let mut seen = 0;
+    for seed in 1..=10 {
+        let mut run = simulated(&rig.vehicle, "late", &commands, 52.0, WHITE, seed);
+        let alone = fit(std::slice::from_ref(&run), &rig);
+        assert!(alone.misfit.is_empty(), "seed {seed}: {:?}", alone.misfit);
+        // Twice the variance while driven.
+        let mut rng = StdRng::seed_from_u64(seed ^ 0x51);
+        for sample in run.samples.iter_mut().filter(|s| s.t_s >= 40.0) {
+            for c in 0..6 {
+                let sd = if c < 3 {
+                    WHITE.position_m
+                } else {
+                    WHITE.attitude_rad
+                };
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                sample.values[c] += sd * noise;
+            }
+        }
+        let louder = fit(&[run], &rig);
+        println!("seed {seed}: {:?} {:?}", louder.misfit, louder.noise);
+        let words = louder.misfit.join(
+            "
+",
+        );
+        seen += usize::from(words.contains("x_m: residuals are 1."));
+        for (key, p) in &louder.parameters {
+            let grown = p.sd.unwrap() / alone.parameters[key].sd.unwrap();
+            assert!((1.2..1.7).contains(&grown), "{key}: {grown}");
+        }
+    }
+    // 300 samples of twice the variance against 1000: F = 2 has p < 1e-12.
+    assert_eq!(seen, 10);
+}
+
+#[test]
+fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
+    let rig = decoupled();
+    let quick = quick();
+    let options = Options {
+        model: ModelChoice::Coupled,
+        fixed: Dof::ALL[1..]
+            .iter()
+            .flat_map(|d| Coefficient::of(*d))
+            .collect(),
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    let mut runs: Vec<Run> = surge_runs(&rig.vehicle, WHITE, 3).drain(1..3).collect();
+    runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
+    let quiet = identify(&runs, &rig, &options).unwrap();
+    assert!(quiet.misfit.is_empty(), "{:?}", quiet.misfit);
+    let mut rng = StdRng::seed_from_u64(4);
+    for sample in runs[..2].iter_mut().flat_map(|r| &mut r.samples) {
+        let noise: f64 = StandardNormal.sample(&mut rng);
+        sample.values[0] += 1.5e-4 * noise;
+    }
+    let louder = identify(&runs, &rig, &options).unwrap();
+    println!("{:?} {}", louder.misfit, louder.variance_ratio);
+    // One of six slots: 1.17 over all, which nobody would see.
+    assert!(louder.variance_ratio < 1.2, "{}", louder.variance_ratio);
+    assert!(
+        louder.misfit[0].starts_with("x_m: residuals are 1.4"),
+        "{:?}",
+        louder.misfit
+    );
+    for (key, p) in &louder.parameters {
+        let grown = p.sd.unwrap() / quiet.parameters[key].sd.unwrap();
+        assert!((grown / 2f64.sqrt() - 1.0).abs() < 0.1, "{key}: {grown}");
+    }
+}
+
+#[test]
+fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them() {
+    let rig = decoupled();
+    let quick = quick();
+    let options = Options {
+        model: ModelChoice::Coupled,
+        fixed: Dof::ALL[1..]
+            .iter()
+            .flat_map(|d| Coefficient::of(*d))
+            .collect(),
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    let mut runs = uneven_runs(&rig.vehicle, 4);
+    runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
+    let found = identify(&runs, &rig, &options).unwrap();
+    let notes = found.notes.join(
+        "
+",
+    );
+    println!(
+        "{notes}
+{:?}",
+        found.noise
+    );
+    assert_eq!(found.noise["x_m"].source, "measured at rest");
+    assert!(notes.contains("still: at rest for 30 s, used"), "{notes}");
+    assert!(notes.contains("not by whole covariances"), "{notes}");
+    // What measured nothing of the equations is not said to be used.
+    for sample in &mut runs[2].samples {
+        sample.values[0] = f64::NAN;
+        sample.values[1] = f64::NAN;
+    }
+    let axis = Options {
+        model: ModelChoice::Axis(Dof::Surge),
+        ..options
+    };
+    let found = identify(&runs, &rig, &axis).unwrap();
+    let notes = found.notes.join(
+        "
+",
+    );
+    assert_eq!(found.noise["x_m"].source, "residuals");
+    assert!(
+        notes.contains("still: at rest for 30 s, not used"),
+        "{notes}"
+    );
+}
+
+#[test]
+fn the_papers_objective_and_its_intervals_weigh_samples_alike() {
+    let rig = decoupled();
+    let quick = quick();
+    let l1 = Options {
+        objective: Objective::SumOfAbsolute,
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    let runs = uneven_runs(&rig.vehicle, 4);
+    let mut blind = runs.clone();
+    for sample in blind.iter_mut().flat_map(|r| &mut r.samples) {
+        sample.covariance = None;
+    }
+    let [with, without] = [&runs, &blind].map(|r| identify(r, &rig, &l1).unwrap());
+    assert!(with.noise["x_m"].logged.is_none());
+    assert!(
+        with.notes.iter().any(|n| n.contains("samples count alike")),
+        "{:?}",
+        with.notes
+    );
+    for (key, p) in &with.parameters {
+        let other = &without.parameters[key];
+        assert!(
+            (p.value - other.value).abs() < 1e-3 * p.sd.unwrap(),
+            "{key}"
+        );
+        assert!(
+            (p.sd.unwrap() / other.sd.unwrap() - 1.0).abs() < 1e-3,
+            "{key}"
+        );
+    }
 }
 
 /// Two runs in which every other stamp has ten times the sd of the rest, which the log says, but for a

@@ -1,69 +1,236 @@
 //! What an identification found, into a rig file: values with their covariance.
 
 use hydroline_rigs::{Identified, Rig};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::outcome::Identification;
+use super::outcome::{Estimate, Identification};
 use super::parameter::{Coefficient, Term};
 use super::report::significant;
 
+/// Directions whose variance is below this share of the largest (at unit variances) carry no information.
+const NEGLIGIBLE: f64 = 1e-12;
+
+/// One coefficient of a result.
+struct Found<'r> {
+    /// Row and column of the result's covariance.
+    place: usize,
+    coefficient: Coefficient,
+    estimate: &'r Estimate,
+    /// Why the rig keeps its value; `None` = it does not.
+    kept: Option<&'static str>,
+}
+
 /// Puts every coefficient that was determined into the rig, with its covariance into `[identified]`; what an
 /// earlier identification left there of other coefficients stays. Returns a sentence for each that was not taken.
+///
+/// What is not taken keeps the rig's value, and the others are then what they are beside that value, not beside the
+/// one they were fitted with. It has its rows of the covariance too: its doubt is in the others, and a band
+/// made of the rig is the fit's.
 pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
-    let mut kept_out = Vec::new();
-    // (place in the result, which, value)
-    let mut taken: Vec<(usize, Coefficient, f64)> = Vec::new();
-    for (i, key) in result.order.iter().enumerate() {
-        let (Some(c), Some(p)) = (Coefficient::find(key), result.parameters.get(key)) else {
-            continue;
-        };
-        let why = if !p.excited {
-            "not determined by these runs"
-        } else if p.at_bound {
-            "ended on its search range"
-        } else if p.value > 0.0 {
-            match c.term {
-                Term::Added => "found positive: added mass that no hull has",
-                Term::Linear | Term::Quadratic => "found positive: damping that no hull has",
+    let mut all: Vec<Found<'_>> = result
+        .order
+        .iter()
+        .enumerate()
+        .filter_map(|(place, key)| {
+            let coefficient = Coefficient::find(key)?;
+            let estimate = result.parameters.get(key)?;
+            Some(Found {
+                place,
+                coefficient,
+                estimate,
+                kept: why_kept(coefficient, estimate),
+            })
+        })
+        .collect();
+    let written = loop {
+        let written = beside_kept(result, &all, rig);
+        // What the rig's values of the others carry to where no hull is stays out itself.
+        let positive = written.values.iter().find(|(_, value)| *value > 0.0);
+        match positive.and_then(|(i, _)| all.get_mut(*i)) {
+            Some(found) if found.kept.is_none() => {
+                found.kept = Some("would be positive beside what the rig keeps of the others");
             }
-        } else {
-            taken.push((i, c, p.value));
-            continue;
-        };
-        kept_out.push(format!(
-            "{key}: {why}; the rig keeps {}",
-            significant(p.rig)
-        ));
+            _ => break written,
+        }
+    };
+    let mut kept_out: Vec<String> = all
+        .iter()
+        .filter_map(|f| {
+            let keeps = significant(f.coefficient.of_vehicle(&rig.vehicle));
+            let key = f.coefficient.key();
+            Some(format!("{key}: {}; the rig keeps {keeps}", f.kept?))
+        })
+        .collect();
+    let moved: Vec<String> = written
+        .values
+        .iter()
+        .filter_map(|(i, value)| {
+            let found = all.get(*i).filter(|f| f.kept.is_none())?;
+            let fitted = found.estimate.value;
+            let away = (value - fitted).abs() > 1e-9 * fitted.abs();
+            let (now, before) = (significant(*value), significant(fitted));
+            away.then(|| {
+                format!(
+                    "{} is written as {now} (fitted {before})",
+                    found.coefficient.key()
+                )
+            })
+        })
+        .collect();
+    if let Some(last) = kept_out.last_mut().filter(|_| !moved.is_empty()) {
+        *last += &format!("; beside what the rig keeps {}", moved.join(", "));
     }
-    let mut known = of_others(rig, &taken);
-    for (_, c, value) in &taken {
+    let new: Vec<(Coefficient, f64)> = written
+        .values
+        .iter()
+        .filter_map(|(i, value)| Some((all.get(*i)?.coefficient, *value)))
+        .collect();
+    let mut known = of_others(rig, &new);
+    for (c, value) in &new {
         c.put(&mut rig.vehicle, *value);
     }
     let before = known.coefficients.len();
-    let cell = |i: usize, j: usize| {
-        result
-            .covariance
-            .get(i)
-            .and_then(|row| row.get(j).copied().flatten())
-            .unwrap_or(0.0)
-    };
     for row in &mut known.covariance {
-        row.extend(std::iter::repeat_n(0.0, taken.len()));
+        row.extend(std::iter::repeat_n(0.0, new.len()));
     }
-    for (i, c, value) in &taken {
+    for ((c, value), row) in new.iter().zip(written.covariance.row_iter()) {
+        let own = known.coefficients.len() - before;
         known.coefficients.push(c.key().to_owned());
         known.values.push(*value);
-        known.sd.push(cell(*i, *i).sqrt());
-        let own = taken.iter().map(|(j, ..)| cell(*i, *j));
+        known.sd.push(row[own].sqrt());
+        let empty = std::iter::repeat_n(0.0, before);
         known
             .covariance
-            .push(std::iter::repeat_n(0.0, before).chain(own).collect());
+            .push(empty.chain(row.iter().copied()).collect());
     }
     rig.identified = (!known.coefficients.is_empty()).then_some(known);
     kept_out
 }
 
-/// What the rig's `[identified]` says of coefficients that are not taken anew and still have the value it belongs to.
-fn of_others(rig: &Rig, taken: &[(usize, Coefficient, f64)]) -> Identified {
+fn why_kept(c: Coefficient, p: &Estimate) -> Option<&'static str> {
+    if !p.excited {
+        Some("not determined by these runs")
+    } else if p.at_bound {
+        Some("ended on its search range")
+    } else if p.value > 0.0 {
+        Some(match c.term {
+            Term::Added => "found positive: added mass that no hull has",
+            Term::Linear | Term::Quadratic => "found positive: damping that no hull has",
+        })
+    } else {
+        None
+    }
+}
+
+/// What goes into the rig: (index of the coefficient, value) and the covariance in the same order.
+struct Written {
+    values: Vec<(usize, f64)>,
+    covariance: DMatrix<f64>,
+}
+
+/// Taken coefficients t beside the rig's values of the kept ones k: t + B (rig - k), B = C_tk C_kk^-1, which leaves
+/// C_tt - B C_kt of their own, and B D B^T of the kept ones' error D beside their rig's values.
+///
+/// D is the mean square of that error when the rig's doubt and the data are put together: with
+/// V = (C_kk^-1 + doubt^-2)^-1 and the mean d = V C_kk^-1 (k - rig) it is V + d d^T. Of what the fit held at the
+/// rig's value C_kk says that already.
+fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written {
+    let cell = |i: usize, j: usize| {
+        let row = result.covariance.get(all[i].place)?;
+        row.get(all[j].place).copied().flatten()
+    };
+    // What has no variance is written nowhere: no number can be said of it.
+    let is_taken = |i: &usize| all[*i].kept.is_none();
+    let known = |i: &usize| cell(*i, *i).is_some_and(|v| v > 0.0 || is_taken(i));
+    let (taken, kept): (Vec<usize>, Vec<usize>) = (0..all.len()).filter(known).partition(is_taken);
+    let scale = |i: usize| cell(i, i).filter(|v| *v > 0.0).map_or(1.0, f64::sqrt);
+    // At unit variances: coefficients differ by 10^4 in size.
+    let block = |rows: &[usize], columns: &[usize]| {
+        DMatrix::from_fn(rows.len(), columns.len(), |a, b| {
+            let (i, j) = (rows[a], columns[b]);
+            let both = [cell(i, j), cell(j, i)].map(|v| v.unwrap_or(0.0));
+            0.5 * (both[0] + both[1]) / (scale(i) * scale(j))
+        })
+    };
+    let said = |i: usize| all[i].coefficient.of_vehicle(&rig.vehicle);
+    let information = inverse(&block(&kept, &kept));
+    let follow = block(&taken, &kept) * &information;
+    let of_rig = DMatrix::from_fn(kept.len(), kept.len(), |a, b| {
+        let estimate = all[kept[a]].estimate;
+        let held = !estimate.excited && !estimate.at_bound && estimate.value == said(kept[a]);
+        if a == b && !held {
+            (scale(kept[a]) / all[kept[a]].coefficient.doubt(rig).max(1e-9)).powi(2)
+        } else {
+            0.0
+        }
+    });
+    let away = DVector::from_fn(kept.len(), |a, _| {
+        (all[kept[a]].estimate.value - said(kept[a])) / scale(kept[a])
+    });
+    let left = inverse(&(&information + of_rig));
+    let mean = &left * &information * &away;
+    let error = left + &mean * mean.transpose();
+    let shift = -(&follow * away);
+    let own = block(&taken, &taken) - &follow * block(&kept, &taken)
+        + &follow * &error * follow.transpose();
+    let across = &follow * &error;
+    let order: Vec<usize> = taken.iter().chain(&kept).copied().collect();
+    let n = taken.len();
+    let joint = DMatrix::from_fn(order.len(), order.len(), |a, b| match (a < n, b < n) {
+        (true, true) => 0.5 * (own[(a, b)] + own[(b, a)]),
+        (true, false) => across[(a, b - n)],
+        (false, true) => across[(b, a - n)],
+        (false, false) => 0.5 * (error[(a - n, b - n)] + error[(b - n, a - n)]),
+    });
+    let joint = without_negative(joint);
+    let value = |(a, i): (usize, &usize)| match shift.get(a) {
+        Some(by) => (*i, all[*i].estimate.value + by * scale(*i)),
+        None => (*i, said(*i)),
+    };
+    Written {
+        values: order.iter().enumerate().map(value).collect(),
+        covariance: DMatrix::from_fn(order.len(), order.len(), |a, b| {
+            joint[(a, b)] * scale(order[a]) * scale(order[b])
+        }),
+    }
+}
+
+/// Inverse of a symmetric matrix; directions without information stay out.
+fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = matrix.nrows();
+    let mut out = DMatrix::zeros(n, n);
+    if n == 0 {
+        return out;
+    }
+    let eigen = SymmetricEigen::new(matrix.clone());
+    let largest = eigen.eigenvalues.max();
+    for (k, value) in eigen.eigenvalues.iter().enumerate() {
+        if *value > NEGLIGIBLE * largest {
+            let direction = eigen.eigenvectors.column(k);
+            out.ger(1.0 / value, &direction, &direction, 1.0);
+        }
+    }
+    out
+}
+
+/// The same matrix where no eigenvalue is negative; rounding makes some.
+fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    if matrix.is_empty() {
+        return matrix;
+    }
+    let mut eigen = SymmetricEigen::new(matrix.clone());
+    if eigen.eigenvalues.min() >= 0.0 {
+        return matrix;
+    }
+    for value in eigen.eigenvalues.iter_mut() {
+        *value = value.max(0.0);
+    }
+    let made = eigen.recompose();
+    0.5 * (&made + made.transpose())
+}
+
+/// What the rig's `[identified]` says of coefficients that are not written anew and still have the value it belongs to.
+fn of_others(rig: &Rig, new: &[(Coefficient, f64)]) -> Identified {
     let old = rig.identified.clone().unwrap_or_else(|| Identified {
         coefficients: Vec::new(),
         values: Vec::new(),
@@ -73,7 +240,7 @@ fn of_others(rig: &Rig, taken: &[(usize, Coefficient, f64)]) -> Identified {
     let stays: Vec<usize> = (0..old.coefficients.len())
         .filter(|i| {
             Coefficient::find(&old.coefficients[*i]).is_some_and(|c| {
-                c.of_vehicle(&rig.vehicle) == old.values[*i] && taken.iter().all(|t| t.1 != c)
+                c.of_vehicle(&rig.vehicle) == old.values[*i] && new.iter().all(|t| t.0 != c)
             })
         })
         .collect();
