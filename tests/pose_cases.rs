@@ -213,13 +213,14 @@ fn target_rig() -> Rig {
 /// Asked for, rms: x, y, z [mm], φ, θ, ψ [°] with thickness and brightness fitted.
 const ASKED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 
-/// What is asked for is printed beside what is reached by single frames with the thickness free. The edges of these
-/// frames are steps of a sampled image: where one meets all pixels alike they are off by several hundredths of a
-/// pixel's light, row after row, and are doubted by as much (`edges' doubt`, found from the frames themselves). With
-/// the thickness free the weak direction is told by nothing but how edges slope within the stripe and feels a fiftieth of
-/// a pixel: x, z and θ stay up to 1.4 times above what is asked, 2.4 times the bound of frames with perfect edges. The
-/// weak direction lies along the heading, so at yaw it shows in y too: across the heading y is 0.04 mm. A run knows
-/// its sheet's thickness, and then they are all reached: the next test.
+/// What is asked for is printed beside what is reached by single frames with the thickness free. These frames are
+/// sampled three times per pixel and then blurred from pixel to pixel: the blur on the grid is found and fitted (share
+/// 1.0 of it), but what an edge leaves over against its distance is a sawtooth of period 1/3 px, ± 0.03 px for edges
+/// aslant, ± 0.1 px for those along the columns, several rows alike. That is doubted by as much (`edges' doubt`, found from
+/// the frames themselves). With the thickness free the weak direction is told by nothing but how edges slope within
+/// the stripe and feels a fiftieth of a pixel: x, z and θ stay up to 1.4 times above what is asked, 2.4 times the bound
+/// of frames with perfect edges. The weak direction lies along the heading, so at yaw it shows in y too: across the heading
+/// y is 0.04 mm. A run knows its sheet's thickness, and then what is asked is reached: the next test.
 fn near_what_is_asked(name: &str, within: f64) -> Option<Score> {
     let score = score(name, &target_rig())?;
     assert_eq!(score.failed, 0, "{name}");
@@ -360,7 +361,8 @@ fn joint_pose_with_the_thickness_refined_over_the_run() {
         let score = score_of(name, &rig, &fitter.refined(&found)).unwrap();
         assert_eq!(score.failed, 0, "{name}");
         within_its_sd(name, &score);
-        // At yaw of up to 17 deg what is left of the weak direction shows in y; ψ of nine frames, two of them at corners.
+        // What is asked holds for yaw of 0 to 5 deg. At up to 17 deg what is left of the weak direction shows in y (even the
+        // bound with the thickness free is 0.08 mm there); ψ of nine frames, two of them at corners.
         let within: [f64; 6] = match name {
             "yaw" => [1.0, 2.0, 1.0, 1.0, 1.0, 2.0],
             _ => [1.0; 6],

@@ -14,6 +14,7 @@
 
 mod bulk;
 mod doubts;
+mod grid;
 mod lanes;
 mod passing;
 mod plan;
@@ -28,12 +29,13 @@ pub(super) use sums::{Sums, Weighting};
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
 use super::sheet::SheetTable;
+use grid::Grid;
 use hydroline_calib::Pose;
 use nalgebra::{SMatrix, SVector};
 use passing::{Doubt, Look};
 use plan::{Strip, groups};
 use std::sync::Arc;
-use sums::Counter;
+use sums::{Counter, Torn};
 use torn::{Scratch, lit};
 use turned::{Ray, Turned};
 
@@ -85,6 +87,8 @@ pub(super) struct Photometric {
     /// Variance of point spread and pixel box per axis \[px²\].
     spread_px2: f64,
     tan_half_fan: f64,
+    /// How edges look where the blur is formed on the pixel grid.
+    grid: Arc<Grid>,
 }
 
 impl Photometric {
@@ -96,6 +100,7 @@ impl Photometric {
             table,
             spread_px2,
             tan_half_fan: (0.5 * fan_rad).tan(),
+            grid: Arc::new(Grid::new(blur_px)),
         }
     }
 
@@ -135,6 +140,8 @@ impl Photometric {
     ) -> Sums {
         let turned = Turned::new(&state.pose, &self.surfaces);
         let mut counter = Counter::new(weighting, Tables::get(), state.brightness);
+        counter.grid_share = doubts.grid_share;
+        let grid_share = doubts.grid_share;
         let mut doubted = doubts.of_pixels.iter();
         let mut found = Vec::new();
         let first = doubts.known() && doubts.of_pixels.is_empty();
@@ -170,11 +177,12 @@ impl Photometric {
                     derivatives,
                     &mut counter,
                     &mut scratch,
+                    grid_share,
                     |doubt| doubt_sd(doubt, share),
                 );
                 continue;
             }
-            self.each_row(&turned, plan, state, strips, |row, light| {
+            self.each_row(&turned, plan, state, strips, grid_share, |row, light| {
                 let doubt_sd = match (cut, &light) {
                     (true, Some(light)) => doubt_sd(&light.doubt, share),
                     (true, None) => doubt_sd(&Doubt::default(), share),
@@ -188,7 +196,11 @@ impl Photometric {
                 };
                 let judged = if cut {
                     let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
-                    counter.edge(grey, light.level, state.background, torn, doubt_sd)
+                    let seen = torn.map(|torn| Torn {
+                        light: torn,
+                        bent: light.bent,
+                    });
+                    counter.edge(grey, light.level, state.background, seen, doubt_sd)
                 } else {
                     counter.bulk(grey, light.level, state.background)
                 };
@@ -220,7 +232,7 @@ impl Photometric {
         };
         let mut counter = Counter::new(&weighting, Tables::get(), state.brightness);
         for strips in groups(&plan.strips) {
-            self.each_row(&turned, plan, state, strips, |_, light| {
+            self.each_row(&turned, plan, state, strips, 0.0, |_, light| {
                 let Some(light) = light.filter(|l| l.doubt.corner < 0.1) else {
                     return;
                 };
@@ -247,6 +259,7 @@ impl Photometric {
         plan: &Plan,
         state: &State,
         strips: &[Strip],
+        grid_share: f64,
         mut then: impl FnMut(usize, Option<Light>),
     ) {
         let Some(strip) = strips.first() else {
@@ -272,6 +285,8 @@ impl Photometric {
                     plan,
                     ray: &ray,
                     tables,
+                    grid: &self.grid,
+                    grid_share,
                 };
                 let at = row as f64;
                 let lit = strips
@@ -345,6 +360,7 @@ impl Photometric {
                         out.j[k] += full * d;
                     }
                     out.j[THICKNESS] += full * passing.by_thickness;
+                    out.bent += full * passing.bent;
                 }
             }
             let light = full * share;
@@ -366,6 +382,8 @@ struct Light {
     level: f64,
     /// Derivatives but that by the background.
     j: [f64; PARAMETERS],
+    /// What more of it there would be if all blur were formed on the pixel grid.
+    bent: f64,
     /// How much of it hangs on edges.
     doubt: Doubt,
 }

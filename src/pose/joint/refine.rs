@@ -449,7 +449,7 @@ impl PoseFitter {
             redescending: true,
             ..huber
         };
-        let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
+        let mut doubts = Doubts::found_apart(&seen.edges, weighting.noise_sd);
         let (state, first) =
             self.frame(model, &plan, image, near, free, &weighting, &mut doubts)?;
         own.state = State {

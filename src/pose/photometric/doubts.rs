@@ -4,14 +4,31 @@
 //! seen in what its pixels leave over: that is its doubt, the standard deviation of a pixel cut
 //! in half beyond its noise, as a share of its light. Each edge has its own: one that lies along
 //! the pixels' columns shows every step of a sampled image, one aslant to them averages over them.
+//! Such steps go on over several rows, so that pixels of one column are off together and tell less than as many
+//! that are off by chance: the doubt is what counts in their sum, by their covariance from row to row.
+//! What the edges show alike, blur that is formed on the pixel grid ([`super::grid`]), is found first.
 
 /// Pixels with this much light torn by an edge say how good the edge is \[grey levels\].
 const TORN: f64 = 20.0;
+/// What is thought beforehand of the share of blur that is formed on the pixel grid.
+const GRID_SHARE_SD: f64 = 0.5;
 /// Residuals beyond this share of the torn light are particles, not edges.
 const EXCESS_MOST: f64 = 0.15;
 /// Least and greatest doubt: what is found from some hundred pixels is uncertain itself. The least
-/// is that of an edge that lies off by a fiftieth of a pixel.
-const DOUBT_RANGE: [f64; 2] = [0.01, 0.1];
+/// is that of an edge that lies off by a hundredth of a pixel.
+const DOUBT_RANGE: [f64; 2] = [0.005, 0.1];
+
+/// What an edge cuts of a pixel's light.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Torn {
+    /// All of a pixel's light where it is cut in half \[grey levels\].
+    pub light: f64,
+    /// What more light there would be if all blur were formed on the pixel grid \[grey levels\].
+    pub bent: f64,
+}
+
+/// Weights of the covariance of pixels one and two rows apart (Newey and West 1987, two lags).
+const BY_LAG: [f64; 2] = [2.0 / 3.0, 1.0 / 3.0];
 
 /// One edge of one top.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -28,21 +45,40 @@ pub(in crate::pose) struct Doubts {
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
     /// state looked at and held fixed after that, or the fit would flee into doubtful pixels.
     pub(super) of_pixels: Vec<f32>,
+    /// Share of the blur that is formed on the pixel grid.
+    pub(super) grid_share: f64,
 }
 
 impl Doubts {
     /// Of the edges as their pixels have shown them: none better than all of them together are,
     /// since a few pixels may look good by chance.
     pub fn found(sums: &EdgesSeen, noise_sd: f64) -> Doubts {
-        let all = sums.doubt(noise_sd);
-        let edges = sums.0.iter();
+        Doubts::of_edges(&sums.edges, sums, noise_sd)
+    }
+
+    /// The same with each pixel taken to be off by itself: while the geometry of the sheet is still sought, pixels of an
+    /// edge are off together because of the geometry, and that is what is to be seen, not doubted.
+    pub fn found_apart(sums: &EdgesSeen, noise_sd: f64) -> Doubts {
+        let apart = sums.edges.iter().map(|e| EdgeSums {
+            along: [0.0; 3],
+            ..e.clone()
+        });
+        Doubts::of_edges(&apart.collect::<Vec<_>>(), sums, noise_sd)
+    }
+
+    fn of_edges(edges: &[EdgeSums], sums: &EdgesSeen, noise_sd: f64) -> Doubts {
+        let grid_share = sums.grid_share(noise_sd);
+        let more = grid_share - sums.grid_share;
+        let all = all(edges).doubt(noise_sd, more);
         Doubts {
             edges: Some(
                 edges
-                    .map(|e| (e.name, e.doubt(noise_sd).max(all)))
+                    .iter()
+                    .map(|e| (e.name, e.doubt(noise_sd, more).max(all)))
                     .collect(),
             ),
             of_pixels: Vec::new(),
+            grid_share,
         }
     }
 
@@ -50,8 +86,9 @@ impl Doubts {
     #[cfg(test)]
     pub fn alike(sums: &EdgesSeen, doubt: f64) -> Doubts {
         Doubts {
-            edges: Some(sums.0.iter().map(|e| (e.name, doubt)).collect()),
+            edges: Some(sums.edges.iter().map(|e| (e.name, doubt)).collect()),
             of_pixels: Vec::new(),
+            grid_share: sums.grid_share,
         }
     }
 
@@ -69,19 +106,42 @@ impl Doubts {
 
 /// The edges that a comparison has met.
 #[derive(Debug, Clone, Default)]
-pub(in crate::pose) struct EdgesSeen(pub(super) Vec<EdgeSums>);
+pub(in crate::pose) struct EdgesSeen {
+    pub(super) edges: Vec<EdgeSums>,
+    /// Share of the blur that the light was taken to get on the pixel grid.
+    pub(super) grid_share: f64,
+}
 
 impl EdgesSeen {
     /// Doubt of all edges taken together.
     pub fn doubt(&self, noise_sd: f64) -> f64 {
-        let mut all = EdgeSums::default();
-        for e in &self.0 {
-            all.square += e.square;
-            all.light2 += e.light2;
-            all.count += e.count;
-        }
-        all.doubt(noise_sd)
+        let more = self.grid_share(noise_sd) - self.grid_share;
+        all(&self.edges).doubt(noise_sd, more)
     }
+
+    /// Share of the blur that is formed on the pixel grid, by least squares of what the edges' pixels leave
+    /// over: within 0.04 from one frame of two edges along the columns, drawn to zero where few pixels tell.
+    pub fn grid_share(&self, noise_sd: f64) -> f64 {
+        let all = all(&self.edges);
+        let known = all.bent2 + (noise_sd / GRID_SHARE_SD).powi(2);
+        (self.grid_share * (all.bent2 / known) + all.by_bent / known).clamp(0.0, 1.0)
+    }
+}
+
+/// Edges taken together.
+fn all(edges: &[EdgeSums]) -> EdgeSums {
+    let mut all = EdgeSums::default();
+    for e in edges {
+        all.square += e.square;
+        all.light2 += e.light2;
+        all.by_bent += e.by_bent;
+        all.bent2 += e.bent2;
+        for (a, b) in all.along.iter_mut().zip(e.along) {
+            *a += b;
+        }
+        all.count += e.count;
+    }
+    all
 }
 
 /// What the pixels of an edge add up to.
@@ -91,6 +151,13 @@ pub(super) struct EdgeSums {
     /// Squared residuals, torn light squared, number of pixels.
     square: f64,
     light2: f64,
+    /// Residuals by what grid blur would add, and the square of that.
+    by_bent: f64,
+    bent2: f64,
+    /// Σ w (rᵢ rⱼ, rᵢ bⱼ + bᵢ rⱼ, bᵢ bⱼ) over pixels one and two rows apart: r residual, b what grid blur would add.
+    along: [f64; 3],
+    /// The last pixels of the column, the nearest first.
+    before: [Option<[f64; 2]>; 2],
     count: usize,
 }
 
@@ -102,19 +169,41 @@ impl EdgeSums {
         }
     }
 
-    /// Counts a pixel of which so much light is torn.
+    /// What comes next is of another column.
+    pub fn next_column(&mut self) {
+        self.before = [None; 2];
+    }
+
+    /// Counts a pixel of which so much light is torn, one row after the last one.
     #[inline]
-    pub fn see(&mut self, torn: f64, residual: f64, noise_sd: f64) {
-        if torn > TORN && residual.abs() < EXCESS_MOST * torn + 4.0 * noise_sd {
+    pub fn see(&mut self, torn: Torn, residual: f64, noise_sd: f64) {
+        let light = torn.light;
+        if light > TORN && residual.abs() < EXCESS_MOST * light + 4.0 * noise_sd {
             self.square += residual * residual;
-            self.light2 += torn * torn;
+            self.light2 += light * light;
+            self.by_bent += torn.bent * residual;
+            self.bent2 += torn.bent * torn.bent;
             self.count += 1;
+            for (before, weight) in self.before.iter().zip(BY_LAG) {
+                if let Some([r, b]) = before {
+                    self.along[0] += weight * r * residual;
+                    self.along[1] += weight * (r * torn.bent + b * residual);
+                    self.along[2] += weight * b * torn.bent;
+                }
+            }
+            self.before = [Some([residual, torn.bent]), self.before[0]];
+        } else {
+            self.before = [None, self.before[0]];
         }
     }
 
-    /// Standard deviation of pixels beyond their noise, as a share of the light of a pixel cut in half.
-    fn doubt(&self, noise_sd: f64) -> f64 {
-        let excess = self.square - self.count as f64 * noise_sd * noise_sd;
+    /// Standard deviation of pixels beyond their noise, as a share of the light of a pixel cut in half,
+    /// once so much more of the blur is taken to be formed on the pixel grid.
+    fn doubt(&self, noise_sd: f64, more: f64) -> f64 {
+        let square = self.square - more * (2.0 * self.by_bent - more * self.bent2);
+        let [residuals, mixed, bent] = self.along;
+        let along = residuals - more * (mixed - more * bent);
+        let excess = square - self.count as f64 * noise_sd * noise_sd + 2.0 * along.max(0.0);
         let found = if self.light2 > 0.0 {
             (excess / self.light2).max(0.0).sqrt()
         } else {

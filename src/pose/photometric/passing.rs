@@ -1,9 +1,10 @@
 //! How much of a pixel's light passes the edges of the tops: its own, and those before it.
 
 use super::Photometric;
+use super::grid::Grid;
 use super::plan::{Cut, Near, Plan, Strip};
 use super::turned::{EdgeTurned, Hit, Ray, Turned, dot};
-use crate::pose::normal::{Pair, Tables};
+use crate::pose::normal::{Both, Pair, Tables};
 use crate::pose::outline::{Edge, Outline};
 
 /// How much of the light of a pixel passes, with what moves it.
@@ -14,6 +15,8 @@ pub(super) struct Passing {
     pub by_pose: [f64; 6],
     /// d share / d thickness.
     pub by_thickness: f64,
+    /// d share / d share of the blur that is formed on the pixel grid.
+    pub bent: f64,
     /// How far the share hangs on what stands at an upright corner.
     pub unsure: f64,
     /// An edge is near enough to cut the light.
@@ -25,6 +28,7 @@ impl Passing {
         share: 1.0,
         by_pose: [0.0; 6],
         by_thickness: 0.0,
+        bent: 0.0,
         unsure: 0.0,
         torn: false,
     };
@@ -38,6 +42,7 @@ impl Passing {
             share: 1.0 - self.share,
             by_pose: self.by_pose.map(|d| -d),
             by_thickness: -self.by_thickness,
+            bent: -self.bent,
             ..self
         }
     }
@@ -55,6 +60,7 @@ impl Passing {
                 self.by_pose[i] * other.share + self.share * other.by_pose[i]
             }),
             by_thickness: self.by_thickness * other.share + self.share * other.by_thickness,
+            bent: self.bent * other.share + self.share * other.bent,
             unsure: self.unsure * other.share + self.share * other.unsure,
             torn: self.torn || other.torn,
         }
@@ -84,7 +90,7 @@ pub(super) struct Stripe {
 pub(super) struct Standard {
     pub x: f64,
     sd: f64,
-    slope: [f64; 2],
+    pub slope: [f64; 2],
     mixed: f64,
     pub dx: [f64; 6],
     pub dx_thickness: f64,
@@ -96,6 +102,9 @@ pub(super) struct Look<'a> {
     pub plan: &'a Plan,
     pub ray: &'a Ray,
     pub tables: &'static Tables,
+    pub grid: &'a Grid,
+    /// Share of the blur that is formed on the pixel grid.
+    pub grid_share: f64,
 }
 
 impl Photometric {
@@ -178,8 +187,7 @@ impl Photometric {
         ];
         sides.sort_by(|a, b| a.x.total_cmp(&b.x));
         let [first, second, third] = &sides;
-        let tables = look.tables;
-        Some(corner(first, second, true, stripe, tables).and(third.alone(tables)))
+        Some(corner(first, second, true, stripe, look).and(third.alone(look)))
     }
 
     /// Share of the light that falls inside a top's outline.
@@ -227,10 +235,10 @@ impl Photometric {
             None
         };
         let Some((other, convex)) = neighbour else {
-            return first.alone(look.tables);
+            return first.alone(look);
         };
         let second = standard(look.ray, look.turned.edge(top, other), hit, stripe);
-        corner(&first, &second, convex, stripe, look.tables)
+        corner(&first, &second, convex, stripe, look)
     }
 }
 
@@ -274,10 +282,13 @@ pub(super) fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe)
 
 impl Standard {
     /// Share inside this edge alone.
-    fn alone(&self, tables: &Tables) -> Passing {
-        let (share, slope) = tables.normal(self.x);
+    fn alone(&self, look: &Look<'_>) -> Passing {
+        let (share, slope) = look.tables.normal(self.x);
+        let (bent, bent_slope) = look.grid.across(self.slope).at(self.x);
+        let slope = slope + look.grid_share * bent_slope;
         Passing {
-            share,
+            share: share + look.grid_share * bent,
+            bent,
             by_pose: self.dx.map(|d| slope * d),
             by_thickness: slope * self.dx_thickness,
             unsure: 0.0,
@@ -295,17 +306,18 @@ fn corner(
     second: &Standard,
     convex: bool,
     stripe: &Stripe,
-    tables: &Tables,
+    look: &Look<'_>,
 ) -> Passing {
+    let tables = look.tables;
     let (h, k) = (first.x, second.x);
     // Far inside one of two that must both hold, or far outside one of two of which either will do:
     // the other decides.
     let idle = |x: f64| if convex { x > FAR } else { x < -FAR };
     if idle(k) {
-        return first.alone(tables);
+        return first.alone(look);
     }
     if idle(h) {
-        return second.alone(tables);
+        return second.alone(look);
     }
     let pair = Pair::near(correlation(first, second, stripe));
     let found = if convex {
@@ -313,13 +325,47 @@ fn corner(
     } else {
         pair.either(h, k, tables)
     };
+    let bends = [first, second].map(|e| look.grid.across(e.slope).at(e.x));
+    let found = Bent::of(found, [h, k], bends, convex, look.grid_share, tables);
     let [a, b] = found.by;
     Passing {
         share: found.share,
+        bent: found.bent,
         by_pose: std::array::from_fn(|i| a * first.dx[i] + b * second.dx[i]),
         by_thickness: a * first.dx_thickness + b * second.dx_thickness,
         unsure: 0.0,
         torn: true,
+    }
+}
+
+/// Two edges at a corner with part of the blur on the pixel grid. What that part adds to one edge is
+/// taken where the other lets it pass.
+pub(super) struct Bent {
+    pub share: f64,
+    pub by: [f64; 2],
+    pub bent: f64,
+}
+
+impl Bent {
+    pub fn of(
+        both: Both,
+        x: [f64; 2],
+        bends: [(f64, f64); 2],
+        convex: bool,
+        grid_share: f64,
+        tables: &Tables,
+    ) -> Bent {
+        let passes = x.map(|x| tables.normal(if convex { x } else { -x }).0);
+        let [(a, da), (b, db)] = bends;
+        let bent = a * passes[1] + b * passes[0];
+        Bent {
+            share: both.share + grid_share * bent,
+            by: [
+                both.by[0] + grid_share * da * passes[1],
+                both.by[1] + grid_share * db * passes[0],
+            ],
+            bent,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a comparison adds up, and how a residual counts.
 
+pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
 use super::{BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Square, THICKNESS};
@@ -100,6 +101,8 @@ pub(super) struct Counter<'a> {
     pub information: [[f64; PARAMETERS]; PARAMETERS],
     pub gradient: [f64; PARAMETERS],
     edges: Vec<EdgeSums>,
+    /// Share of the blur that the light was taken to get on the pixel grid.
+    pub grid_share: f64,
     /// The one of them whose pixels are at hand.
     edge: usize,
 }
@@ -116,6 +119,7 @@ impl<'a> Counter<'a> {
             information: [[0.0; PARAMETERS]; PARAMETERS],
             gradient: [0.0; PARAMETERS],
             edges: Vec::new(),
+            grid_share: 0.0,
             edge: 0,
         }
     }
@@ -130,6 +134,9 @@ impl<'a> Counter<'a> {
                 self.edges.push(EdgeSums::new(name));
                 self.edges.len() - 1
             });
+        if let Some(edge) = self.edges.get_mut(self.edge) {
+            edge.next_column();
+        }
     }
 
     /// Judges a pixel that no edge cuts; `None` where it is clipped.
@@ -159,14 +166,14 @@ impl<'a> Counter<'a> {
         })
     }
 
-    /// Judges a pixel that an edge may cut: `torn` of its light (all of one cut in half) hangs on
+    /// Judges a pixel that an edge may cut: what is `torn` of its light (all of one cut in half) hangs on
     /// where exactly, and by that it is doubted (`doubt_sd`) beyond its noise.
     pub fn edge(
         &mut self,
         grey: u8,
         light: f64,
         background: f64,
-        torn: Option<f64>,
+        torn: Option<Torn>,
         doubt_sd: f64,
     ) -> Option<Judged> {
         let (residual, share) = self.residual(grey, light + background)?;
@@ -232,7 +239,10 @@ impl<'a> Counter<'a> {
         Sums {
             information: Square::from_fn(|a, b| self.information[a.max(b)][a.min(b)]),
             gradient: Column::from_column_slice(&self.gradient),
-            edges: EdgesSeen(self.edges),
+            edges: EdgesSeen {
+                edges: self.edges,
+                grid_share: self.grid_share,
+            },
             ..self.sums
         }
     }

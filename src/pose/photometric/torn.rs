@@ -5,9 +5,10 @@
 //! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
 //! per pixel, and [`Photometric::light`] is left for upright corners.
 
-use super::passing::{FAR, Standard, Stripe, correlation, standard};
+use super::grid::Bend;
+use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
-use super::sums::Counter;
+use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
 use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, PARAMETERS, Photometric, State, THICKNESS};
 use crate::pose::normal::{Pair, Tables};
@@ -23,32 +24,45 @@ fn at(line: &Line, u: f64) -> f64 {
     line[0] + line[1] * u
 }
 
+/// How light is cut.
+#[derive(Clone, Copy)]
+struct Shading {
+    tables: &'static Tables,
+    /// Share of the blur that is formed on the pixel grid.
+    grid_share: f64,
+}
+
 /// An edge along a strip.
-struct Edge {
+struct Edge<'a> {
     /// Distance in spreads: a + b u + c u².
     x: [f64; 3],
+    /// What blur on the pixel grid changes.
+    bend: Bend<'a>,
     /// Its derivatives by the parameters in the middle, and what they gain per row: those by pose and
     /// thickness, the brightness' is zero.
     dx: [[f64; THICKNESS + 1]; 2],
 }
 
 /// The edges of one outline near a strip: one, or two that meet at a corner.
-struct Border {
-    first: Edge,
+struct Border<'a> {
+    first: Edge<'a>,
     /// The second; how the two hang together; whether both must hold (convex) or either.
-    second: Option<(Edge, &'static Pair, bool)>,
+    second: Option<(Edge<'a>, &'static Pair, bool)>,
 }
 
 /// What passes, and its slopes by the distances of the edges that decide.
 struct Passed<'a> {
     share: f64,
-    by: [(f64, Option<&'a Edge>); 2],
+    by: [(f64, Option<&'a Edge<'a>>); 2],
+    /// d share / d share of the blur that is formed on the pixel grid.
+    bent: f64,
 }
 
 impl Passed<'_> {
     const ALL: Passed<'static> = Passed {
         share: 1.0,
         by: [(0.0, None), (0.0, None)],
+        bent: 0.0,
     };
 
     /// Adds what the edges move of so much light.
@@ -63,19 +77,27 @@ impl Passed<'_> {
 }
 
 /// What passes several cuts of so much light, and what their edges move of it.
-fn passing_all(cuts: &[Cut], j: &mut [f64; PARAMETERS], full: f64, u: f64, tables: &Tables) -> f64 {
+fn passing_all(
+    cuts: &[Cut<'_>],
+    j: &mut [f64; PARAMETERS],
+    full: f64,
+    u: f64,
+    look: &Shading,
+) -> (f64, f64) {
     let mut passed = [const { Passed::ALL }; CUTS_MOST];
     let mut share = 1.0;
     for (cut, own) in cuts.iter().zip(&mut passed) {
-        *own = cut.passing(u, tables);
+        *own = cut.passing(u, look);
         share *= own.share;
     }
+    let mut bent = 0.0;
     if share > 0.0 && share < 1.0 {
         for own in passed.iter().take(cuts.len()) {
             own.add(j, full * share / own.share, u);
+            bent += own.bent * share / own.share;
         }
     }
-    share
+    (share, bent)
 }
 
 /// First and last place along a strip where its light counts, from the stripe at two places, between which the distance from the sheet is nearly a line.
@@ -92,10 +114,10 @@ pub(super) fn lit(u: [f64; 2], first: &Stripe, last: &Stripe) -> [f64; 2] {
 }
 
 /// What cuts a strip.
-struct Cut {
+struct Cut<'a> {
     own: bool,
     /// At the level's own height, and for a higher slab also at its top's.
-    borders: [Option<Border>; 2],
+    borders: [Option<Border<'a>>; 2],
     /// A higher slab hides the strip wholly.
     hidden: bool,
 }
@@ -115,9 +137,9 @@ struct Ready {
 
 /// Memory that is used again from strip to strip.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(super) struct Scratch<'a> {
     strips: Vec<Ready>,
-    cuts: Vec<Cut>,
+    cuts: Vec<Cut<'a>>,
 }
 
 /// A strip at one row.
@@ -141,8 +163,8 @@ impl Photometric {
     /// Adds strips that share their rows and that no upright corner cuts; `doubt_sd` says
     /// for each row in turn by how much its pixel is doubted, from how much of its light is torn.
     #[allow(clippy::too_many_arguments)]
-    pub(super) fn compare_torn(
-        &self,
+    pub(super) fn compare_torn<'a>(
+        &'a self,
         turned: &Turned,
         plan: &Plan,
         strips: &[Strip],
@@ -150,7 +172,8 @@ impl Photometric {
         state: &State,
         derivatives: bool,
         counter: &mut Counter<'_>,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
+        grid_share: f64,
         mut doubt_sd: impl FnMut(&Doubt) -> f64,
     ) {
         let Some(strip) = strips.first() else {
@@ -170,6 +193,7 @@ impl Photometric {
             return;
         };
         let tables = Tables::get();
+        let look = Shading { tables, grid_share };
         let lever = self.table.lever_m;
         let r3 = &turned.r[2];
         let ahead = r3[0] * lever;
@@ -183,6 +207,7 @@ impl Photometric {
             let mut doubt = Doubt::default();
             let mut j = [0.0; PARAMETERS];
             let mut level = 0.0;
+            let mut bent = 0.0;
             for ready in &scratch.strips {
                 if u < ready.lit[0] || u > ready.lit[1] {
                     continue;
@@ -201,13 +226,18 @@ impl Photometric {
                 let share = match cuts {
                     [] => 1.0,
                     [only] => {
-                        let passed = only.passing(u, tables);
+                        let passed = only.passing(u, &look);
+                        bent += full * passed.bent;
                         if derivatives && passed.share > 0.0 {
                             passed.add(&mut j, full, u);
                         }
                         passed.share
                     }
-                    several => passing_all(several, &mut j, full, u, tables),
+                    several => {
+                        let (share, by_grid) = passing_all(several, &mut j, full, u, &look);
+                        bent += full * by_grid;
+                        share
+                    }
                 };
                 if share == 0.0 {
                     continue;
@@ -232,7 +262,11 @@ impl Photometric {
                 continue;
             }
             let judged = if cut {
-                counter.edge(grey, level, state.background, Some(doubt.edge), doubt_sd)
+                let torn = Torn {
+                    light: doubt.edge,
+                    bent,
+                };
+                counter.edge(grey, level, state.background, Some(torn), doubt_sd)
             } else {
                 counter.bulk(grey, level, state.background)
             };
@@ -252,14 +286,14 @@ impl Photometric {
     }
 
     /// Makes strips ready; `None` where a ray of theirs does not meet its level.
-    fn ready(
-        &self,
+    fn ready<'a>(
+        &'a self,
         turned: &Turned,
         plan: &Plan,
         strips: &[Strip],
         [from, to]: [usize; 2],
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
     ) -> Option<()> {
         scratch.strips.clear();
         scratch.cuts.clear();
@@ -326,7 +360,7 @@ impl Photometric {
         near: &Near,
         at: &[Node; 3],
         of: &[Node; 3],
-    ) -> Option<Border> {
+    ) -> Option<Border<'_>> {
         let near = rows.plan.near(near);
         let standards = |k: usize| -> [Standard; 3] {
             let edge = rows.turned.edge(top, k);
@@ -346,10 +380,10 @@ impl Photometric {
             };
             let rho = correlation(&first[1], &second[1], &of[1].stripe);
             let convex = edges[later].convex_at_start;
-            (Edge::through(rows.u, &second), Pair::near(rho), convex)
+            (self.edge_through(rows.u, &second), Pair::near(rho), convex)
         });
         Some(Border {
-            first: Edge::through(rows.u, &first),
+            first: self.edge_through(rows.u, &first),
             second,
         })
     }
@@ -371,10 +405,11 @@ impl Photometric {
     }
 }
 
-impl Edge {
-    fn through(u: [f64; 3], [a, b, c]: &[Standard; 3]) -> Edge {
+impl Photometric {
+    fn edge_through(&self, u: [f64; 3], [a, b, c]: &[Standard; 3]) -> Edge<'_> {
         let rows = (u[2] - u[0]).max(1.0);
         Edge {
+            bend: self.grid.across(b.slope),
             x: parabola(u, [a.x, b.x, c.x]),
             dx: {
                 let mut dx = [[0.0; THICKNESS + 1]; 2];
@@ -387,6 +422,23 @@ impl Edge {
                 put(THICKNESS, a.dx_thickness, c.dx_thickness);
                 dx
             },
+        }
+    }
+}
+
+impl Edge<'_> {
+    /// Share inside this edge alone, at so many spreads from it.
+    #[inline]
+    fn alone(&self, x: f64, look: &Shading) -> Passed<'_> {
+        let (share, slope) = look.tables.normal(x);
+        let (bent, bent_slope) = self.bend.at(x);
+        Passed {
+            share: share + look.grid_share * bent,
+            by: [
+                (slope + look.grid_share * bent_slope, Some(self)),
+                (0.0, None),
+            ],
+            bent,
         }
     }
 
@@ -405,49 +457,46 @@ impl Edge {
     }
 }
 
-impl Border {
+impl Border<'_> {
     /// Share inside.
-    fn inside(&self, u: f64, tables: &Tables) -> Passed<'_> {
+    fn inside(&self, u: f64, look: &Shading) -> Passed<'_> {
+        let Shading { tables, grid_share } = *look;
         let h = self.first.distance(u);
-        let alone = |x: f64, edge| {
-            let (share, slope) = tables.normal(x);
-            Passed {
-                share,
-                by: [(slope, Some(edge)), (0.0, None)],
-            }
-        };
         let Some((second, pair, convex)) = &self.second else {
-            return alone(h, &self.first);
+            return self.first.alone(h, look);
         };
         let k = second.distance(u);
         // As in `corner`: the other decides.
         let idle = |x: f64| if *convex { x > FAR } else { x < -FAR };
         if idle(k) {
-            return alone(h, &self.first);
+            return self.first.alone(h, look);
         }
         if idle(h) {
-            return alone(k, second);
+            return second.alone(k, look);
         }
         let found = if *convex {
             pair.below(h, k, tables)
         } else {
             pair.either(h, k, tables)
         };
+        let bends = [self.first.bend.at(h), second.bend.at(k)];
+        let found = Bent::of(found, [h, k], bends, *convex, grid_share, tables);
         Passed {
             share: found.share,
             by: [
                 (found.by[0], Some(&self.first)),
                 (found.by[1], Some(second)),
             ],
+            bent: found.bent,
         }
     }
 }
 
-impl Cut {
-    fn passing(&self, u: f64, tables: &Tables) -> Passed<'_> {
+impl Cut<'_> {
+    fn passing(&self, u: f64, look: &Shading) -> Passed<'_> {
         let nothing = |share: f64| Passed {
             share,
-            by: [(0.0, None), (0.0, None)],
+            ..Passed::ALL
         };
         if self.hidden {
             return nothing(0.0);
@@ -455,12 +504,12 @@ impl Cut {
         if self.own {
             return self.borders[0]
                 .as_ref()
-                .map_or_else(|| nothing(1.0), |b| b.inside(u, tables));
+                .map_or_else(|| nothing(1.0), |b| b.inside(u, look));
         }
         let [foot, head] = self
             .borders
             .each_ref()
-            .map(|b| b.as_ref().map(|b| b.inside(u, tables)));
+            .map(|b| b.as_ref().map(|b| b.inside(u, look)));
         // Of the slab's foot and its top the one that reaches farther decides.
         let covered = match (foot, head) {
             (Some(foot), Some(head)) => {
@@ -476,6 +525,7 @@ impl Cut {
         Passed {
             share: 1.0 - covered.share,
             by: covered.by.map(|(slope, edge)| (-slope, edge)),
+            bent: -covered.bent,
         }
     }
 }
