@@ -83,7 +83,8 @@ pub struct Args {
     bollard: Option<PathBuf>,
     /// Writes the rig with what was found: coefficients that the runs determine, with their covariance
     /// ([identified]; predict makes its band of it), and the curve of a bollard pull with its covariance
-    /// ([bollard]; later fits carry it in their intervals). What was not determined stays, and is named
+    /// ([bollard]; later fits carry it in their intervals). What was not determined keeps the rig's value with
+    /// its doubt, and is named. A new curve ends the [identified] of the old one
     #[arg(long, value_name = "NEW.toml")]
     write_rig: Option<PathBuf>,
     /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
