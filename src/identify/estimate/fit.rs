@@ -436,10 +436,10 @@ pub(super) fn hold_undetermined(
         let sds = sds(&hessian, held);
         let mut worst: Option<(usize, f64)> = None;
         for (i, free) in globals.iter().enumerate().filter(|(i, _)| !held[*i]) {
-            // A rig that knows no number gives no size either: that of the doubt about it then, which is what
-            // Table 9's range leaves, the search range below 0.
+            // A rig that knows no number gives no size either: what may lie within the search range then. (The
+            // doubt about 0 is nearly twice that: what is as open as this would end on its bound instead.)
             let size = match free.start {
-                0.0 => free.low / 3f64.sqrt(),
+                0.0 => (free.high - free.low) / 12f64.sqrt(),
                 said => said,
             };
             let relative = if sds[i].is_finite() {
