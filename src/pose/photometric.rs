@@ -192,6 +192,7 @@ impl Photometric {
                     light,
                     pixels.get(row * self.table.width_px + strips[0].column),
                 ) else {
+                    counter.skip();
                     return;
                 };
                 let judged = if cut {

@@ -2,7 +2,7 @@
 //!
 //! What lens and water spread is smooth, and then each pixel takes its box of it: a Gaussian of variance
 //! b² + 1/12 to a thousandth of the light. What demosaicing, scaling, noise filters of the camera
-//! (or of a renderer) spread is spread from pixel to pixel AFTER the box: the same variance, but the response
+//! (or of a renderer) spread is spread from pixel to pixel AFTER the box: the same variance (for blurs of half a pixel and more), but the response
 //! to an edge is a sum of boxes at whole pixels,
 //!
 //! E(d, α) = Σ_kl g_k g_l B(d − k cos α − l sin α),  B the edge response of the pixel's box along α,
@@ -18,8 +18,10 @@ const DIRECTIONS: usize = 48;
 const REACH_PX: f64 = 4.0;
 const PER_PX: f64 = 16.0;
 const NODES: usize = (2.0 * REACH_PX * PER_PX) as usize + 1;
-/// Pixels that a grid's kernel reaches, at least 5 of its sds for the blurs in use.
+/// Pixels that a grid's kernel reaches: 5 sds of the widest blur.
 const KERNEL: i32 = 6;
+/// Beyond this spread κ is below 0.014 in every direction and is left out \[px\].
+const WIDEST_PX: f64 = 1.2;
 
 /// κ of edges of one direction, between two that are kept ready: without steps from one to the next, by which costs
 /// of poses near each other would differ.
@@ -106,6 +108,9 @@ impl Response {
                 for (l, gl) in (-KERNEL..).zip(kernel) {
                     sum += gk * gl * boxed(d - f64::from(k) * cos - f64::from(l) * sin, cos, sin);
                 }
+            }
+            if spread_px > WIDEST_PX {
+                return 0.0;
             }
             sum - super::cumulative(d / spread_px)
         };

@@ -338,8 +338,8 @@ fn corner(
     }
 }
 
-/// Two edges at a corner with part of the blur on the pixel grid. What that part adds to one edge is
-/// taken where the other lets it pass.
+/// Two edges at a corner with part of the blur on the pixel grid. What that part, κ, adds to one edge is taken where the
+/// other lets it pass, as if the two did not hang together: inside both Φ₂(h, k) + g κ(h) Φ(k) + g κ(k) Φ(h) + g² κ(h) κ(k).
 pub(super) struct Bent {
     pub share: f64,
     pub by: [f64; 2],
@@ -355,16 +355,19 @@ impl Bent {
         grid_share: f64,
         tables: &Tables,
     ) -> Bent {
-        let passes = x.map(|x| tables.normal(if convex { x } else { -x }).0);
+        // Inside either is not inside neither: the same with all signs turned.
+        let sign = if convex { 1.0 } else { -1.0 };
+        let [(pass_h, at_h), (pass_k, at_k)] = x.map(|x| tables.normal(sign * x));
         let [(a, da), (b, db)] = bends;
-        let bent = a * passes[1] + b * passes[0];
+        let g = grid_share;
         Bent {
-            share: both.share + grid_share * bent,
+            share: (both.share + g * (a * pass_k + b * pass_h) + sign * g * g * a * b)
+                .clamp(0.0, 1.0),
             by: [
-                both.by[0] + grid_share * da * passes[1],
-                both.by[1] + grid_share * db * passes[0],
+                both.by[0] + g * (da * pass_k + sign * (b * at_h + g * da * b)),
+                both.by[1] + g * (db * pass_h + sign * (a * at_k + g * db * a)),
             ],
-            bent,
+            bent: a * pass_k + b * pass_h + sign * 2.0 * g * a * b,
         }
     }
 }

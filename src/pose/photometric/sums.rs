@@ -139,6 +139,13 @@ impl<'a> Counter<'a> {
         }
     }
 
+    /// The next pixel of the edge is not looked at.
+    pub fn skip(&mut self) {
+        if let Some(edge) = self.edges.get_mut(self.edge) {
+            edge.skip();
+        }
+    }
+
     /// Judges a pixel that no edge cuts; `None` where it is clipped.
     #[inline]
     pub fn bulk(&mut self, grey: u8, light: f64, background: f64) -> Option<Judged> {
@@ -176,7 +183,10 @@ impl<'a> Counter<'a> {
         torn: Option<Torn>,
         doubt_sd: f64,
     ) -> Option<Judged> {
-        let (residual, share) = self.residual(grey, light + background)?;
+        let Some((residual, share)) = self.residual(grey, light + background) else {
+            self.skip();
+            return None;
+        };
         let noise_sd = self.weighting.noise_sd;
         let of_variance = if doubt_sd == 0.0 {
             self.of_variance
@@ -190,8 +200,13 @@ impl<'a> Counter<'a> {
         self.sums.weights += weight;
         self.sums.slopes += slope;
         self.sums.rejected += usize::from(weight < 0.5);
-        if let (Some(torn), Some(edge)) = (torn, self.edges.get_mut(self.edge)) {
-            edge.see(torn, residual, noise_sd);
+        match (torn, self.edges.get_mut(self.edge)) {
+            (Some(torn), Some(edge)) => {
+                // Where the sensor cuts off at zero, less of it shows.
+                let bent = torn.bent * share;
+                edge.see(Torn { bent, ..torn }, residual, noise_sd);
+            }
+            _ => self.skip(),
         }
         Some(Judged {
             residual,

@@ -221,7 +221,11 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
     let places = [0.13, 0.1457, 0.2496, 0.243, 0.31];
-    for (x_m, grid_share) in places.map(|x| (x, 0.0)).into_iter().chain([(0.13, 0.5)]) {
+    for (x_m, grid_share) in places
+        .map(|x| (x, 0.0))
+        .into_iter()
+        .chain(places.map(|x| (x, 0.5)))
+    {
         let at = State {
             background: rig.camera.noise.ambient,
             ..state(x_m)
@@ -307,17 +311,18 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
             // What is found explains what the edges left over.
             let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
             let again = model.compare(&plan, picture, &at, &weighting, &mut doubts, false);
-            let doubt = |s: &Sums| s.edges.doubt(0.6);
+            let cost = |s: &Sums| s.cost;
             (
                 share,
                 again.edges.grid_share(weighting.noise_sd),
-                doubt(&seen),
-                doubt(&again),
+                cost(&seen),
+                cost(&again),
             )
         };
         let (lens, grid) = (looked(&lens), looked(&grid));
-        println!("x {x_m}: share, again, doubts; lens {lens:.3?}, grid {grid:.3?}");
+        println!("x {x_m}: share, again, costs; lens {lens:.3?}, grid {grid:.3?}");
         assert!(lens.0 < 0.05 && lens.1 < 0.05, "x {x_m}: {lens:?}");
         assert!(grid.0 > 0.8 && grid.1 > 0.8, "x {x_m}: {grid:?}");
+        assert!(grid.3 < 0.9 * grid.2, "x {x_m}: {grid:?}");
     }
 }

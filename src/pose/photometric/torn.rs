@@ -259,6 +259,7 @@ impl Photometric {
                 continue;
             };
             if row < from || row > to {
+                counter.skip();
                 continue;
             }
             let judged = if cut {
