@@ -3,7 +3,6 @@
 mod active;
 mod adopt;
 mod effects;
-mod exponent;
 mod kin;
 mod rivals;
 mod spots;
@@ -15,7 +14,7 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
-use super::explain::{Explanation, explain, forward};
+use super::explain::explain;
 use super::family::Acts;
 use super::fit::Fit;
 use super::locate::locate;
@@ -31,12 +30,10 @@ use crate::identify::data::{Run, is_still};
 use active::active;
 use adopt::adopt;
 use effects::effects;
-use exponent::exponents;
 use kin::as_good;
 use rivals::{Rivals, names};
 use spots::blind;
-pub(super) use tables::HELD_OUT;
-use tables::{alternatives, coefficients, predictions, rms, test};
+use tables::{alternatives, coefficients, predictions, test};
 use words::{sentence, unexplained};
 
 /// Why there is no verdict.
@@ -165,42 +162,6 @@ fn relative(e: &Effect, rig: &Rig) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Runs held out that choose between explanations, and those that tell how well the chosen one predicts:
-/// not the same where there are two.
-fn halves(held: &[Track]) -> (Vec<Track>, Vec<Track>) {
-    if held.len() < 2 {
-        return (held.to_vec(), held.to_vec());
-    }
-    let every = |first: usize| held.iter().skip(first).step_by(2).cloned().collect();
-    (every(0), every(1))
-}
-
-/// The explanation: by prediction where no law is exact, else from the search; where it has a free function
-/// that leaves clearly less noise, searched once more under that.
-fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
-    search.prepare();
-    if search.no_law_is_exact()
-        && let Some(found) = forward(search, choosing)
-    {
-        return Some(found);
-    }
-    search.run();
-    search.settle();
-    (search.progress)("explanations");
-    let found = explain(search, choosing, None)?;
-    let Some(function) = &found.family else {
-        return Some(found);
-    };
-    let before = search.weights.noise;
-    if !search.reweigh_beside(&found.fit, function, before) {
-        return Some(found);
-    }
-    search.refresh(&[]);
-    search.run();
-    search.settle();
-    explain(search, choosing, Some(&found)).or(Some(found))
-}
-
 fn one(
     made: &mut Diagnosis,
     runs: &[Run],
@@ -215,21 +176,14 @@ fn one(
     if search.best().is_none() {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     }
+    search.prepare();
+    search.run();
+    search.settle();
     let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
-    let (choosing, telling) = halves(&held_tracks);
-    let Some(found) = found(&mut search, &choosing) else {
+    progress("explanations");
+    let Some(found) = explain(&mut search, &held_tracks) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
-    if found.simple() {
-        // What the best sets are without each of their members, so that no probability is 1 for want of asking.
-        let front: Vec<Vec<usize>> = search
-            .ranked()
-            .iter()
-            .take(2)
-            .map(|f| f.set.clone())
-            .collect();
-        search.reduce_below(&front, f64::INFINITY);
-    }
     let Some(plain) = search.finished(&[]) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
@@ -248,10 +202,10 @@ fn one(
     } else {
         Vec::new()
     };
-    if groups.len() > 1 && !choosing.is_empty() {
+    if groups.len() > 1 && !held_tracks.is_empty() {
         // The runs fitted cannot tell them apart; the one that predicts best comes first.
         let miss = |g: &Group| {
-            held_out(&setting, &choosing, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
+            held_out(&setting, &held_tracks, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
         };
         let mut missed: Vec<(f64, Group)> = groups.into_iter().map(|g| (miss(&g), g)).collect();
         let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max)
@@ -265,8 +219,8 @@ fn one(
         }
         groups = missed.into_iter().map(|m| m.1).collect();
     }
-    if groups.len() == 1 && !choosing.is_empty() {
-        let kin = as_good(&search, &groups[0], &choosing);
+    if groups.len() == 1 && !held_tracks.is_empty() {
+        let kin = as_good(&search, &groups[0], &held_tracks);
         if !kin.is_empty() {
             let names: Vec<&str> = kin.iter().map(|k| k.0).collect();
             made.verdict.notes.push(format!(
@@ -277,14 +231,7 @@ fn one(
         }
     }
     // A function fitted along is no part of what a rig file can hold: predictions are the set's own.
-    let mut first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
-    if found.bent().is_some()
-        && let Some(refitted) = search.alone(&first)
-        && rms(&search, &refitted) < rms(&search, &first)
-    {
-        // Nor can it hold a bend: without it the numbers found beside it fit worse than the set's own.
-        first = refitted;
-    }
+    let first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
     let verdict = &mut made.verdict;
     let shares = weights(&setting, &first);
     verdict
@@ -322,20 +269,10 @@ fn one(
     let noise = search.weights.noise;
     // A mechanism that acts twice predicts as two.
     let predicting = found.twice.as_ref().map_or(&first, |(_, two)| two);
-    let chose = held_tracks.len() == 1;
-    predictions(
-        verdict,
-        &search,
-        [&plain, &first, predicting],
-        &telling,
-        chose,
-    );
-    let mut rivals = Rivals::of(&search, &first, &shares, &telling);
+    predictions(verdict, &search, [&plain, &first, predicting], &held_tracks);
+    let mut rivals = Rivals::of(&search, &first, &shares, &held_tracks);
     verdict.notes.extend(rivals.undecided());
-    alternatives(verdict, &search, &post, &rivals, &first, &telling);
-    let powers = exponents(&search, &first, &shares, &telling);
-    verdict.notes.extend(powers.iter().map(|p| p.told.clone()));
-    verdict.parameters.exponents.extend(powers);
+    alternatives(verdict, &search, &post, &rivals, &first, &held_tracks);
     verdict.ladder.extend(rivals.ladder());
     test(verdict, &search, &plain, &first);
     coefficients(verdict, &search, &plain, &first, &post, &groups);

@@ -7,15 +7,11 @@
 
 mod beside;
 mod elect;
-mod forward;
 mod look;
-mod needs;
-mod windows;
 
 use std::collections::BTreeMap;
 
 use super::bank::without;
-use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
 use super::predict::{held_out, predicted_beside};
@@ -24,21 +20,15 @@ use super::setting::Track;
 use super::weight::{weight_beyond, weights};
 use beside::{beside, squeezed};
 
-use elect::{SPARING, by_prediction, elect, held_to_account, sparing};
+use elect::{SPARING, by_prediction, elect, sparing};
 use look::{kinds, modest};
 
-pub use forward::forward;
 pub use look::{Care, look};
-pub use needs::needs;
 
 /// Kinds of functions looked at beside nothing and beside the heaviest effect.
 const KINDS: usize = 2;
 /// Functions, of different kinds, beside which the set is searched again.
 const GROWN: usize = 3;
-/// Members taken out at most, and parts of a set looked at each time.
-const ROUNDS: usize = 6;
-/// See [`ROUNDS`].
-const PARTS: usize = 4;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
 const FAR_FROM_NOISE: f64 = 0.75;
 /// The same below which it does.
@@ -139,13 +129,8 @@ impl Explanation {
 /// The best explanation: sets from the search, sets grown beside a free function, and sets with
 /// members taken out, each with its best free function.
 ///
-/// `held` = runs that are only predicted: an explanation that misses them badly is none; `also` = one of
-/// an earlier look, under another noise.
-pub fn explain(
-    search: &mut Search<'_>,
-    held: &[Track],
-    also: Option<&Explanation>,
-) -> Option<Explanation> {
+/// `held` = runs that are only predicted: an explanation that misses them badly is none.
+pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let first = search.best()?.clone();
     let mut best = look(search, &first, Care::Above(f64::NEG_INFINITY));
     if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
@@ -173,12 +158,7 @@ pub fn explain(
         new
     });
     let mut contenders: Vec<Explanation> = Vec::new();
-    // A force at a place is what a tank has most of, and a wrong law of another kind may gain more at first.
-    let place = |e: &Explanation| matches!(e.kind(), Some((Acts::Force, Variable::Place)));
-    let late = seeds.iter().skip(GROWN).find(|s| place(s)).cloned();
-    seeds.truncate(GROWN);
-    seeds.extend(late);
-    for seed in &seeds {
+    for seed in seeds.iter().take(GROWN) {
         let bar = contenders
             .iter()
             .map(|c| c.log_evidence)
@@ -200,7 +180,6 @@ pub fn explain(
             contenders.push(grown);
         }
     }
-    contenders.extend(also.and_then(|e| again(search, e)));
     let beaten = contenders
         .iter()
         .any(|g| g.log_evidence > best.log_evidence - sparing(g, &best));
@@ -238,8 +217,7 @@ pub fn explain(
         let free = best
             .family
             .as_ref()
-            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise))
-            .map(|p| p.rms);
+            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise));
         tracing::debug!(
             "by prediction {:?}: {named:.2e}, with a function {free:?}",
             sparse.fit.set
@@ -248,12 +226,11 @@ pub fn explain(
             return Some(sparse);
         }
     }
-    if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
+    if let (true, Some(plain)) = (best.family.is_some(), alone(search, &best.fit))
         && let Some(family) = &mut best.family
     {
         family.gain = best.log_evidence - plain.log_evidence;
     }
-    best = held_to_account(search, best, held);
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands.
     if best.unnamed() && best.family_weight <= search.setting.tolerance {
@@ -319,15 +296,12 @@ fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
     beside(search, &Explanation::with(search, joint, family), bar)
 }
 
-/// An explanation with a function, fitted again under the search's present weights.
-fn again(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
-    let function = found.family.as_ref()?;
-    let (joint, function) =
-        function.refine(search.setting, &search.weights, &found.fit, Effort::FULL)?;
-    Some(Explanation {
-        needed: found.needed.clone(),
-        ..Explanation::with(search, joint, function)
-    })
+/// A set's own fit, without any function.
+fn alone(search: &mut Search<'_>, like: &Fit) -> Option<Fit> {
+    if search.get(&like.set).is_none() {
+        search.fit(vec![(like.set.clone(), like.at.clone())]);
+    }
+    search.finished(&like.set)
 }
 
 /// Members taken out as long as what is left explains more beside its best function.
@@ -336,21 +310,17 @@ fn reduce(
     mut best: Explanation,
     tried: &mut BTreeMap<Vec<usize>, Explanation>,
 ) -> Explanation {
-    for _ in 0..ROUNDS {
+    for _ in 0..8 {
         // Without the function's help: a plain set is the parent of its parts.
         search.reduce_below(std::slice::from_ref(&best.fit.set), f64::INFINITY);
         let mut better: Option<Explanation> = None;
         let mut needed = Vec::new();
-        // The likeliest of them are looked at: a look at a large set costs more than all its parts' fits.
-        let mut parts: Vec<(usize, Fit)> = (0..best.fit.set.len())
-            .filter_map(|member| {
-                let (smaller, _) = without(search.setting, &best.fit, member);
-                Some((best.fit.set[member], search.get(&smaller)?.clone()))
-            })
-            .collect();
-        parts.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
-        for (candidate, fit) in parts.into_iter().take(PARTS) {
-            let smaller = fit.set.clone();
+        for member in 0..best.fit.set.len() {
+            let candidate = best.fit.set[member];
+            let (smaller, _) = without(search.setting, &best.fit, member);
+            let Some(fit) = search.get(&smaller).cloned() else {
+                continue;
+            };
             let least = Care::Above(best.log_evidence - SPARING);
             let other = tried
                 .entry(smaller)

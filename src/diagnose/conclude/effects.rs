@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::words::twice_note;
-use crate::diagnose::explain::{Explanation, needs};
+use crate::diagnose::explain::Explanation;
 use crate::diagnose::fit::Fit;
 use crate::diagnose::posterior::{Group, Posterior};
 use crate::diagnose::search::Search;
@@ -26,21 +26,14 @@ pub fn effects(
     let covariance = first.covariance();
     let places = setting.places(&first.set);
     let bent = found.bent();
-    let needed = if simple {
-        Vec::new()
-    } else {
-        needs(search, found)
-    };
-    let sizes = first.sizes(setting);
     let mut made = Vec::new();
     for (member, (candidate, weight)) in first.set.iter().zip(shares).enumerate() {
         let info = setting.vocabulary[*candidate].info;
         // Something is there when the set without it is worse; which of its kin it is, is another question.
-        let (there, bounded) = if simple {
-            evidence_share(search, first, member, sizes[member])
+        let there = if simple {
+            evidence_share(search, first, member)
         } else {
-            let known = needed.iter().find(|n| n.0 == *candidate);
-            known.map_or((share(sizes[member]), true), |n| (share(n.1), n.2))
+            needed(found, *candidate)
         };
         if there < ESTABLISHED {
             continue;
@@ -61,12 +54,6 @@ pub fn effects(
         };
         let weight = &averaged(0).map_or(*weight, |a| a.1);
         let mut notes = Vec::new();
-        if bounded {
-            notes.push(
-                "its probability is the bound that its own sd gives: no fit without it succeeded"
-                    .to_owned(),
-            );
-        }
         let parameters = info
             .parameters
             .iter()
@@ -133,18 +120,22 @@ pub fn effects(
     made
 }
 
-/// Probability of what is worth this log evidence.
-fn share(lacks: f64) -> f64 {
+/// Probability of a member against the best explanation without it, a free function on either side.
+fn needed(found: &Explanation, candidate: usize) -> f64 {
+    let lacks = found
+        .needed
+        .iter()
+        .find(|(c, _)| *c == candidate)
+        .map_or(f64::INFINITY, |(_, l)| *l);
     1.0 / (1.0 + (-lacks).exp())
 }
 
-/// Probability of a member against the same set without it, fitted; from half chi-square of its size (and
-/// `true`) where that fit failed.
-fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize, size: f64) -> (f64, bool) {
+/// Probability of a member against the same set without it.
+fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize) -> f64 {
     let mut smaller = fit.set.clone();
     smaller.remove(member);
-    match search.get(&smaller) {
-        Some(without) => (share(fit.log_evidence - without.log_evidence), false),
-        None => (share(size), true),
-    }
+    let without = search
+        .get(&smaller)
+        .map_or(f64::NEG_INFINITY, |f| f.log_evidence);
+    1.0 / (1.0 + (without - fit.log_evidence).exp())
 }

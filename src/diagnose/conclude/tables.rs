@@ -12,22 +12,15 @@ use crate::diagnose::verdict::{Alternative, BeforeAfter, NoiseFound, Value, Verd
 use crate::identify::parameter::Coefficient;
 use crate::identify::statistics::{chi2_above, ljung_box};
 
-/// How runs were predicted when none were held out.
-pub const BY_THE_OTHERS: &str =
-    "each run predicted by coefficients fitted to the others, the explanation chosen with all";
-/// How they were else; the runs' names follow.
-pub const HELD_OUT: &str = "runs held out";
 /// Groups told of as alternatives, and of those the ones that are asked to predict.
 const TOLD: (usize, usize) = (12, 6);
 
-/// rms before and after, fitted and predicted. `fits`: none, the first set, and what predicts for it;
-/// `held`: the runs held out that tell how well, and whether they also chose what does.
+/// rms before and after, fitted and predicted. `fits`: none, the first set, and what predicts for it.
 pub fn predictions(
     verdict: &mut Verdict,
     search: &Search<'_>,
     [plain, first, predicting]: [&Fit; 3],
     held: &[Track],
-    chose: bool,
 ) {
     let setting = search.setting;
     let noise = search.weights.noise;
@@ -42,16 +35,10 @@ pub fn predictions(
         Some(rms(search, plain)),
         Some(rms(search, first)),
     );
-    let names: Vec<&str> = held.iter().map(|t| t.name.as_str()).collect();
     let by = if held.is_empty() {
-        BY_THE_OTHERS.to_owned()
-    } else if chose {
-        format!(
-            "{HELD_OUT}: {}, which also helped to choose the explanation",
-            names.join(", ")
-        )
+        "each run predicted by the others"
     } else {
-        format!("{HELD_OUT}: {}, which chose nothing", names.join(", "))
+        "runs held out"
     };
     let of = |fit: &Fit| {
         if held.is_empty() {
@@ -60,7 +47,7 @@ pub fn predictions(
             held_out(setting, held, fit, noise)
         }
     };
-    verdict.fit.held_out_by = by;
+    verdict.fit.held_out_by = by.to_owned();
     put(&mut verdict.fit.held_out, of(plain), of(predicting));
 }
 
@@ -171,30 +158,6 @@ pub fn coefficients(
     };
     verdict.parameters.before.extend(coefficients(plain));
     verdict.parameters.after.extend(coefficients(first));
-    verdict.parameters.written.extend(coefficients(first));
-    let spread = first.covariance();
-    for (member, (candidate, place)) in first.set.iter().zip(setting.places(&first.set)).enumerate()
-    {
-        let info = setting.vocabulary[*candidate].info;
-        if !verdict.effects.iter().any(|e| e.effect == info.id) {
-            continue;
-        }
-        let values = info
-            .parameters
-            .iter()
-            .zip(first.member(setting, member))
-            .enumerate()
-            .map(|(i, (p, value))| {
-                let variance = spread[(place + i, place + i)];
-                let sd = variance.is_finite().then(|| variance.sqrt());
-                (p.name.to_owned(), Value { value: *value, sd })
-            })
-            .collect();
-        verdict
-            .parameters
-            .written_effects
-            .insert(info.id.to_owned(), values);
-    }
     if let Some(g) = groups.first() {
         for (i, k) in Coefficient::of(setting.dof).iter().enumerate() {
             if let Some(a) = post.averaged_coefficient(setting, i, &g.matters) {

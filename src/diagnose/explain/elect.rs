@@ -4,10 +4,8 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use crate::diagnose::bank::without;
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::Variable;
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{BETTER_T, held_out, predicted, predicted_beside};
+use crate::diagnose::predict::{held_out, predicted_beside};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
@@ -28,15 +26,10 @@ pub fn elect(
 ) -> Option<Explanation> {
     let setting = search.setting;
     let noise = search.weights.noise;
-    let miss = |e: &Explanation| {
-        let found = match (&e.family, &e.twice) {
-            (Some(f), _) if f.family.variable.kind() == Variable::TimeEach => return None,
-            (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise).map(|p| p.rms),
-            (None, Some((_, two))) => held_out(setting, held, two, noise),
-            (None, None) => held_out(setting, held, &e.fit, noise),
-        };
-        // A motion that runs off predicts nothing: that is a miss, not a question that was not asked.
-        (!held.is_empty()).then(|| found.filter(|m| m.is_finite()).unwrap_or(f64::INFINITY))
+    let miss = |e: &Explanation| match (&e.family, &e.twice) {
+        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise),
+        (None, Some((_, two))) => held_out(setting, held, two, noise),
+        (None, None) => held_out(setting, held, &e.fit, noise),
     };
     let missed: Vec<Option<f64>> = contenders.iter().map(miss).collect();
     let nothing = search
@@ -57,7 +50,7 @@ pub fn elect(
             e.log_evidence
         );
     }
-    let sound = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
+    let sound = |m: &Option<f64>| m.is_none_or(|m| m <= bar);
     // A bent law that misses is none even where nothing else predicts either: the bend was a free force.
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
@@ -76,48 +69,6 @@ pub fn elect(
         }
     }
     best
-}
-
-/// A force in time foretells nothing, but the effects named beside it do: those without which the runs held
-/// out are predicted better only mend the function, and go.
-pub fn held_to_account(search: &Search<'_>, mut found: Explanation, held: &[Track]) -> Explanation {
-    let setting = search.setting;
-    let noise = search.weights.noise;
-    loop {
-        let Some(function) = found
-            .family
-            .as_ref()
-            .filter(|f| f.family.variable.kind() == Variable::TimeEach)
-        else {
-            return found;
-        };
-        let Some(own) = predicted(setting, held, &found.fit, noise) else {
-            return found;
-        };
-        let better = (0..found.fit.set.len())
-            .into_par_iter()
-            .filter_map(|m| {
-                let (set, at) = without(setting, &found.fit, m);
-                let from = Fit {
-                    set,
-                    at,
-                    ..found.fit.clone()
-                };
-                let pair = function.refine(setting, &search.weights, &from, Effort::FULL)?;
-                let missed = predicted(setting, held, &pair.0, noise)?;
-                (missed.better_than(&own) > BETTER_T).then_some((pair, missed.rms))
-            })
-            .min_by(|a, b| a.1.total_cmp(&b.1));
-        let Some(((joint, function), rms)) = better else {
-            return found;
-        };
-        tracing::debug!(
-            "beside a force in time {:?} predicts {rms:.2e} for {:.2e}",
-            joint.set,
-            own.rms
-        );
-        found = Explanation::with(search, joint, function);
-    }
 }
 
 /// Members of a set taken out as long as the runs held out are predicted as well without them.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Explanation;
 use crate::diagnose::bank::{View, joined, motion, outside, whitened};
 use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, FamilyFit, Variable, bends, forces};
+use crate::diagnose::family::{Acts, FamilyFit, bends, forces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::{COEFFICIENTS, Setting};
@@ -20,7 +20,7 @@ const WORTH_A_FIT: f64 = 0.5;
 /// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
 const FAR_FROM_NOISE: f64 = 2.0;
 /// Log of the choice between one law and the same law twice.
-pub(super) const TWICE_PENALTY: f64 = 2.0;
+const TWICE_PENALTY: f64 = 2.0;
 /// A second copy begins with this share of the first one's size.
 const SPLIT: f64 = 0.35;
 /// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
@@ -82,14 +82,6 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         .collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let top = found.first().map_or(0.0, |f| f.gain);
-    if care == Care::Glance {
-        // Only an unnamed force is asked for here. Where a bend promises more there is none, and a bend's
-        // own fit is dear.
-        if found.first().is_some_and(|f| f.family.acts != Acts::Force) {
-            found.clear();
-        }
-        found.retain(|f| f.family.acts == Acts::Force);
-    }
     let (most, bar) = match care {
         Care::Glance => (REFINED - 1, f64::NEG_INFINITY),
         Care::Above(bar) => (REFINED, bar),
@@ -183,7 +175,7 @@ pub fn modest(setting: &Setting, joint: &Fit, function: &FamilyFit) -> bool {
     weight_beyond(setting, joint, &function.response) <= MODEST * own
 }
 
-/// A set beside its best functions of different kinds (one of place always among them), most promising first, each fitted far enough to
+/// A set beside its best functions of different kinds, most promising first, each fitted far enough to
 /// go on from there: which kind is right may only show when named effects have joined it.
 pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
     let setting = search.setting;
@@ -210,15 +202,9 @@ pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
         seen.push(kind);
         new
     });
-    let place = found
-        .iter()
-        .skip(most)
-        .position(|f| f.family.variable.kind() == Variable::Place)
-        .map(|i| found[most + i].clone());
-    found.truncate(most);
-    found.extend(place);
     found
         .par_iter()
+        .take(most)
         .filter_map(|f| f.close(setting, &search.weights, fit, effort))
         .map(|(joint, function)| Explanation::with(search, joint, function))
         .collect()

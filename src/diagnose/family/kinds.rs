@@ -133,7 +133,7 @@ fn forces_over(setting: &Setting, ranges: &Ranges) -> Vec<Family> {
     let mut kinds = vec![
         (Variable::Place, 32),
         (Variable::PlaceAgainst, 32),
-        (Variable::Rate, 24),
+        (Variable::Rate, 16),
         (Variable::Load, 12),
         (Variable::Time, 16),
         (Variable::SinceEdge, 10),
