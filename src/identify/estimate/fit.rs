@@ -228,12 +228,14 @@ impl<'f> Fit<'f> {
             .map(|run| self.problem.whitened(run, &self.at))
             .collect();
         let whitened = whitened?;
-        for slot in 0..self.louder.len() {
+        let slots = self.louder.len();
+        for slot in 0..slots {
             let Some(rest) = self.measured_at_rest(slot).filter(|_| !self.agreed[slot]) else {
                 continue;
             };
             let at_rest = rest.left.as_ref().map_or(0, |left| left.samples);
-            let driven = (0..runs).flat_map(|run| self.driven(run, slot, &whitened[run][slot]));
+            let by_run = whitened.iter().enumerate();
+            let driven = by_run.flat_map(|(run, slots)| self.driven(run, slot, &slots[slot]));
             let (sum, count) = driven
                 .filter(|v| v.is_finite())
                 .fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
