@@ -323,6 +323,8 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         println!("x {x_m}: share, again, costs; lens {lens:.3?}, grid {grid:.3?}");
         assert!(lens.0 < 0.05 && lens.1 < 0.05, "x {x_m}: {lens:?}");
         assert!(grid.0 > 0.8 && grid.1 > 0.8, "x {x_m}: {grid:?}");
-        assert!(grid.3 < 0.9 * grid.2, "x {x_m}: {grid:?}");
+        // What the lens's own picture costs is rounding.
+        let left = (grid.3 - lens.3) / (grid.2 - lens.3);
+        assert!(left < 0.2, "x {x_m}: {lens:?} {grid:?}");
     }
 }
