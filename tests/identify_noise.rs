@@ -200,19 +200,24 @@ fn a_misfit_after_a_long_opening_is_seen_beside_it() {
     assert_eq!(seen, 10);
 }
 
-#[test]
-fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
-    let rig = decoupled();
-    let quick = quick();
-    let options = Options {
+/// The coupled model with what surge does not move held.
+fn coupled_surge(quick: &hydroline::identify::lm::LevenbergMarquardt) -> Options<'_> {
+    Options {
         model: ModelChoice::Coupled,
         fixed: Dof::ALL[1..]
             .iter()
             .flat_map(|d| Coefficient::of(*d))
             .collect(),
         start: Start::AtRest,
-        ..options(&quick)
-    };
+        ..options(quick)
+    }
+}
+
+#[test]
+fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
+    let rig = decoupled();
+    let quick = quick();
+    let options = coupled_surge(&quick);
     let mut runs: Vec<Run> = surge_runs(&rig.vehicle, WHITE, 3).drain(1..3).collect();
     runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
     let quiet = identify(&runs, &rig, &options).unwrap();
@@ -241,15 +246,7 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
 fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them() {
     let rig = decoupled();
     let quick = quick();
-    let options = Options {
-        model: ModelChoice::Coupled,
-        fixed: Dof::ALL[1..]
-            .iter()
-            .flat_map(|d| Coefficient::of(*d))
-            .collect(),
-        start: Start::AtRest,
-        ..options(&quick)
-    };
+    let options = coupled_surge(&quick);
     let mut runs = uneven_runs(&rig.vehicle, 4);
     runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
     let found = identify(&runs, &rig, &options).unwrap();

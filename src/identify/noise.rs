@@ -200,6 +200,16 @@ impl RestNoise {
     }
 }
 
+impl Series<'_> {
+    /// The values through a filter; what is not finite is not used by it and counts as zero.
+    fn whitened(&self, filter: &Whitener) -> Vec<f64> {
+        let finite = |v: &f64| if v.is_finite() { *v } else { 0.0 };
+        let mut values: Vec<f64> = self.values.iter().map(finite).collect();
+        filter.apply(values.iter_mut());
+        values
+    }
+}
+
 /// Autocorrelations of what is left of series when a noise's colour is taken out.
 fn left(series: &[Series<'_>], noise: Noise, used: &[Vec<bool>]) -> Option<Correlogram> {
     let innovations: Vec<Vec<f64>> = series
@@ -207,12 +217,7 @@ fn left(series: &[Series<'_>], noise: Noise, used: &[Vec<bool>]) -> Option<Corre
         .zip(used)
         .map(|(s, used)| {
             let filter = Whitener::new(s.times_s, noise, |k| used[k]);
-            let mut values: Vec<f64> = s
-                .values
-                .iter()
-                .map(|v| if v.is_finite() { *v } else { 0.0 })
-                .collect();
-            filter.apply(values.iter_mut());
+            let values = s.whitened(&filter);
             (0..values.len())
                 .map(|k| if used[k] { values[k] } else { f64::NAN })
                 .collect()
@@ -319,12 +324,7 @@ fn likeliest(series: &[Series<'_>], used: &[Vec<bool>]) -> Option<Noise> {
         let mut fitted: Option<(DVector<f64>, DMatrix<f64>)> = None;
         for (s, used) in series.iter().zip(used) {
             let filter = Whitener::new(s.times_s, unit, |k| used[k]);
-            let mut values: Vec<f64> = s
-                .values
-                .iter()
-                .map(|v| if v.is_finite() { *v } else { 0.0 })
-                .collect();
-            filter.apply(values.iter_mut());
+            let values = s.whitened(&filter);
             energy += values.iter().map(|v| v * v).sum::<f64>();
             logs += filter.log_variance();
             n += filter.used();

@@ -29,15 +29,6 @@ pub struct Coefficient {
     pub term: Term,
 }
 
-const KEYS: [[&str; 3]; 6] = [
-    ["x_udot", "x_u", "x_uu"],
-    ["y_vdot", "y_v", "y_vv"],
-    ["z_wdot", "z_w", "z_ww"],
-    ["k_pdot", "k_p", "k_pp"],
-    ["m_qdot", "m_q", "m_qq"],
-    ["n_rdot", "n_r", "n_rr"],
-];
-
 const SYMBOLS: [[&str; 3]; 6] = [
     ["X_u̇", "X_u", "X_u|u|"],
     ["Y_v̇", "Y_v", "Y_v|v|"],
@@ -55,7 +46,7 @@ impl Coefficient {
 
     /// Name in files, e.g. `x_udot`.
     pub fn key(self) -> &'static str {
-        KEYS[self.dof.index()][self.term as usize]
+        self.dof.coefficient_names()[self.term as usize]
     }
 
     /// As the paper writes it.
