@@ -36,6 +36,12 @@ def times(out: Path) -> dict[str, list[float]]:
 def sound(report: Report, bench, name: str, allowed_codes: tuple[int, ...]) -> Log | None:
     """One unbroken recording: exit code, one file, one session, an exact account, both readers agree."""
     code = exit_code(bench.out, name)
+    if code == 3 and code not in allowed_codes:
+        # A refused recording is judged no further: what was lost, and where, has to be said here.
+        lost = Log(bench.out / f"{name}.mcap")
+        gaps = [(f.sequence, f.sequence_gap_before, f.time_gap_before, f.fault) for f in lost.frames if f.sequence_gap_before or f.time_gap_before]
+        code = f"3: lost {Account(lost.meta('summary')).lost_by_cause}, gaps (sequence, by sequence, by time, fault) {gaps}"
+        return report.check(f"{name}: exit code", code, " or ".join(map(str, allowed_codes)), False) or None
     if not report.check(f"{name}: exit code", code, " or ".join(map(str, allowed_codes)), code in allowed_codes):
         return None
     files = sorted(p.name for p in bench.out.glob(f"{name}*.mcap"))

@@ -50,9 +50,9 @@ def evidence(bench: Bench) -> None:
     if console.exists():
         print(f"--- last lines of {console}")
         print("\n".join(console.read_text(errors="replace").splitlines()[-30:]))
-    for err in sorted(bench.out.glob("*.stderr")):
-        print(f"--- last lines of {err}")
-        print("\n".join(err.read_text(errors="replace").splitlines()[-12:]))
+    for said in sorted([*bench.out.glob("*.stdout"), *bench.out.glob("*.stderr")]):
+        print(f"--- last lines of {said}")
+        print("\n".join(said.read_text(errors="replace").splitlines()[-12:]))
     print(f"--- everything is kept in {bench.out}", flush=True)
 
 

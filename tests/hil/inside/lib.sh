@@ -60,8 +60,9 @@ record() {
   ( hydroline record --rig "$rig" --for "${seconds}s" --out "/tmp/$name.mcap" "$@" \
       >"/out/$name.stdout" 2>"/out/$name.stderr"; echo $? >"/tmp/$name.rc" ) &
   RECORD_PID=$!
-  # Recording has begun when the first frames are in the file.
-  wait_for 20 sh -c "[ -e /tmp/$name.rc ] || [ \$(stat -c %s /tmp/$name.mcap 2>/dev/null || echo 0) -gt 50000 ]"
+  # Recording has begun when the first frames are in the file. What stands before them (schemas, rig, clock) is 50 kB and
+  # grows with them; ten JPEGs or one raw frame are more than the 200 kB left.
+  wait_for 20 sh -c "[ -e /tmp/$name.rc ] || [ \$(stat -c %s /tmp/$name.mcap 2>/dev/null || echo 0) -gt 250000 ]"
 }
 
 # recorded NAME SECONDS: waits for the end, at most SECONDS; brings the files out
