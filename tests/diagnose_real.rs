@@ -140,40 +140,75 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     );
     assert!(after < before / 3.0, "{before} {after}");
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
-    // Models with a term missing stand among the alternatives, with what they lose.
-    for lacking in ["nonlinear_restoring", "cubic_damping"] {
-        let loses = v
+    // Models with a term missing stand among the alternatives, each with what it loses.
+    for lacking in [
+        &["nonlinear_restoring"][..],
+        &["cubic_damping", "quadratic_damping"],
+    ] {
+        let without: Vec<f64> = v
             .alternatives
             .iter()
-            .filter(|a| {
-                !a.effects.iter().any(|e| e == lacking) && a.held_out.contains_key("phi_rad")
-            })
-            .map(|a| a.held_out["phi_rad"])
-            .fold(f64::INFINITY, f64::min);
+            .filter(|a| !a.effects.iter().any(|e| lacking.contains(&e.as_str())))
+            .filter_map(|a| a.held_out.get("phi_rad").copied())
+            .collect();
+        assert!(!without.is_empty(), "nothing without {lacking:?} was tried");
+        let loses = without.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(
-            loses > 1.1 * after,
-            "without {lacking}: {loses} for {after}"
+            loses > 1.5 * after,
+            "without {lacking:?}: {loses} for {after}"
         );
     }
-    let rungs: Vec<&str> = v.ladder.iter().map(|r| r.effect.as_str()).collect();
-    assert_eq!(rungs.first().copied(), Some(""), "{rungs:?}");
+    // Both terms together gain what neither does alone.
+    assert!(v.ladder.len() >= 3, "{:?}", v.ladder);
+    assert_eq!(v.ladder[0].effect, "");
+    let rms: Vec<f64> = v.ladder.iter().map(|r| r.held_out["phi_rad"]).collect();
+    assert_eq!(v.ladder[1].effect, "nonlinear_restoring", "{:?}", v.ladder);
+    assert!(rms[1] < 0.75 * rms[0] && rms[2] < 0.75 * rms[1], "{rms:?}");
+    // The runs that chose are not the ones that tell.
     assert!(
-        v.ladder
-            .windows(2)
-            .all(|r| r[1].held_out["phi_rad"] < r[0].held_out["phi_rad"]),
-        "{:?}",
-        v.ladder
+        v.fit.held_out_by.contains("chose nothing"),
+        "{}",
+        v.fit.held_out_by
     );
+    // What the data say of the exponent, computed: faster than linear, and which of the laws is in reach.
+    let power = v
+        .parameters
+        .exponents
+        .iter()
+        .find(|e| e.effect.ends_with("_damping"))
+        .expect("no word on the exponent of the damping");
+    assert_eq!(power.tried.len(), power.held_out.len());
+    let [low, high] = power.open;
+    assert!(low > 1.2 && low <= high, "{:?}", power.open);
+    assert!(
+        (low..=high).contains(&(power.law)),
+        "{} of {:?}",
+        power.law,
+        power.open
+    );
+    let worst = power
+        .held_out
+        .iter()
+        .flatten()
+        .fold(0.0_f64, |m, h| m.max(*h));
+    let least = power
+        .held_out
+        .iter()
+        .flatten()
+        .fold(f64::INFINITY, |m, h| m.min(*h));
+    assert!(worst > least, "every exponent predicts alike");
+    assert!(v.notes.contains(&power.told), "{:?}", v.notes);
+    println!("{}", power.told);
 }
 
-/// Not reached yet: the motion of a mass without friction runs off by a metre, from where no fit finds
-/// back: the verdict is an unnamed force over the rate.
+/// A mass with viscous friction, its numbers a quarter and more off; both are fitted (the mass as added mass). What it
+/// lacks is found by prediction: no law reaches the noise of the encoder. Friction and what depends on the
+/// direction were found in 51 s of one core; that the offset comes out as well, second, is not shown yet.
 #[test]
-#[ignore = "not reached: an unnamed force over the rate instead of friction; see the comment"]
+#[ignore = "a minute of processor time; not reached: the offset"]
 fn the_drive_lacks_friction_offset_and_direction() {
     let Some(real) = shared() else { return };
     let mut rig = Rig::builtin("lshpi").unwrap();
-    // A mass with viscous friction, nothing else; both are fitted (the mass as added mass).
     rig.vehicle.mass_kg = 2.0;
     rig.vehicle.coefficients[0].added = -10.0;
     rig.vehicle.coefficients[0].linear = -40.0;
@@ -183,13 +218,34 @@ fn the_drive_lacks_friction_offset_and_direction() {
     let held = [stretch(&all, "b", 12.4, 24.8, 8)];
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     show(&found.verdict);
+    let v = &found.verdict;
+    assert!(
+        matches!(v.verdict, Word::Named | Word::Ambiguous),
+        "{}",
+        v.sentence
+    );
+    let heavy: Vec<&str> = v
+        .effects
+        .iter()
+        .filter(|e| e.matters)
+        .map(|e| e.effect.as_str())
+        .collect();
     for id in ["coulomb_friction", "constant_force"] {
-        assert!(
-            found.verdict.effects.iter().any(|e| e.effect == id),
-            "{id}: {}",
-            found.verdict.sentence
-        );
+        assert!(heavy.contains(&id), "{id}: {}", v.sentence);
     }
+    // In that order of what they gain in prediction; what depends on the direction comes last.
+    let rungs: Vec<&str> = v.ladder.iter().map(|r| r.effect.as_str()).collect();
+    assert_eq!(rungs[..3], ["", "coulomb_friction", "constant_force"]);
+    let directed = ["thrust_asymmetry", "astern_drag"];
+    assert!(rungs[3..].iter().any(|r| directed.contains(r)), "{rungs:?}");
+    let rms: Vec<f64> = v.ladder.iter().map(|r| r.held_out["x_m"]).collect();
+    assert!(rms.windows(2).all(|r| r[1] < 0.98 * r[0]), "{rms:?}");
+    assert!(
+        v.fit.held_out.after["x_m"] < 0.3 * v.fit.held_out.before["x_m"],
+        "{:?}",
+        v.fit.held_out
+    );
+    assert!(v.fit.held_out_by.contains("also helped to choose"));
 }
 
 /// The published simulation of the same test is inviscid. A rig is made to move as it does (its own
@@ -227,4 +283,43 @@ fn the_inviscid_simulation_left_out_damping() {
     ];
     let found = diagnose(&fitted, &held, &inviscid.rig, &|_| {}).unwrap();
     show(&found.verdict);
+    let v = &found.verdict;
+    // What a simulation without viscosity leaves out is damping, of a kind that grows faster than the rate. Beside
+    // the linear one that the recording brings along each law of it weighs less than the 0.1 deg that matter.
+    let damping: Vec<_> = v
+        .effects
+        .iter()
+        .filter(|e| ["quadratic_damping", "cubic_damping"].contains(&e.effect.as_str()))
+        .collect();
+    assert!(
+        damping.iter().any(|e| e.probability > 0.95),
+        "{} {:?}",
+        v.sentence,
+        v.effects
+    );
+    assert!(
+        v.parameters.exponents.iter().any(|e| e.open[0] > 1.2),
+        "{:?}",
+        v.parameters.exponents
+    );
+    let (before, after) = (
+        v.fit.held_out.before["phi_rad"],
+        v.fit.held_out.after["phi_rad"],
+    );
+    assert!(after < 0.4 * before, "{before} {after}");
+    // And linear damping: the recording has at least twice the simulation's.
+    let linear = |p: &std::collections::BTreeMap<String, hydroline::diagnose::verdict::Value>| {
+        p["k_p"].value
+    };
+    assert!(
+        linear(&v.parameters.before) < 2.0 * linear(&inviscid.verdict.parameters.before),
+        "{:?} {:?}",
+        v.parameters.before,
+        inviscid.verdict.parameters.before
+    );
+    println!(
+        "K_p of the simulation {:?}, of the recording {:?}",
+        linear(&inviscid.verdict.parameters.written),
+        linear(&v.parameters.written)
+    );
 }

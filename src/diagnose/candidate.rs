@@ -112,6 +112,9 @@ impl Size {
 /// Share of the largest size below which all sizes are alike.
 const LEAST_SHARE: f64 = 0.02;
 
+/// Where a limit on the load begins, over the largest load.
+const LIMITS: [f64; 6] = [0.97, 0.88, 0.76, 0.64, 0.52, 0.4];
+
 /// A limit on the load only does something below the largest load commanded: that one is where the
 /// effect is not there, and half of it is as small as the limit of a thruster that passed for sound.
 pub fn limit(vocabulary: &mut [Candidate], largest_load: f64) {
@@ -129,6 +132,18 @@ pub fn limit(vocabulary: &mut [Candidate], largest_load: f64) {
             candidate.flat[0].0 = candidate.flat[0].0.min(width);
             candidate.flat[0].1 = candidate.flat[0].1.max(largest_load);
             candidate.widths[0] = width;
+            // Between loads a limit clips other steps of the command, and no fit finds from one of these
+            // stretches into the next: begin in all of them.
+            let plain = candidate.starts[0].clone();
+            candidate.starts = LIMITS
+                .iter()
+                .map(|share| {
+                    let (low, high) = candidate.bounds[0];
+                    let mut start = plain.clone();
+                    start[0] = (share * largest_load).clamp(low, high);
+                    start
+                })
+                .collect();
             candidate.size = Some(Size {
                 nothing: largest_load,
                 largest: width,

@@ -3,6 +3,7 @@
 mod active;
 mod adopt;
 mod effects;
+mod exponent;
 mod kin;
 mod rivals;
 mod spots;
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
-use super::explain::explain;
+use super::explain::{Explanation, Recheck, explain, forward, recheck};
 use super::family::Acts;
 use super::fit::Fit;
 use super::locate::locate;
@@ -30,10 +31,12 @@ use crate::identify::data::{Run, is_still};
 use active::active;
 use adopt::adopt;
 use effects::effects;
+use exponent::exponents;
 use kin::as_good;
 use rivals::{Rivals, names};
 use spots::blind;
-use tables::{alternatives, coefficients, predictions, test};
+pub(super) use tables::HELD_OUT;
+use tables::{alternatives, coefficients, predictions, rms, test};
 use words::{sentence, unexplained};
 
 /// Why there is no verdict.
@@ -162,6 +165,47 @@ fn relative(e: &Effect, rig: &Rig) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// Runs held out that choose between explanations, and those that tell how well the chosen one predicts:
+/// not the same where there are two.
+fn halves(held: &[Track]) -> (Vec<Track>, Vec<Track>) {
+    if held.len() < 2 {
+        return (held.to_vec(), held.to_vec());
+    }
+    let every = |first: usize| held.iter().skip(first).step_by(2).cloned().collect();
+    (every(0), every(1))
+}
+
+/// The explanation: by prediction where no law is exact, else from the search; where it has a free function
+/// that leaves clearly less noise, searched once more under that.
+fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
+    search.prepare();
+    if search.no_law_is_exact()
+        && !search.stopped_early()
+        && let Some(found) = forward(search, choosing)
+    {
+        return Some(found);
+    }
+    search.run();
+    search.settle();
+    (search.progress)("explanations");
+    let found = explain(search, choosing, None)?;
+    let Some(function) = found
+        .family
+        .as_ref()
+        .filter(|f| f.family.acts == Acts::Force && found.family_weight > search.setting.tolerance)
+    else {
+        return Some(found);
+    };
+    let before = search.weights.noise;
+    if !search.reweigh_beside(&found.fit, function, before) {
+        return Some(found);
+    }
+    search.refresh(&[]);
+    search.run();
+    search.settle();
+    explain(search, choosing, Some(&found)).or(Some(found))
+}
+
 fn one(
     made: &mut Diagnosis,
     runs: &[Run],
@@ -176,14 +220,21 @@ fn one(
     if search.best().is_none() {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     }
-    search.prepare();
-    search.run();
-    search.settle();
     let held_tracks: Vec<Track> = held.iter().filter_map(|r| Track::of(r, dof)).collect();
-    progress("explanations");
-    let Some(found) = explain(&mut search, &held_tracks) else {
+    let (choosing, telling) = halves(&held_tracks);
+    let Some(found) = found(&mut search, &choosing) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
+    if found.simple() {
+        // What the best sets are without each of their members, so that no probability is 1 for want of asking.
+        let front: Vec<Vec<usize>> = search
+            .ranked()
+            .iter()
+            .take(2)
+            .map(|f| f.set.clone())
+            .collect();
+        search.reduce_below(&front, f64::INFINITY);
+    }
     let Some(plain) = search.finished(&[]) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
@@ -202,10 +253,10 @@ fn one(
     } else {
         Vec::new()
     };
-    if groups.len() > 1 && !held_tracks.is_empty() {
+    if groups.len() > 1 && !choosing.is_empty() {
         // The runs fitted cannot tell them apart; the one that predicts best comes first.
         let miss = |g: &Group| {
-            held_out(&setting, &held_tracks, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
+            held_out(&setting, &choosing, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
         };
         let mut missed: Vec<(f64, Group)> = groups.into_iter().map(|g| (miss(&g), g)).collect();
         let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max)
@@ -219,8 +270,8 @@ fn one(
         }
         groups = missed.into_iter().map(|m| m.1).collect();
     }
-    if groups.len() == 1 && !held_tracks.is_empty() {
-        let kin = as_good(&search, &groups[0], &held_tracks);
+    if groups.len() == 1 && !choosing.is_empty() {
+        let kin = as_good(&search, &groups[0], &choosing);
         if !kin.is_empty() {
             let names: Vec<&str> = kin.iter().map(|k| k.0).collect();
             made.verdict.notes.push(format!(
@@ -230,13 +281,35 @@ fn one(
             groups.extend(kin.into_iter().map(|k| k.1));
         }
     }
-    // A function fitted along is no part of what a rig file can hold: predictions are the set's own.
     let first: Fit = groups.first().map_or(found.fit.clone(), |g| g.fit.clone());
+    // A bend is no part of what a rig file can hold, and the numbers found beside it are not the best without
+    // it: what is written, and what its rivals are compared with, is the set fitted alone.
+    let written = match found.bent() {
+        Some(_) => search
+            .alone(&first)
+            .filter(|alone| rms(&search, alone) < rms(&search, &first))
+            .unwrap_or_else(|| first.clone()),
+        None => first.clone(),
+    };
     let verdict = &mut made.verdict;
     let shares = weights(&setting, &first);
-    verdict
-        .effects
-        .extend(effects(&search, &found, &first, &shares, &post, &groups));
+    // A law that the runs fitted do not tell from the vocabulary's, the others may.
+    let heavy = shares.iter().any(|w| *w > setting.tolerance);
+    let second = (simple && heavy)
+        .then(|| recheck(&search, &first, &held_tracks))
+        .flatten();
+    verdict.effects.extend(effects(
+        &search,
+        &found,
+        &first,
+        &shares,
+        &post,
+        &groups,
+        second.as_ref(),
+    ));
+    if let Some(Recheck::Unnamed(note)) = second {
+        verdict.notes.push(format!("{}: {note}", dof.name()));
+    }
     if found.unnamed() && found.family_weight > setting.tolerance {
         verdict.unexplained.extend(unexplained(&setting, &found));
     } else if let Some(f) = found
@@ -267,15 +340,27 @@ fn one(
     }
     progress("predictions");
     let noise = search.weights.noise;
-    // A mechanism that acts twice predicts as two.
-    let predicting = found.twice.as_ref().map_or(&first, |(_, two)| two);
-    predictions(verdict, &search, [&plain, &first, predicting], &held_tracks);
-    let mut rivals = Rivals::of(&search, &first, &shares, &held_tracks);
+    let chose = held_tracks.len() == 1;
+    predictions(
+        verdict,
+        &search,
+        &found,
+        [&plain, &written],
+        &telling,
+        chose,
+    );
+    let mut rivals = Rivals::of(&search, &written, &shares, &telling);
     verdict.notes.extend(rivals.undecided());
-    alternatives(verdict, &search, &post, &rivals, &first, &held_tracks);
+    alternatives(verdict, &search, &post, &rivals, &written, &telling);
+    if !found.unnamed() {
+        let established = |id: &str| verdict.effects.iter().any(|e| e.effect == id);
+        let powers = exponents(&search, &written, &shares, &telling, &established);
+        verdict.notes.extend(powers.iter().map(|p| p.told.clone()));
+        verdict.parameters.exponents.extend(powers);
+    }
     verdict.ladder.extend(rivals.ladder());
-    test(verdict, &search, &plain, &first);
-    coefficients(verdict, &search, &plain, &first, &post, &groups);
+    test(verdict, &search, &found, [&plain, &first]);
+    coefficients(verdict, &search, [&plain, &first, &written], &post, &groups);
     // Where.
     let heaviest = first
         .set
@@ -324,9 +409,9 @@ fn one(
         &setting,
         &search.weights,
         &plain,
-        &first,
+        &written,
         &held_tracks,
     ));
-    adopt(&mut made.rig, &setting, &first, &made.verdict.effects);
+    adopt(&mut made.rig, &setting, &written, &made.verdict.effects);
     Ok(())
 }

@@ -6,12 +6,18 @@
 //! force, do with better evidence? And beside such a function the set is searched again (`beside`).
 
 mod beside;
+mod doubled;
 mod elect;
+mod forward;
 mod look;
+mod needs;
+mod recheck;
+mod windows;
 
 use std::collections::BTreeMap;
 
 use super::bank::without;
+use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
 use super::predict::{held_out, predicted_beside};
@@ -19,16 +25,32 @@ use super::search::Search;
 use super::setting::Track;
 use super::weight::{weight_beyond, weights};
 use beside::{beside, squeezed};
+use doubled::{doubled, doubled_from};
 
-use elect::{SPARING, by_prediction, elect, sparing};
-use look::{kinds, modest};
+use elect::{SPARING, by_prediction, elect, held_to_account, sparing};
+use look::{bent, kinds, modest};
 
+pub use forward::forward;
 pub use look::{Care, look};
+pub use needs::needs;
+pub use recheck::{Recheck, recheck};
 
 /// Kinds of functions looked at beside nothing and beside the heaviest effect.
 const KINDS: usize = 2;
 /// Functions, of different kinds, beside which the set is searched again.
 const GROWN: usize = 3;
+/// Members taken out at most, and parts of a set looked at each time.
+const ROUNDS: usize = 6;
+/// See [`ROUNDS`].
+const PARTS: usize = 4;
+/// Sets of one and of two from which laws are bent early, and bent ones that are grown.
+const BASES: usize = 8;
+/// Found before the large sets and followed on after them.
+const KEPT_EARLY: usize = 3;
+/// See [`BASES`].
+const BENT_EARLY: usize = 4;
+/// rms of the runs held out over the noise above which an explanation may be an imitation.
+const MISSES: f64 = 1.5;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
 const FAR_FROM_NOISE: f64 = 0.75;
 /// The same below which it does.
@@ -102,6 +124,13 @@ impl Explanation {
         }
     }
 
+    /// Half chi-square of all of it.
+    fn cost(&self) -> f64 {
+        self.twice
+            .as_ref()
+            .map_or(self.fit.cost, |(_, two)| two.cost)
+    }
+
     /// Whether it is a set among the sets of the search, by their posterior.
     pub fn simple(&self) -> bool {
         self.family.is_none() && self.twice.is_none() && !self.by_prediction
@@ -129,8 +158,13 @@ impl Explanation {
 /// The best explanation: sets from the search, sets grown beside a free function, and sets with
 /// members taken out, each with its best free function.
 ///
-/// `held` = runs that are only predicted: an explanation that misses them badly is none.
-pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
+/// `held` = runs that are only predicted: an explanation that misses them badly is none; `also` = one of
+/// an earlier look, under another noise.
+pub fn explain(
+    search: &mut Search<'_>,
+    held: &[Track],
+    also: Option<&Explanation>,
+) -> Option<Explanation> {
     let first = search.best()?.clone();
     let mut best = look(search, &first, Care::Above(f64::NEG_INFINITY));
     if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
@@ -158,20 +192,47 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
         new
     });
     let mut contenders: Vec<Explanation> = Vec::new();
-    for seed in seeds.iter().take(GROWN) {
+    // A force at a place is what a tank has most of, and a wrong law of another kind may gain more at first.
+    let place = |e: &Explanation| matches!(e.kind(), Some((Acts::Force, Variable::Place)));
+    let late = seeds.iter().skip(GROWN).find(|s| place(s)).cloned();
+    seeds.truncate(GROWN);
+    seeds.extend(late);
+    // A force in time does anything; one of place or rate that leaves only noise is what is there.
+    let all = ALL_BUT_NOISE * search.weights.samples() as f64;
+    let explained = tried.values().chain(&seeds).any(|e| {
+        e.unnamed()
+            && e.kind().is_some_and(|k| k.1 != Variable::TimeEach)
+            && e.cost() < all
+            && e.log_evidence > first.log_evidence
+    });
+    if !explained && may_imitate(search, &best, held) {
+        if search.early.is_empty() {
+            search.singles();
+            contenders.extend(doubled(search, &best.fit));
+            seeds.extend(bent(search, BASES, BENT_EARLY));
+        } else {
+            for found in &search.early {
+                contenders.extend(doubled_from(search, found, &best.fit));
+                seeds.extend(again(search, found));
+            }
+        }
+    }
+    for seed in &seeds {
         let bar = contenders
             .iter()
             .map(|c| c.log_evidence)
             .fold(best.log_evidence, f64::max);
         let explains_all = bar > first.log_evidence
             && seed.log_evidence < bar - OUT_OF_REACH
-            && contenders.iter().chain([&best]).any(|c| {
-                c.unnamed() && c.fit.cost < ALL_BUT_NOISE * search.weights.samples() as f64
-            });
-        if explains_all {
+            && contenders
+                .iter()
+                .chain([&best])
+                .any(|c| c.unnamed() && c.cost() < ALL_BUT_NOISE * search.weights.samples() as f64);
+        // What a force in time does says nothing of a law that bends.
+        if explains_all && seed.bent().is_none() {
             continue;
         }
-        let grown = grow(search, seed, bar);
+        let grown = grow(search, seed, &best.fit, bar);
         let kept = grown
             .family
             .as_ref()
@@ -180,9 +241,10 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             contenders.push(grown);
         }
     }
-    let beaten = contenders
-        .iter()
-        .any(|g| g.log_evidence > best.log_evidence - sparing(g, &best));
+    contenders.extend(also.and_then(|e| again(search, e)));
+    let beaten = contenders.iter().any(|g| {
+        g.log_evidence - sparing(search, &best, g) > best.log_evidence - sparing(search, g, &best)
+    });
     if !beaten {
         best = reduce(search, best, &mut tried);
     }
@@ -190,7 +252,7 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let mut best = elect(search, contenders, held)?;
     if best.unnamed()
         && search.stopped_early()
-        && best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
+        && best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64
         && let Some(job) = squeezed(search, &best)
     {
         // What the search gave up as hopeless the vocabulary may yet explain.
@@ -207,7 +269,7 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             best = elect(search, vec![best, seen], held)?;
         }
     }
-    if best.fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64
+    if best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64
         && let Some(sparse) = by_prediction(search, &first, held)
     {
         // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
@@ -217,7 +279,9 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
         let free = best
             .family
             .as_ref()
-            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise));
+            .and_then(|f| predicted_beside(search.setting, held, &best.fit, f, noise))
+            .map(|p| p.rms)
+            .or_else(|| held_out(search.setting, held, &best.twice.as_ref()?.1, noise));
         tracing::debug!(
             "by prediction {:?}: {named:.2e}, with a function {free:?}",
             sparse.fit.set
@@ -226,7 +290,8 @@ pub fn explain(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             return Some(sparse);
         }
     }
-    if let (true, Some(plain)) = (best.family.is_some(), alone(search, &best.fit))
+    best = held_to_account(search, best, held);
+    if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
         && let Some(family) = &mut best.family
     {
         family.gain = best.log_evidence - plain.log_evidence;
@@ -277,9 +342,46 @@ fn challenge(
     seeds
 }
 
+/// Few effects of which one does not act by its law: the best of them that bend or act twice, each with what
+/// joins it.
+pub fn early(search: &Search<'_>) -> Vec<Explanation> {
+    let Some(best) = search.best().cloned() else {
+        return Vec::new();
+    };
+    let mut found = doubled(search, &best);
+    for seed in bent(search, BASES, BENT_EARLY) {
+        let bar = found
+            .iter()
+            .map(|e: &Explanation| e.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let grown = grow(search, &seed, &best, bar);
+        let kept = grown
+            .family
+            .as_ref()
+            .is_some_and(|f| modest(search.setting, &grown.fit, f));
+        if kept {
+            found.push(grown);
+        }
+    }
+    found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    found.truncate(KEPT_EARLY);
+    found
+}
+
+/// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
+/// vocabulary's: it has two that matter or a function, or misses the runs held out.
+fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
+    let noise = search.weights.noise;
+    best.matters(search.setting.tolerance).len() > 1
+        || best.family.is_some()
+        || best.twice.is_some()
+        || held_out(search.setting, held, &best.fit, noise)
+            .is_some_and(|m| m > MISSES * noise.total_sd())
+}
+
 /// A seed's set searched again beside its function, and the function made sharper where that pays.
-fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
-    let grown = beside(search, seed, bar);
+fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Explanation {
+    let grown = beside(search, seed, also, bar);
     let Some(family) = grown.family.clone() else {
         return grown;
     };
@@ -293,15 +395,15 @@ fn grow(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
     if family.family.knots.len() == knots {
         return grown;
     }
-    beside(search, &Explanation::with(search, joint, family), bar)
+    beside(search, &Explanation::with(search, joint, family), also, bar)
 }
 
-/// A set's own fit, without any function.
-fn alone(search: &mut Search<'_>, like: &Fit) -> Option<Fit> {
-    if search.get(&like.set).is_none() {
-        search.fit(vec![(like.set.clone(), like.at.clone())]);
-    }
-    search.finished(&like.set)
+/// An explanation with a function, fitted again under the search's present weights.
+fn again(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
+    let function = found.family.as_ref()?;
+    let (joint, function) =
+        function.refine(search.setting, &search.weights, &found.fit, Effort::FULL)?;
+    Some(Explanation::with(search, joint, function))
 }
 
 /// Members taken out as long as what is left explains more beside its best function.
@@ -310,17 +412,23 @@ fn reduce(
     mut best: Explanation,
     tried: &mut BTreeMap<Vec<usize>, Explanation>,
 ) -> Explanation {
-    for _ in 0..8 {
+    // What is allowed for fewer effects is allowed once, not at every step.
+    let start = best.clone();
+    for _ in 0..ROUNDS {
         // Without the function's help: a plain set is the parent of its parts.
         search.reduce_below(std::slice::from_ref(&best.fit.set), f64::INFINITY);
         let mut better: Option<Explanation> = None;
         let mut needed = Vec::new();
-        for member in 0..best.fit.set.len() {
-            let candidate = best.fit.set[member];
-            let (smaller, _) = without(search.setting, &best.fit, member);
-            let Some(fit) = search.get(&smaller).cloned() else {
-                continue;
-            };
+        // The likeliest of them are looked at: a look at a large set costs more than all its parts' fits.
+        let mut parts: Vec<(usize, Fit)> = (0..best.fit.set.len())
+            .filter_map(|member| {
+                let (smaller, _) = without(search.setting, &best.fit, member);
+                Some((best.fit.set[member], search.get(&smaller)?.clone()))
+            })
+            .collect();
+        parts.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
+        for (candidate, fit) in parts.into_iter().take(PARTS) {
+            let smaller = fit.set.clone();
             let least = Care::Above(best.log_evidence - SPARING);
             let other = tried
                 .entry(smaller)
@@ -329,10 +437,11 @@ fn reduce(
             needed.push((candidate, best.log_evidence - other.log_evidence));
             let bar = better
                 .as_ref()
-                .map_or(best.log_evidence - sparing(&other, &best), |b| {
+                .map_or(best.log_evidence - sparing(search, &other, &best), |b| {
                     b.log_evidence
                 });
-            if other.log_evidence > bar {
+            let once = start.log_evidence - sparing(search, &other, &start);
+            if other.log_evidence > bar.max(once) {
                 better = Some(other);
             }
         }

@@ -19,7 +19,7 @@ const COEFFICIENT_PRIOR: f64 = 0.5;
 /// Relative sd of a coefficient that the rig says is exactly 0: the model lacks it (physics.md, `quadratic_damping`).
 const LACKING: f64 = 1e-6;
 /// Prior log odds of one effect being there: in a tank several of thirty are, most of them small.
-const INCLUSION: f64 = -1.0;
+pub const INCLUSION: f64 = -1.0;
 /// Own share of the information below which a parameter is nobody's to know.
 const OWN_SHARE: f64 = 1e-7;
 /// Beyond its plausible range a size's prior falls off as a normal one with this share of the range

@@ -1,5 +1,7 @@
 //! Probabilities of explanations, and which of them this data cannot tell apart.
 
+mod beyond;
+
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
@@ -8,6 +10,7 @@ use super::fit::Fit;
 use super::search::Search;
 use super::setting::Setting;
 use super::weight::weights;
+use beyond::Beyond;
 
 /// Sets further below the best than this carry no probability worth a weight.
 const FAR: f64 = 9.0;
@@ -17,7 +20,7 @@ const MOST: usize = 60;
 pub const TIE: f64 = 4.0;
 /// Half chi-square within which two sets with as many parameters fit alike: a factor
 /// of 20 between their likelihoods. Which of them is likelier before any data splits nothing.
-const ALIKE: f64 = 3.0;
+pub const ALIKE: f64 = 3.0;
 /// Most sets reported.
 const REPORTED: usize = 6;
 
@@ -41,6 +44,8 @@ pub struct Posterior {
     pub inclusion: BTreeMap<usize, f64>,
     /// Sets near the best, with their probability and the weight of each member.
     pub members: Vec<(Fit, f64, Vec<f64>)>,
+    /// What effects that no set holds may do to the best one.
+    beyond: Option<(Vec<usize>, Beyond)>,
 }
 
 /// A parameter over all sets that hold its effect (Hoeting et al. 1999): the spread between sets counts.
@@ -100,10 +105,14 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let beyond = search
+        .best()
+        .and_then(|best| Some((best.set.clone(), Beyond::of(search, best)?)));
     Posterior {
         groups,
         inclusion,
         members,
+        beyond,
     }
 }
 
@@ -151,13 +160,28 @@ impl Posterior {
         }
         let value = mean / total;
         let variance = (square / total - value * value).max(0.0);
+        let wider = self.beyond(|set| {
+            let member = set.iter().position(|c| *c == candidate)?;
+            Some(setting.places(set)[member] + parameter)
+        });
         Some((
             Averaged {
                 value,
-                sd: known.then(|| variance.sqrt()),
+                sd: known.then(|| (variance + wider).sqrt()),
             },
             weight / total,
         ))
+    }
+
+    /// Mean square change of an unknown by what no set holds; `place` = where it stands in the best set.
+    fn beyond(&self, place: impl Fn(&[usize]) -> Option<usize>) -> f64 {
+        self.beyond
+            .as_ref()
+            .and_then(|(set, beyond)| {
+                let k = place(set)?;
+                Some(beyond.variance[k])
+            })
+            .unwrap_or(0.0)
     }
 
     /// A coefficient of the vehicle (by index), averaged over the sets in which the same matters as
@@ -183,9 +207,11 @@ impl Posterior {
         }
         (total > 0.0).then(|| {
             let value = mean / total;
+            let wider = self.beyond(|_| Some(index));
+            let variance = (square / total - value * value).max(0.0);
             Averaged {
                 value,
-                sd: Some((square / total - value * value).max(0.0).sqrt()),
+                sd: Some((variance + wider).sqrt()),
             }
         })
     }

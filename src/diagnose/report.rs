@@ -144,12 +144,13 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     let _ = writeln!(
         page,
         "<h2>Before and after</h2><p>{}. Grey: the noise of the measurement; dotted: commands; dots: samples left out as outliers.</p>",
-        escape(match v.fit.held_out_by.as_str() {
-            "runs held out" =>
-                "Runs that were not used for fitting, predicted; only each run's start is fitted",
-            _ =>
-                "Each run predicted by coefficients and effects fitted to the others; only its start is fitted",
-        })
+        escape(
+            if v.fit.held_out_by.starts_with(super::conclude::HELD_OUT) {
+                "Runs that were not used for fitting, predicted; only each run's start is fitted"
+            } else {
+                "Each run predicted by coefficients and effects fitted to the others; only its start is fitted"
+            }
+        )
     );
     for explained in &found.explained {
         let channel = explained.setting.channel();

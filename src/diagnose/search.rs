@@ -1,26 +1,26 @@
 //! Which effects were left out together: forward selection with removal and exchange, several sets at a time.
 
+mod noise;
+
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::bank::{
-    Promise, Response, View, begin, joined, motion, pursue, responses, whitened, without,
-};
+use super::bank::{Promise, Response, View, begin, joined, motion, responses, whitened, without};
 use super::descent::Effort;
-use super::explain::{Care, look};
-use super::family::regimes;
+use super::explain::{Care, Explanation, early, look};
 use super::fit::{Fit, Posed};
 use super::setting::Setting;
-use super::weights::{Weights, noise_beyond};
+use super::weights::Weights;
+use crate::identify::noise::Noise;
 
 /// Sets carried from one depth to the next.
 const BEAM: usize = 5;
 /// Candidates fitted per set of the beam.
 const WIDTH: usize = 5;
 /// A candidate whose linearised gain is below this is not worth a fit.
-const LEAST_GAIN: f64 = 3.0;
+pub const LEAST_GAIN: f64 = 3.0;
 /// Starting points fitted per candidate.
 const STARTS: usize = 2;
 /// Ways to the same set that are followed in one round.
@@ -41,14 +41,16 @@ const REPLACED: usize = 3;
 const NEAR_TWIN: f64 = 12.0;
 /// Half chi-square per sample above which a fit is far from the noise.
 const HOPELESS: f64 = 1.0;
+/// Cost over that of pure noise above which the vehicle alone is fitted from far off as well.
+const ASTRAY: f64 = 100.0;
 /// Cost over that of pure noise below which a free force explains all there is.
 const ALL_BUT_NOISE: f64 = 3.0;
+/// Half chi-square per sample above which pairs leave more than noise, which leaves 0.5.
+const NOT_NOISE: f64 = 1.0;
+/// Members from which a set that explains less than few effects with a bent law only imitates them.
+const IMITATES: usize = 5;
 /// Log evidence that a free force must gain beside a set for the search to end.
 const PLAINLY: f64 = 30.0;
-/// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
-const STRUCTURE_GAIN: f64 = 8.0;
-/// Most columns taken out before the noise is estimated.
-const STRUCTURE_MOST: usize = 40;
 
 /// Work in progress of one DOF.
 pub struct Search<'a> {
@@ -63,9 +65,18 @@ pub struct Search<'a> {
     /// Candidates that the vehicle's own coefficients do the work of.
     pub blind: BTreeSet<usize>,
     hopeless: bool,
+    /// Few effects of which one does not act by its law, found before the large sets.
+    pub early: Vec<Explanation>,
+    /// The noise was found beside a free function: a set that lacks it would take structure for noise.
+    noise_stands: bool,
+    /// The least noise found on the way to the present one.
+    least_noise: Option<Noise>,
+    /// The set beside which free functions were looked at last.
+    looked_beside: Option<Vec<usize>>,
     bank: Vec<Response>,
     whitened: Vec<DVector<f64>>,
-    progress: &'a (dyn Fn(&str) + Sync),
+    /// Told what is done.
+    pub progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl<'a> Search<'a> {
@@ -78,6 +89,10 @@ impl<'a> Search<'a> {
             looked: 0,
             blind: BTreeSet::new(),
             hopeless: false,
+            early: Vec::new(),
+            noise_stands: false,
+            least_noise: None,
+            looked_beside: None,
             bank: Vec::new(),
             whitened: Vec::new(),
             progress,
@@ -168,10 +183,34 @@ impl<'a> Search<'a> {
         self.get(set).cloned()
     }
 
-    /// Fits the empty set from the rig's numbers.
+    /// A set's own fit, without any function that it was fitted along with.
+    pub fn alone(&mut self, like: &Fit) -> Option<Fit> {
+        if self.get(&like.set).is_none() {
+            self.fit(vec![(like.set.clone(), like.at.clone())]);
+        }
+        self.finished(&like.set)
+    }
+
+    /// Fits the empty set from the rig's numbers and, where that ends far from the noise, from others: with
+    /// commands that a controller gave, a mass or a damping that is far off has minima of its own.
     pub fn nothing(&mut self) {
         let from = Posed::new(self.setting, &self.weights, &[]).start();
-        self.fit(vec![(Vec::new(), from)]);
+        self.fit(vec![(Vec::new(), from.clone())]);
+        let floor = 0.5 * self.weights.samples() as f64;
+        if self.get(&[]).is_some_and(|f| f.cost < ASTRAY * floor) {
+            return;
+        }
+        let far = [(3.0, 3.0), (1.0, 3.0), (3.0, 1.0), (1.0, 0.3), (0.3, 1.0)];
+        let jobs = far
+            .into_iter()
+            .map(|(inertia, damping)| {
+                let mut at = from.clone();
+                at[0] *= inertia;
+                at[1] *= damping;
+                (Vec::new(), at)
+            })
+            .collect();
+        self.fit_with(jobs, self.to_a_percent());
     }
 
     /// Takes responses of all candidates beside a set.
@@ -190,106 +229,27 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Responses of candidates as last taken.
+    pub fn bank(&self) -> &[Response] {
+        &self.bank
+    }
+
+    /// The same, whitened.
+    pub fn white(&self) -> &[DVector<f64>] {
+        &self.whitened
+    }
+
+    /// Responses of candidates as last taken, each with itself whitened.
+    pub fn columns(&self) -> impl Iterator<Item = (&Response, &DVector<f64>)> {
+        self.bank.iter().zip(&self.whitened)
+    }
+
     fn rewhiten(&mut self) {
         self.whitened = self
             .bank
             .par_iter()
             .map(|r| whitened(self.setting, &self.weights, &r.column))
             .collect();
-    }
-
-    /// Noise from what no candidate, no free force and no coefficient explains beside a set
-    /// (the richest model, linearised), then everything is fitted again under it.
-    pub fn reweigh(&mut self, set: &[usize]) {
-        for _ in 0..3 {
-            let Some(fit) = self.get(set).cloned() else {
-                return;
-            };
-            let posed = Posed::new(self.setting, &self.weights, &fit.set);
-            let view = View::new(self.setting, &self.weights, &fit);
-            // Columns raw, to be whitened by whatever noise is tried.
-            let mut raw: Vec<DVector<f64>> = self.bank.iter().map(|r| r.column.clone()).collect();
-            let mut white = self.whitened.clone();
-            for family in regimes(self.setting, &fit) {
-                for column in family.columns(self.setting, &fit).column_iter() {
-                    let column = column.into_owned();
-                    white.push(whitened(self.setting, &self.weights, &column));
-                    raw.push(column);
-                }
-            }
-            let chosen = pursue(&view, &white, STRUCTURE_GAIN, STRUCTURE_MOST);
-            let own = self.raw_jacobian(&posed, &fit);
-            let mut columns: Vec<DVector<f64>> =
-                own.column_iter().map(|c| c.into_owned()).collect();
-            columns.extend(chosen.iter().map(|i| raw[*i].clone()));
-            // What the chosen columns explain, found by whitened least squares, is taken out of the raw residual.
-            let residuals = fit.residuals(self.setting);
-            let all: Vec<f64> = residuals.iter().flatten().copied().collect();
-            let matrix = DMatrix::from_columns(&columns);
-            let whitened_columns: Vec<DVector<f64>> = columns
-                .iter()
-                .map(|c| whitened(self.setting, &self.weights, c))
-                .collect();
-            let left = match solve(
-                &DMatrix::from_columns(&whitened_columns),
-                &self.weights.stack(residuals.clone()),
-            ) {
-                Some(step) => DVector::from_vec(all) - &matrix * step,
-                None => DVector::from_vec(all),
-            };
-            let mut first = 0;
-            let left: Vec<Vec<f64>> = residuals
-                .iter()
-                .map(|r| {
-                    let part = left.rows(first, r.len()).iter().copied().collect();
-                    first += r.len();
-                    part
-                })
-                .collect();
-            let Some((noise, used)) = noise_beyond(self.setting, &left, &matrix) else {
-                return;
-            };
-            let before = self.weights.noise;
-            let settled = (noise.total_sd() / before.total_sd() - 1.0).abs() < 0.02
-                && (noise.white_sd / before.white_sd - 1.0).abs() < 0.02
-                && used == self.weights.used;
-            tracing::debug!(
-                "{} columns beside {set:?}: noise {noise:?}, outliers {}",
-                chosen.len(),
-                self.weights.outliers()
-            );
-            self.weights = Weights::new(&self.setting.tracks, noise, used);
-            self.rewhiten();
-            let warm: Vec<(Vec<usize>, Vec<f64>)> = vec![(fit.set.clone(), fit.at.clone())];
-            self.fits.clear();
-            self.fit(warm);
-            if settled {
-                break;
-            }
-        }
-    }
-
-    /// Raw derivatives with respect to all unknowns of a fit, runs end to end.
-    fn raw_jacobian(&self, posed: &Posed<'_>, fit: &Fit) -> DMatrix<f64> {
-        let _ = posed;
-        let g = fit.globals(self.setting).len();
-        let rows: usize = self.setting.tracks.iter().map(|t| t.times_s.len()).sum();
-        let mut all = DMatrix::zeros(rows, fit.at.len());
-        let mut first = 0;
-        for run in 0..self.setting.tracks.len() {
-            let (_, j) = self.setting.sensitivities(
-                run,
-                &fit.set,
-                fit.globals(self.setting),
-                fit.start(self.setting, run),
-            );
-            all.view_mut((first, 0), (j.nrows(), g))
-                .copy_from(&j.columns(0, g));
-            all.view_mut((first, g + 2 * run), (j.nrows(), 2))
-                .copy_from(&j.columns(g, 2));
-            first += j.nrows();
-        }
-        all
     }
 
     /// What may be added to a set, best first.
@@ -345,6 +305,35 @@ impl<'a> Search<'a> {
         self.fit(jobs);
     }
 
+    /// Every candidate by itself, fitted to a percent of its cost.
+    pub fn singles(&mut self) {
+        let Some(nothing) = self.get(&[]).cloned() else {
+            return;
+        };
+        let jobs = self
+            .promises(&[])
+            .into_iter()
+            .flat_map(|l| l.into_iter().take(STARTS))
+            .map(|p| {
+                let point = self.begin(&nothing, &p);
+                joined(self.setting, &nothing, p.candidate, &point)
+            })
+            .collect();
+        self.fit_all(jobs);
+    }
+
+    /// Fits sets, all to a percent of their cost.
+    pub fn fit_all(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
+        self.fit_with(jobs, self.to_a_percent());
+    }
+
+    fn to_a_percent(&self) -> Effort {
+        Effort {
+            floor: 0.5 * self.weights.samples() as f64,
+            limit: f64::INFINITY,
+        }
+    }
+
     /// Fits sets with each of their members taken out that is not surely there.
     pub fn reduce(&mut self, sets: &[Vec<usize>]) {
         self.reduce_below(sets, SURELY_THERE);
@@ -390,53 +379,6 @@ impl<'a> Search<'a> {
         set
     }
 
-    /// Noise and a first set: looks, estimates the noise beside what was found, looks again.
-    pub fn prepare(&mut self) {
-        self.refresh(&[]);
-        self.reweigh(&[]);
-        (self.progress)("noise");
-        for _ in 0..2 {
-            let set = self.glance(4);
-            self.refresh(&set);
-            self.reweigh(&set);
-            self.nothing();
-            (self.progress)("noise");
-            if self.unnamed_is_better(true) {
-                self.hopeless = true;
-                break;
-            }
-        }
-    }
-
-    /// The noise once more, beside the best set; where it changed, the front runners are fitted again.
-    pub fn settle(&mut self) {
-        if self.hopeless {
-            self.finish();
-            return;
-        }
-        let Some(best) = self.best().map(|f| f.set.clone()) else {
-            return;
-        };
-        let before = self.weights.clone();
-        let front: Vec<(Vec<usize>, Vec<f64>)> = self
-            .ranked()
-            .iter()
-            .take(80)
-            .map(|f| (f.set.clone(), f.at.clone()))
-            .collect();
-        self.refresh(&best);
-        self.reweigh(&best);
-        let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
-            + (self.weights.noise.white_sd / before.noise.white_sd - 1.0).abs();
-        tracing::debug!("noise changed by {change:.3}");
-        self.fit(front);
-        self.nothing();
-        if change > 0.05 {
-            self.exchange();
-        }
-        self.finish();
-    }
-
     /// The whole search under the present weights: singles, pairs, then the beam, then exchange.
     pub fn run(&mut self) {
         if !self.fits.contains_key(&Vec::new()) {
@@ -480,6 +422,7 @@ impl<'a> Search<'a> {
         if self.hopeless {
             return;
         }
+        let bar = self.bend_early();
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
@@ -489,6 +432,10 @@ impl<'a> Search<'a> {
                 && (round == 2 && self.unnamed_is_better(false) || self.imitates_unnamed())
             {
                 self.hopeless = true;
+                return;
+            }
+            let imitates = |f: &Fit| f.set.len() >= IMITATES && f.log_evidence < bar;
+            if self.best().is_some_and(imitates) {
                 return;
             }
             let mut beam: Vec<Vec<usize>> = self
@@ -527,11 +474,28 @@ impl<'a> Search<'a> {
         self.exchange();
     }
 
+    /// Where pairs leave more than noise: what few effects do of which one does not act by its law. Sets that
+    /// stay below that log evidence with many members only imitate it.
+    fn bend_early(&mut self) -> f64 {
+        let left = NOT_NOISE * self.weights.samples() as f64;
+        let small = self.fits.values().filter(|f| f.set.len() <= 2);
+        if small.map(|f| f.cost).fold(f64::INFINITY, f64::min) < left {
+            return f64::NEG_INFINITY;
+        }
+        self.singles();
+        self.early = early(self);
+        (self.progress)("bent laws");
+        self.early
+            .iter()
+            .map(|e| e.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Whether a free force beside nothing, or beside the best single effect, beats every set so far
     /// while none of them comes near the noise: then more of the vocabulary only imitates it.
     /// `alone` = only if that force leaves hardly more than noise.
-    fn unnamed_is_better(&self, alone: bool) -> bool {
-        let Some(best) = self.best() else {
+    fn unnamed_is_better(&mut self, alone: bool) -> bool {
+        let Some(best) = self.best().cloned() else {
             return false;
         };
         let floor = 0.5 * self.weights.samples() as f64;
@@ -546,19 +510,24 @@ impl<'a> Search<'a> {
         let nothing = self.get(&[]).cloned();
         [nothing, single].into_iter().flatten().any(|fit| {
             let seen = look(self, &fit, Care::Glance);
-            seen.unnamed()
-                && seen.log_evidence > best.log_evidence
-                && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
+            let better = seen.unnamed() && seen.log_evidence > best.log_evidence;
+            better && (!alone || seen.fit.cost < ALL_BUT_NOISE * floor)
         })
     }
 
     /// Whether beside the best set so far a free force is left that matters and gains more than effects
     /// still to come: then what comes only imitates it.
-    fn imitates_unnamed(&self) -> bool {
-        let Some(best) = self.best() else {
+    fn imitates_unnamed(&mut self) -> bool {
+        // The same set is not looked at twice: a look costs as much as a round.
+        let Some(best) = self
+            .best()
+            .filter(|b| self.looked_beside.as_ref() != Some(&b.set))
+            .cloned()
+        else {
             return false;
         };
-        let seen = look(self, best, Care::Glance);
+        self.looked_beside = Some(best.set.clone());
+        let seen = look(self, &best, Care::Glance);
         seen.unnamed()
             && seen.family_weight > self.setting.tolerance
             && seen.log_evidence > best.log_evidence + PLAINLY
@@ -652,24 +621,4 @@ impl<'a> Search<'a> {
         }
         self.fit(jobs);
     }
-}
-
-/// Least squares by a scaled Cholesky with a trace of ridge; `None` when nothing is to be solved.
-fn solve(columns: &DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
-    let n = columns.ncols();
-    let mut h = columns.tr_mul(columns);
-    let g = columns.tr_mul(right);
-    let scale: Vec<f64> = (0..n)
-        .map(|i| h[(i, i)].sqrt())
-        .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
-        .collect();
-    for i in 0..n {
-        for j in 0..n {
-            h[(i, j)] *= scale[i] * scale[j];
-        }
-        h[(i, i)] += 1e-10;
-    }
-    let scaled = DVector::from_fn(n, |i, _| g[i] * scale[i]);
-    let x = h.cholesky()?.solve(&scaled);
-    Some(DVector::from_fn(n, |i, _| x[i] * scale[i]))
 }

@@ -60,6 +60,10 @@ pub struct Effect {
     pub law_note: Option<String>,
     /// Parameters by name.
     pub parameters: BTreeMap<String, Value>,
+    /// Effects that this data cannot tell from it, all others as they are; of those that matter `equivalent`
+    /// holds the complete sets.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub or: Vec<String>,
     /// What lies outside of what a tank is expected to show.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
@@ -119,6 +123,10 @@ pub struct FitTable {
     pub held_out: BeforeAfter,
     /// How the second was made.
     pub held_out_by: String,
+    /// Where a law is not quite the vocabulary's: rms on the runs held out of the rig file written, which can
+    /// only hold the vocabulary's \[SI\].
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub held_out_written: BTreeMap<String, f64>,
 }
 
 /// The vehicle's own coefficients without and with the effects.
@@ -126,8 +134,39 @@ pub struct FitTable {
 pub struct Parameters {
     /// Without.
     pub before: BTreeMap<String, Value>,
-    /// With.
+    /// With, averaged over the sets in which the same matters.
     pub after: BTreeMap<String, Value>,
+    /// With, of the most probable set alone: what `--write-rig` writes, coefficients and effects of one fit.
+    pub written: BTreeMap<String, Value>,
+    /// The same for the effects' own parameters, by effect.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub written_effects: BTreeMap<String, BTreeMap<String, Value>>,
+    /// Exponents of laws that are powers of a rate, and which of them these data leave open.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub exponents: Vec<Exponent>,
+}
+
+/// The power of the rate with which an effect's force grows, freed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Exponent {
+    /// Effect.
+    pub effect: String,
+    /// Channel it was asked in.
+    pub channel: String,
+    /// Power of its law.
+    pub law: f64,
+    /// Powers tried, everything else refitted beside each.
+    pub tried: Vec<f64>,
+    /// Log-likelihood of each below the best one's.
+    pub log_likelihood: Vec<f64>,
+    /// rms of the runs held out with each \[SI\]; `None` = not predicted.
+    pub held_out: Vec<Option<f64>>,
+    /// Powers within a likelihood ratio of chi-square 3.84 of the best.
+    pub likelihood_95: [f64; 2],
+    /// Powers that predict the runs held out as well as the best one, by what the two errors' difference varies.
+    pub open: [f64; 2],
+    /// Both in words.
+    pub told: String,
 }
 
 /// Noise of a channel.

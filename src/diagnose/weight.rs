@@ -8,7 +8,7 @@ use super::setting::{COEFFICIENTS, Setting};
 
 /// Span of the raw derivatives of the motion without effects to the DOF's own coefficients: those that
 /// the rig's model has. One that it says is exactly 0 it lacks, and cannot do an effect's work.
-fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
+pub fn own_span(setting: &Setting, fit: &Fit) -> DMatrix<f64> {
     let has: Vec<bool> = setting.coefficients().iter().map(|c| *c != 0.0).collect();
     span(setting, fit, &[], &fit.at[..COEFFICIENTS], &has)
 }

@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 
 use super::words::twice_note;
-use crate::diagnose::explain::Explanation;
+use crate::diagnose::explain::{Explanation, Recheck, needs};
 use crate::diagnose::fit::Fit;
-use crate::diagnose::posterior::{Group, Posterior};
+use crate::diagnose::posterior::{ALIKE, Group, Posterior};
 use crate::diagnose::search::Search;
 use crate::diagnose::verdict::{Effect, Law, Value};
 
 /// Probability from which an effect counts as established.
 const ESTABLISHED: f64 = 0.5;
 
-/// The members of `first` that are established; `shares` = their weights.
+/// The members of `first` that are established; `shares` = their weights, `second` = what the runs held out say of
+/// their laws.
 pub fn effects(
     search: &Search<'_>,
     found: &Explanation,
@@ -20,22 +21,31 @@ pub fn effects(
     shares: &[f64],
     post: &Posterior,
     groups: &[Group],
+    second: Option<&Recheck>,
 ) -> Vec<Effect> {
     let setting = search.setting;
     let simple = found.simple();
     let covariance = first.covariance();
     let places = setting.places(&first.set);
     let bent = found.bent();
+    let needed = if simple {
+        Vec::new()
+    } else {
+        needs(search, found)
+    };
+    let sizes = first.sizes(setting);
     let mut made = Vec::new();
     for (member, (candidate, weight)) in first.set.iter().zip(shares).enumerate() {
         let info = setting.vocabulary[*candidate].info;
         // Something is there when the set without it is worse; which of its kin it is, is another question.
-        let there = if simple {
-            evidence_share(search, first, member)
+        let (there, bounded) = if simple {
+            evidence_share(search, first, member, sizes[member])
         } else {
-            needed(found, *candidate)
+            let known = needed.iter().find(|n| n.0 == *candidate);
+            known.map_or((share(sizes[member]), true), |n| (share(n.1), n.2))
         };
-        if there < ESTABLISHED {
+        // What was chosen by prediction is not dropped for a likelihood that decides nothing there.
+        if there < ESTABLISHED && !found.by_prediction {
             continue;
         }
         let probability = if simple {
@@ -54,6 +64,12 @@ pub fn effects(
         };
         let weight = &averaged(0).map_or(*weight, |a| a.1);
         let mut notes = Vec::new();
+        if bounded {
+            notes.push(
+                "its probability is the bound that its own sd gives: no fit without it succeeded"
+                    .to_owned(),
+            );
+        }
         let parameters = info
             .parameters
             .iter()
@@ -82,7 +98,19 @@ pub fn effects(
                 )
             })
             .collect();
-        let inexact = bent == Some(*candidate);
+        let or = if simple {
+            in_its_place(search, first, member)
+        } else {
+            Vec::new()
+        };
+        if !or.is_empty() {
+            notes.push(format!("these data do not tell it from {}", or.join(", ")));
+        }
+        let again = match second {
+            Some(Recheck::Inexact(c, note)) if c == candidate => Some(note),
+            _ => None,
+        };
+        let inexact = bent == Some(*candidate) || again.is_some();
         made.push(Effect {
             effect: info.id.to_owned(),
             words: info
@@ -95,7 +123,9 @@ pub fn effects(
             weight: BTreeMap::from([(setting.channel().to_owned(), *weight)]),
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },
-            law_note: if inexact {
+            law_note: if let Some(note) = again {
+                Some(note.clone())
+            } else if inexact {
                 found
                     .twice
                     .as_ref()
@@ -114,28 +144,51 @@ pub fn effects(
                 None
             },
             parameters,
+            or,
             notes,
         });
     }
     made
 }
 
-/// Probability of a member against the best explanation without it, a free function on either side.
-fn needed(found: &Explanation, candidate: usize) -> f64 {
-    let lacks = found
-        .needed
-        .iter()
-        .find(|(c, _)| *c == candidate)
-        .map_or(f64::INFINITY, |(_, l)| *l);
+/// Probability of what is worth this log evidence.
+fn share(lacks: f64) -> f64 {
+    if lacks == 0.0 {
+        // Not known at all.
+        return 0.0;
+    }
     1.0 / (1.0 + (-lacks).exp())
 }
 
-/// Probability of a member against the same set without it.
-fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize) -> f64 {
+/// Probability of a member against the same set without it, fitted; from half chi-square of its size (and
+/// `true`) where that fit failed.
+fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize, size: f64) -> (f64, bool) {
     let mut smaller = fit.set.clone();
     smaller.remove(member);
-    let without = search
-        .get(&smaller)
-        .map_or(f64::NEG_INFINITY, |f| f.log_evidence);
-    1.0 / (1.0 + (without - fit.log_evidence).exp())
+    match search.get(&smaller) {
+        Some(without) => (share(fit.log_evidence - without.log_evidence), false),
+        None => (share(size), true),
+    }
+}
+
+/// Effects that do as well in the place of a member, all others as they are: less likely by no more than a
+/// factor of 20, or as likely but for what was likelier before any data.
+fn in_its_place(search: &Search<'_>, first: &Fit, member: usize) -> Vec<String> {
+    let setting = search.setting;
+    let mut rest = first.set.clone();
+    let own = rest.remove(member);
+    let mut found: Vec<(f64, &str)> = search
+        .fits
+        .values()
+        .filter(|f| f.set.len() == first.set.len() && rest.iter().all(|c| f.set.contains(c)))
+        .filter_map(|f| {
+            let other = *f.set.iter().find(|c| !rest.contains(c))?;
+            let likely = f.log_evidence > first.log_evidence - ALIKE;
+            let alike = f.at.len() == first.at.len() && f.cost < first.cost + ALIKE;
+            (other != own && (likely || alike))
+                .then_some((f.log_evidence, setting.vocabulary[other].info.id))
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|(_, id)| id.to_owned()).collect()
 }

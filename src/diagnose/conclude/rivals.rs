@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::tables::rms;
 use crate::diagnose::bank::{joined, without};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::held_out;
+use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 use crate::diagnose::verdict::{Alternative, Rung};
@@ -18,10 +18,12 @@ const MEMBERS: usize = 4;
 const REPLACED: usize = 2;
 /// rms of the runs held out over that of the first set up to which another is as good.
 const AS_GOOD: f64 = 1.1;
+/// The same up to which it is, where the errors vary by as much.
+const NOT_FAR: f64 = 1.5;
 /// rms of the runs held out over the noise below which likelihoods decide.
 const AT_NOISE: f64 = 1.5;
 /// Of the tolerance: what is lighter is not asked.
-const LIGHT: f64 = 0.25;
+pub(super) const LIGHT: f64 = 0.25;
 
 /// A refitted model.
 #[derive(Debug, Clone)]
@@ -30,6 +32,8 @@ pub struct Rival {
     pub fit: Fit,
     /// rms of the runs held out \[m, rad\].
     pub held: Option<f64>,
+    /// The same with every error.
+    missed: Option<Prediction>,
     /// (member of the first set, its kin that stands in its place).
     pub in_place: Option<(usize, usize)>,
 }
@@ -140,10 +144,11 @@ impl<'a> Rivals<'a> {
                 if in_place.is_some() && !fitted.confounded(setting).is_empty() {
                     return None;
                 }
-                let held = held_out(setting, self.held, &fitted, search.weights.noise);
+                let missed = predicted(setting, self.held, &fitted, search.weights.noise);
                 let rival = Rival {
                     fit: fitted,
-                    held,
+                    held: missed.as_ref().map(|m| m.rms),
+                    missed,
                     in_place,
                 };
                 Some((set, rival))
@@ -157,18 +162,24 @@ impl<'a> Rivals<'a> {
     pub fn undecided(&self) -> Vec<String> {
         let search = self.search;
         let id = |c: usize| search.setting.vocabulary[c].info.id;
-        let Some(own) = held_out(search.setting, self.held, self.first, search.weights.noise)
+        let Some(best) = predicted(search.setting, self.held, self.first, search.weights.noise)
         else {
             return Vec::new();
         };
+        let own = best.rms;
         if own < AT_NOISE * search.weights.noise.total_sd() {
             return Vec::new();
         }
         self.made
             .values()
-            .filter_map(|r| Some((r.in_place?, r.held?)))
-            .filter(|(_, held)| *held < AS_GOOD * own)
-            .map(|((member, kin), held)| {
+            .filter_map(|r| Some((r.in_place?, r.missed.as_ref()?)))
+            // As good, or worse by no more than the errors vary.
+            .filter(|(_, missed)| {
+                missed.rms < AS_GOOD * own
+                    || (missed.rms < NOT_FAR * own && best.better_than(missed) < BETTER_T)
+            })
+            .map(|((member, kin), missed)| {
+                let held = missed.rms;
                 format!(
                     "{} or {}: not decided, the runs held out are predicted to {own:.2e} and {held:.2e} rms",
                     id(member),

@@ -3,24 +3,37 @@
 use std::collections::BTreeMap;
 
 use super::rivals::{Rivals, names};
+use crate::diagnose::explain::Explanation;
+use crate::diagnose::family::Acts;
 use crate::diagnose::fit::Fit;
 use crate::diagnose::posterior::{Group, Posterior};
-use crate::diagnose::predict::{held_out, left_out};
+use crate::diagnose::predict::{held_out, left_out, predicted_beside};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 use crate::diagnose::verdict::{Alternative, BeforeAfter, NoiseFound, Value, Verdict};
 use crate::identify::parameter::Coefficient;
 use crate::identify::statistics::{chi2_above, ljung_box};
 
+/// How runs were predicted when none were held out.
+pub const BY_THE_OTHERS: &str =
+    "each run predicted by coefficients fitted to the others, the explanation chosen with all";
+/// How they were else; the runs' names follow.
+pub const HELD_OUT: &str = "runs held out";
 /// Groups told of as alternatives, and of those the ones that are asked to predict.
 const TOLD: (usize, usize) = (12, 6);
 
-/// rms before and after, fitted and predicted. `fits`: none, the first set, and what predicts for it.
+/// rms before and after, fitted and predicted. `plain` = the vehicle alone, `written` = what a rig file can
+/// hold of the explanation; `held` = the runs held out that tell how well, and whether they also chose what does.
+///
+/// A law that is not quite the vocabulary's is fitted and predicts with its bend, a mechanism that acts twice
+/// as two; what the written rig does without is said beside.
 pub fn predictions(
     verdict: &mut Verdict,
     search: &Search<'_>,
-    [plain, first, predicting]: [&Fit; 3],
+    found: &Explanation,
+    [plain, written]: [&Fit; 2],
     held: &[Track],
+    chose: bool,
 ) {
     let setting = search.setting;
     let noise = search.weights.noise;
@@ -30,15 +43,31 @@ pub fn predictions(
         table.after.extend(after.map(|v| (channel.to_owned(), v)));
         table.noise.insert(channel.to_owned(), noise.total_sd());
     };
+    let bend = found
+        .family
+        .as_ref()
+        .filter(|f| matches!(f.family.acts, Acts::Bends(_)));
+    let two = found.twice.as_ref().map(|(_, two)| two);
+    let trained = match (bend, two) {
+        (Some(f), _) => rms_of(search, f.residuals(setting, &search.weights, &found.fit)),
+        (None, Some(two)) => rms(search, two),
+        (None, None) => rms(search, written),
+    };
     put(
         &mut verdict.fit.train,
         Some(rms(search, plain)),
-        Some(rms(search, first)),
+        Some(trained),
     );
+    let names: Vec<&str> = held.iter().map(|t| t.name.as_str()).collect();
     let by = if held.is_empty() {
-        "each run predicted by the others"
+        BY_THE_OTHERS.to_owned()
+    } else if chose {
+        format!(
+            "{HELD_OUT}: {}, which also helped to choose the explanation",
+            names.join(", ")
+        )
     } else {
-        "runs held out"
+        format!("{HELD_OUT}: {}, which chose nothing", names.join(", "))
     };
     let of = |fit: &Fit| {
         if held.is_empty() {
@@ -47,8 +76,17 @@ pub fn predictions(
             held_out(setting, held, fit, noise)
         }
     };
-    verdict.fit.held_out_by = by.to_owned();
-    put(&mut verdict.fit.held_out, of(plain), of(predicting));
+    verdict.fit.held_out_by = by;
+    let own = of(written);
+    let after = match (bend, two) {
+        (Some(f), _) => predicted_beside(setting, held, &found.fit, f, noise).map(|p| p.rms),
+        (None, Some(two)) => of(two),
+        (None, None) => None,
+    };
+    put(&mut verdict.fit.held_out, of(plain), after.or(own));
+    if let (Some(_), Some(own)) = (after, own) {
+        verdict.fit.held_out_written.insert(channel.to_owned(), own);
+    }
 }
 
 /// The most probable explanations, then models with a term missing or a wrong one.
@@ -87,12 +125,31 @@ pub fn alternatives(
 }
 
 /// Is there a mismatch at all, and the noise it is held against.
-pub fn test(verdict: &mut Verdict, search: &Search<'_>, plain: &Fit, first: &Fit) {
+pub fn test(
+    verdict: &mut Verdict,
+    search: &Search<'_>,
+    found: &Explanation,
+    [plain, first]: [&Fit; 2],
+) {
     let setting = search.setting;
+    // With its function, or its second copy: what is left is to be noise, and each number of it is counted.
+    let (cost, more, left) = match (&found.family, &found.twice) {
+        (Some(f), _) => (
+            first.cost,
+            f.family.knots.len(),
+            f.residuals(setting, &search.weights, &found.fit),
+        ),
+        (None, Some((_, two))) => (
+            two.cost,
+            setting.parameters(&two.set) - setting.parameters(&first.set),
+            two.residuals(setting),
+        ),
+        (None, None) => (first.cost, 0, first.residuals(setting)),
+    };
     let noise = search.weights.noise;
     let channel = setting.channel().to_owned();
-    let ratio = 2.0 * (plain.cost - first.cost);
-    let freedom = setting.parameters(&first.set) as f64;
+    let ratio = 2.0 * (plain.cost - cost);
+    let freedom = (setting.parameters(&first.set) + more) as f64;
     if ratio > verdict.test.value || verdict.test.statistic.is_empty() {
         verdict.test.statistic =
             "twice the log-likelihood ratio of the explanation over the vehicle alone".to_owned();
@@ -103,8 +160,7 @@ pub fn test(verdict: &mut Verdict, search: &Search<'_>, plain: &Fit, first: &Fit
         } else {
             1.0
         };
-        verdict.test.whiteness_p = first
-            .residuals(setting)
+        verdict.test.whiteness_p = left
             .into_iter()
             .enumerate()
             .filter_map(|(run, mut r)| {
@@ -133,8 +189,7 @@ pub fn test(verdict: &mut Verdict, search: &Search<'_>, plain: &Fit, first: &Fit
 pub fn coefficients(
     verdict: &mut Verdict,
     search: &Search<'_>,
-    plain: &Fit,
-    first: &Fit,
+    [plain, first, written]: [&Fit; 3],
     post: &Posterior,
     groups: &[Group],
 ) {
@@ -158,6 +213,31 @@ pub fn coefficients(
     };
     verdict.parameters.before.extend(coefficients(plain));
     verdict.parameters.after.extend(coefficients(first));
+    verdict.parameters.written.extend(coefficients(written));
+    let spread = written.covariance();
+    let places = setting.places(&written.set);
+    for (member, (candidate, place)) in written.set.iter().zip(places).enumerate() {
+        let info = setting.vocabulary[*candidate].info;
+        if !verdict.effects.iter().any(|e| e.effect == info.id) {
+            continue;
+        }
+        let values = info
+            .parameters
+            .iter()
+            .zip(written.member(setting, member))
+            .enumerate()
+            .map(|(i, (p, value))| {
+                let variance = spread[(place + i, place + i)];
+                let sd = variance.is_finite().then(|| variance.sqrt());
+                (p.name.to_owned(), Value { value: *value, sd })
+            })
+            .collect();
+        verdict
+            .parameters
+            .written_effects
+            .entry(info.id.to_owned())
+            .or_insert(values);
+    }
     if let Some(g) = groups.first() {
         for (i, k) in Coefficient::of(setting.dof).iter().enumerate() {
             if let Some(a) = post.averaged_coefficient(setting, i, &g.matters) {
@@ -173,8 +253,12 @@ pub fn coefficients(
 
 /// rms of what a fit leaves in the samples that count \[m, rad\].
 pub fn rms(search: &Search<'_>, fit: &Fit) -> f64 {
-    let kept: Vec<f64> = fit
-        .residuals(search.setting)
+    rms_of(search, fit.residuals(search.setting))
+}
+
+/// The same of residuals, run by run.
+fn rms_of(search: &Search<'_>, residuals: Vec<Vec<f64>>) -> f64 {
+    let kept: Vec<f64> = residuals
         .iter()
         .zip(&search.weights.used)
         .flat_map(|(r, u)| r.iter().zip(u).filter(|(_, u)| **u).map(|(r, _)| *r))

@@ -16,6 +16,7 @@ use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, FamilyFit, Joint};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::search::Search;
+use crate::diagnose::setting::Setting;
 
 /// Steps at most.
 const STEPS: usize = 9;
@@ -78,14 +79,14 @@ impl Bank {
 }
 
 /// The best set beside the function of `seed`, from the seed's set; given up where it will not come
-/// near the log evidence `bar`.
-pub fn beside(search: &Search<'_>, seed: &Explanation, bar: f64) -> Explanation {
+/// near the log evidence `bar`. Members of `also` may join with the numbers they have there.
+pub fn beside(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Explanation {
     let Some(family) = seed.family.clone() else {
         return seed.clone();
     };
     let now = (seed.fit.clone(), family);
     let bank = Bank::of(search, &now);
-    let (now, needed) = climb(search, &bank, now, bar);
+    let (now, needed) = climb(search, &bank, now, also, bar);
     let mut found = Explanation::with(search, now.0, now.1);
     found.needed = needed;
     found
@@ -102,7 +103,7 @@ pub fn squeezed(search: &Search<'_>, grown: &Explanation) -> Option<(Vec<usize>,
         now = now
             .1
             .refine(search.setting, &search.weights, &now.0, roughly(search))?;
-        now = climb(search, &bank, now, f64::NEG_INFINITY).0;
+        now = climb(search, &bank, now, &grown.fit, f64::NEG_INFINITY).0;
     }
     Some((now.0.set, now.0.at))
 }
@@ -116,7 +117,13 @@ fn roughly(search: &Search<'_>) -> Effort {
 }
 
 /// Additions and removals until none is better; with what each member is needed for.
-fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair, bar: f64) -> (Pair, Vec<(usize, f64)>) {
+fn climb(
+    search: &Search<'_>,
+    bank: &Bank,
+    mut now: Pair,
+    also: &Fit,
+    bar: f64,
+) -> (Pair, Vec<(usize, f64)>) {
     let mut tried = Tried::new();
     tried.insert(now.0.set.clone(), Some(now.clone()));
     for step in 0..STEPS {
@@ -128,6 +135,7 @@ fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair, bar: f64) -> (Pair, Ve
             .collect();
         if now.0.set.len() < MOST {
             jobs.extend(additions(search, bank, &now));
+            jobs.extend(joining(search.setting, &now.0, also));
         }
         jobs.retain(|j| !tried.contains_key(&j.0));
         let effort = Effort {
@@ -149,7 +157,18 @@ fn climb(search: &Search<'_>, bank: &Bank, mut now: Pair, bar: f64) -> (Pair, Ve
                 (set, fitted)
             })
             .collect();
-        tried.extend(made);
+        for (set, made) in made {
+            let evidence = |p: &Option<Pair>| {
+                p.as_ref()
+                    .map_or(f64::NEG_INFINITY, |(joint, _)| joint.log_evidence)
+            };
+            if tried
+                .get(&set)
+                .is_none_or(|old| evidence(&made) > evidence(old))
+            {
+                tried.insert(set, made);
+            }
+        }
         let over = now.0.cost - NOISE * search.weights.samples() as f64;
         let least = STEP_GAIN.max(STEP_SHARE * over);
         let best = tried
@@ -229,5 +248,14 @@ fn additions(
             let point = begin(setting, fit, &bank.responses, &l[0], motion);
             joined(setting, fit, l[0].candidate, &point)
         })
+        .collect()
+}
+
+/// A fit with each effect of another one that it lacks, with the numbers it has there: a period or a place once
+/// found is not found from every start.
+pub(super) fn joining(setting: &Setting, fit: &Fit, other: &Fit) -> Vec<(Vec<usize>, Vec<f64>)> {
+    (0..other.set.len())
+        .filter(|m| !fit.set.contains(&other.set[*m]))
+        .map(|m| joined(setting, fit, other.set[m], other.member(setting, m)))
         .collect()
 }

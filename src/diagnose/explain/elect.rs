@@ -4,8 +4,10 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use crate::diagnose::bank::without;
+use crate::diagnose::descent::Effort;
+use crate::diagnose::family::{Acts, Variable};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{held_out, predicted_beside};
+use crate::diagnose::predict::{better_t, held_out, predicted, predicted_beside};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
@@ -13,8 +15,8 @@ use crate::diagnose::setting::Track;
 const MISSED: f64 = 2.0;
 /// rms of the runs held out without a member over that with it up to which it is not needed.
 const AS_WELL: f64 = 1.02;
-/// An explanation with one mechanism less whose heavy law is inexact may be this much worse in log
-/// evidence: invent nothing.
+/// An explanation that does with fewer effects because one law bends may be this much worse in log evidence:
+/// invent nothing.
 pub const SPARING: f64 = 4.0;
 
 /// The most likely of those that do not miss the runs held out by far more than noise and than
@@ -26,10 +28,15 @@ pub fn elect(
 ) -> Option<Explanation> {
     let setting = search.setting;
     let noise = search.weights.noise;
-    let miss = |e: &Explanation| match (&e.family, &e.twice) {
-        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise),
-        (None, Some((_, two))) => held_out(setting, held, two, noise),
-        (None, None) => held_out(setting, held, &e.fit, noise),
+    let miss = |e: &Explanation| {
+        let found = match (&e.family, &e.twice) {
+            (Some(f), _) if f.family.variable.kind() == Variable::TimeEach => return None,
+            (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise).map(|p| p.rms),
+            (None, Some((_, two))) => held_out(setting, held, two, noise),
+            (None, None) => held_out(setting, held, &e.fit, noise),
+        };
+        // A motion that runs off predicts nothing: that is a miss, not a question that was not asked.
+        (!held.is_empty()).then(|| found.filter(|m| m.is_finite()).unwrap_or(f64::INFINITY))
     };
     let missed: Vec<Option<f64>> = contenders.iter().map(miss).collect();
     let nothing = search
@@ -50,7 +57,7 @@ pub fn elect(
             e.log_evidence
         );
     }
-    let sound = |m: &Option<f64>| m.is_none_or(|m| m <= bar);
+    let sound = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
     // A bent law that misses is none even where nothing else predicts either: the bend was a free force.
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
@@ -61,14 +68,55 @@ pub fn elect(
         .zip(&missed)
         .filter(|(e, m)| !any || sound(e, m))
     {
-        let better = best
-            .as_ref()
-            .is_none_or(|b| e.log_evidence - sparing(b, &e) > b.log_evidence - sparing(&e, b));
+        let better = best.as_ref().is_none_or(|b| {
+            e.log_evidence - sparing(search, b, &e) > b.log_evidence - sparing(search, &e, b)
+        });
         if better {
             best = Some(e);
         }
     }
     best
+}
+
+/// A force in time foretells nothing, but the effects named beside it do: those without which the runs held
+/// out are predicted better only mend the function, and go.
+pub fn held_to_account(search: &Search<'_>, mut found: Explanation, held: &[Track]) -> Explanation {
+    let setting = search.setting;
+    let noise = search.weights.noise;
+    loop {
+        let Some(function) = found.family.as_ref().filter(|f| {
+            f.family.acts == Acts::Force && f.family.variable.kind() == Variable::TimeEach
+        }) else {
+            return found;
+        };
+        let Some(own) = predicted(setting, held, &found.fit, noise) else {
+            return found;
+        };
+        let bar = better_t(found.fit.set.len());
+        let better = (0..found.fit.set.len())
+            .into_par_iter()
+            .filter_map(|m| {
+                let (set, at) = without(setting, &found.fit, m);
+                let from = Fit {
+                    set,
+                    at,
+                    ..found.fit.clone()
+                };
+                let pair = function.refine(setting, &search.weights, &from, Effort::FULL)?;
+                let missed = predicted(setting, held, &pair.0, noise)?;
+                (missed.better_than(&own) > bar).then_some((pair, missed.rms))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some(((joint, function), rms)) = better else {
+            return found;
+        };
+        tracing::debug!(
+            "beside a force in time {:?} predicts {rms:.2e} for {:.2e}",
+            joint.set,
+            own.rms
+        );
+        found = Explanation::with(search, joint, function);
+    }
 }
 
 /// Members of a set taken out as long as the runs held out are predicted as well without them.
@@ -97,12 +145,19 @@ pub fn by_prediction(search: &Search<'_>, from: &Fit, held: &[Track]) -> Option<
     })
 }
 
-/// What a bent law with fewer mechanisms may be worse than a plain set.
-pub fn sparing(other: &Explanation, best: &Explanation) -> f64 {
-    let fewer = other.fit.set.len() < best.fit.set.len();
-    if fewer && other.bent().is_some() && best.bent().is_none() && !best.unnamed() {
-        SPARING
-    } else {
-        0.0
+/// What an explanation may be worse in log evidence than another one: by one for every effect of practical
+/// size that it does without (of some forty, one to three are: rarer than sizes spread evenly over decades
+/// have it), and by [`SPARING`] where it does without them because a law bends.
+pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> f64 {
+    let heavy = |e: &Explanation| e.matters(search.setting.tolerance).len();
+    let unnamed = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;
+    if unnamed(other) || unnamed(best) {
+        return 0.0;
     }
+    let fewer = heavy(best).saturating_sub(heavy(other)) as f64;
+    // A second stage and a small delay beside one stage do nearly the same: there evidence alone decides.
+    let bends = other.fit.set.len() < best.fit.set.len()
+        && other.bent().is_some()
+        && (fewer > 0.0 || best.bent().is_none() && other.twice.is_none());
+    fewer + if bends { SPARING } else { 0.0 }
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Explanation;
 use crate::diagnose::bank::{View, joined, motion, outside, whitened};
 use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, FamilyFit, bends, forces};
+use crate::diagnose::family::{Acts, FamilyFit, Variable, bends, forces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::{COEFFICIENTS, Setting};
@@ -20,13 +20,15 @@ const WORTH_A_FIT: f64 = 0.5;
 /// Half chi-square per sample above which a fit is far from the noise, which leaves 0.5.
 const FAR_FROM_NOISE: f64 = 2.0;
 /// Log of the choice between one law and the same law twice.
-const TWICE_PENALTY: f64 = 2.0;
+pub(super) const TWICE_PENALTY: f64 = 2.0;
 /// A second copy begins with this share of the first one's size.
 const SPLIT: f64 = 0.35;
 /// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
 const HEAVY_SHARE: f64 = 0.25;
 /// A function whose cost ends this far above the best one's is not followed to its minimum.
 const HOPELESSLY_FAR: f64 = 60.0;
+/// Variables tried per mechanism that is bent early.
+const WAYS: usize = 2;
 /// Heavy members whose laws are bent, and of those the ones that may act twice.
 const BENT: usize = 3;
 /// See [`BENT`].
@@ -82,6 +84,14 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         .collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let top = found.first().map_or(0.0, |f| f.gain);
+    if care == Care::Glance {
+        // Only an unnamed force is asked for here. Where a bend promises more there is none, and a bend's
+        // own fit is dear.
+        if found.first().is_some_and(|f| f.family.acts != Acts::Force) {
+            found.clear();
+        }
+        found.retain(|f| f.family.acts == Acts::Force);
+    }
     let (most, bar) = match care {
         Care::Glance => (REFINED - 1, f64::NEG_INFINITY),
         Care::Above(bar) => (REFINED, bar),
@@ -175,7 +185,7 @@ pub fn modest(setting: &Setting, joint: &Fit, function: &FamilyFit) -> bool {
     weight_beyond(setting, joint, &function.response) <= MODEST * own
 }
 
-/// A set beside its best functions of different kinds, most promising first, each fitted far enough to
+/// A set beside its best functions of different kinds (one of place always among them), most promising first, each fitted far enough to
 /// go on from there: which kind is right may only show when named effects have joined it.
 pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
     let setting = search.setting;
@@ -202,16 +212,80 @@ pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
         seen.push(kind);
         new
     });
+    let place = found
+        .iter()
+        .skip(most)
+        .position(|f| f.family.variable.kind() == Variable::Place)
+        .map(|i| found[most + i].clone());
+    found.truncate(most);
+    found.extend(place);
     found
         .par_iter()
-        .take(most)
         .filter_map(|f| f.close(setting, &search.weights, fit, effort))
         .map(|(joint, function)| Explanation::with(search, joint, function))
         .collect()
 }
 
+/// The best sets of one effect and of two (`bases` of each) with one of their laws bent: those of different
+/// mechanisms that promise most, each fitted far enough to go on from there.
+pub fn bent(search: &Search<'_>, bases: usize, most: usize) -> Vec<Explanation> {
+    let setting = search.setting;
+    let floor = search.weights.samples() as f64;
+    let ranked = search.ranked();
+    let of = |size: usize| {
+        ranked
+            .iter()
+            .filter(move |f| f.set.len() == size)
+            .take(bases)
+    };
+    let bases: Vec<&Fit> = of(1).chain(of(2)).copied().collect();
+    let mut found: Vec<(f64, &Fit, FamilyFit)> = bases
+        .into_par_iter()
+        .flat_map_iter(|fit| {
+            let view = View::new(setting, &search.weights, fit);
+            let mut families = bends(setting, fit, &fit.set);
+            if fit.cost > FAR_FROM_NOISE * floor {
+                families.iter_mut().for_each(|f| f.measured = true);
+            }
+            families
+                .into_iter()
+                .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
+                .filter(|f| f.gain > BELIEVED)
+                .map(|f| (fit.log_evidence + f.gain, fit, f))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // Of each mechanism two ways: which variable its law depends on shows when others have joined it.
+    let mut seen: Vec<Acts> = Vec::new();
+    found.retain(|(_, _, f)| {
+        let before = seen.iter().filter(|s| **s == f.family.acts).count();
+        seen.push(f.family.acts);
+        before < WAYS
+    });
+    found.truncate(most);
+    let effort = Effort {
+        floor: 0.5 * floor,
+        limit: f64::INFINITY,
+    };
+    found
+        .par_iter()
+        .filter_map(|(promised, fit, f)| {
+            let (joint, function) = f.close(setting, &search.weights, fit, effort)?;
+            tracing::debug!(
+                "bent early {:?} {:?} by {:?}: {:.1}, promised {promised:.1}",
+                fit.set,
+                f.family.acts,
+                f.family.variable,
+                joint.log_evidence
+            );
+            Some(Explanation::with(search, joint, function))
+        })
+        .collect()
+}
+
 /// A set with one of its members a second time, its evidence less the choice.
-fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<Fit> {
+pub(super) fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) -> Option<Fit> {
     let setting = search.setting;
     let candidate = fit.set[member];
     let own = fit.member(setting, member).to_vec();

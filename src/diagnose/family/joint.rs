@@ -180,6 +180,25 @@ impl<'a> Joint<'a> {
         }
     }
 
+    /// Whitened derivatives with respect to all unknowns, runs end to end.
+    pub fn columns(&self, at: &[f64]) -> DMatrix<f64> {
+        let (_, n, m) = self.sizes;
+        let blocks: Vec<DMatrix<f64>> = (0..self.setting.tracks.len())
+            .into_par_iter()
+            .map(|run| self.of_run(run, at).1)
+            .collect();
+        let mut all = DMatrix::zeros(blocks.iter().map(DMatrix::nrows).sum(), n + m);
+        let mut first = 0;
+        for (run, j) in blocks.iter().enumerate() {
+            for i in 0..j.ncols() {
+                all.view_mut((first, self.column(run, i)), (j.nrows(), 1))
+                    .copy_from(&j.column(i));
+            }
+            first += j.nrows();
+        }
+        all
+    }
+
     /// Seen from candidates: what they would add to set and function. The function's prior stands as
     /// one more row per amplitude.
     pub fn view(&self, at: &[f64]) -> View {

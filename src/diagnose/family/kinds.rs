@@ -14,7 +14,8 @@ const BETWEEN_S: f64 = 1.0;
 const AFTER_EDGE_S: f64 = 0.15;
 
 /// Range of each plain variable in each run of a fit: one motion per run serves all functions.
-struct Ranges(Vec<Vec<(Variable, f64, f64)>>);
+/// And whether any run has commands.
+struct Ranges(Vec<Vec<(Variable, f64, f64)>>, bool);
 
 impl Ranges {
     fn of(setting: &Setting, fit: &Fit) -> Ranges {
@@ -41,7 +42,8 @@ impl Ranges {
             });
             seen.into_inner().to_vec()
         };
-        Ranges((0..setting.tracks.len()).map(of_run).collect())
+        let commanded = setting.tracks.iter().any(|t| !t.edges.is_empty());
+        Ranges((0..setting.tracks.len()).map(of_run).collect(), commanded)
     }
 
     fn get(&self, variable: Variable) -> Option<(f64, f64)> {
@@ -65,6 +67,14 @@ impl Ranges {
 
     /// Even knots over the range of a variable; times since an edge by ratio.
     fn family(&self, acts: Acts, variable: Variable, count: usize) -> Option<Family> {
+        // Without any command there is no edge and no load to depend on.
+        let commanded = matches!(
+            variable,
+            Variable::SinceEdge | Variable::AfterEdge | Variable::Load | Variable::LoadSize
+        );
+        if commanded && !self.1 {
+            return None;
+        }
         let (low, high) = self.get(variable)?;
         let knots = if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
             if high < 4.0 * AFTER_EDGE_S {
@@ -133,7 +143,7 @@ fn forces_over(setting: &Setting, ranges: &Ranges) -> Vec<Family> {
     let mut kinds = vec![
         (Variable::Place, 32),
         (Variable::PlaceAgainst, 32),
-        (Variable::Rate, 16),
+        (Variable::Rate, 24),
         (Variable::Load, 12),
         (Variable::Time, 16),
         (Variable::SinceEdge, 10),

@@ -37,6 +37,12 @@ impl FamilyFit {
         DVector::from_vec(all)
     }
 
+    /// What a set with this function leaves, predicted minus measured, run by run \[m, rad\].
+    pub fn residuals(&self, setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<Vec<f64>> {
+        let at: Vec<f64> = fit.at.iter().chain(&self.amplitudes).copied().collect();
+        Joint::new(setting, weights, fit, self).raw(&at)
+    }
+
     /// As [`FamilyFit::refine`]; a function of what was measured becomes one of the model's motion.
     pub fn close(
         &self,

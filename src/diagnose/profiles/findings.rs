@@ -243,6 +243,7 @@ pub fn explain(
         },
         held_out: held_out(&runs, rig, &candidates, &found)?,
         held_out_by: "every other frame, its pose alone fitted".to_owned(),
+        held_out_written: BTreeMap::new(),
     };
     let html = picture::section(rig, &found.nothing, best, &effects);
     let zero = Searched::score(&found.nothing);
@@ -385,6 +386,7 @@ fn described(
         weight,
         law: Law::Exact,
         law_note: None,
+        or: Vec::new(),
         parameters: info
             .parameters
             .iter()

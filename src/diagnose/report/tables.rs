@@ -282,6 +282,27 @@ pub(super) fn coefficients(page: &mut String, v: &Verdict) {
         );
     }
     page.push_str("</table>\n<p>A coefficient that changes by more than its sd was doing the work of what was left out.</p>\n");
+    exponents(page, v);
+}
+
+/// What powers of the rate the data leave open.
+fn exponents(page: &mut String, v: &Verdict) {
+    for e in &v.parameters.exponents {
+        let _ = writeln!(
+            page,
+            "<h2>Exponent of {}</h2><p>{}</p><table><tr><th>power of the rate</th><th>log-likelihood below the best</th><th>held-out rms</th></tr>",
+            escape(&e.effect),
+            escape(&e.told)
+        );
+        for ((power, below), held) in e.tried.iter().zip(&e.log_likelihood).zip(&e.held_out) {
+            let _ = writeln!(
+                page,
+                "<tr><td>{power}</td><td>{below:.1}</td><td>{}</td></tr>",
+                held.map_or("-".to_owned(), |h| amount(&e.channel, h))
+            );
+        }
+        page.push_str("</table>\n");
+    }
 }
 
 pub(super) fn noise(page: &mut String, v: &Verdict) {

@@ -1,0 +1,120 @@
+//! A mechanism that acts twice (two stages, two springs), and what else is there beside it.
+//!
+//! Without the second one other effects imitate it, so the set is grown anew from the two alone.
+
+use rayon::prelude::*;
+
+use super::Explanation;
+use super::beside::joining;
+use super::look::{BELIEVED, TWICE_PENALTY, twice};
+use crate::diagnose::bank::{View, begin, joined, motion, without};
+use crate::diagnose::descent::Effort;
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::search::Search;
+
+/// Single effects that are doubled.
+const DOUBLED: usize = 4;
+/// Of those the ones that are grown.
+const GROWN: usize = 2;
+/// Steps at most.
+const STEPS: usize = 6;
+/// Additions fitted per step.
+const ADDED: usize = 4;
+/// Half chi-square that one must promise.
+const LEAST_GAIN: f64 = 3.0;
+/// Log evidence that a step must gain.
+const STEP_GAIN: f64 = 0.1;
+/// A fit that would end this far above the present one's cost is not followed.
+const TOO_FAR: f64 = 40.0;
+
+/// The likeliest single effects doubled, each with what joins it; members of `also` with their numbers there.
+pub fn doubled(search: &Search<'_>, also: &Fit) -> Vec<Explanation> {
+    let setting = search.setting;
+    let ranked = search.ranked();
+    let singles: Vec<&Fit> = ranked
+        .into_iter()
+        .filter(|f| f.set.len() == 1)
+        .take(DOUBLED)
+        .collect();
+    let mut pairs: Vec<(usize, Fit)> = singles
+        .into_par_iter()
+        .filter_map(|fit| {
+            let view = View::new(setting, &search.weights, fit);
+            let two = twice(search, fit, &view, 0)?;
+            (two.log_evidence > fit.log_evidence + BELIEVED).then(|| (fit.set[0], two))
+        })
+        .collect();
+    pairs.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
+    pairs
+        .into_iter()
+        .take(GROWN)
+        .filter_map(|(candidate, two)| grown(search, candidate, two, also))
+        .collect()
+}
+
+/// One that was found before, under the search's present weights, with what joins it now.
+pub fn doubled_from(search: &Search<'_>, found: &Explanation, also: &Fit) -> Option<Explanation> {
+    let (candidate, two) = found.twice.as_ref()?;
+    let mut fit = Posed::new(search.setting, &search.weights, &two.set)
+        .fit(two.at.clone())
+        .ok()?;
+    fit.log_evidence -= TWICE_PENALTY;
+    grown(search, *candidate, fit, also)
+}
+
+/// Additions and removals beside the two until none is better.
+fn grown(search: &Search<'_>, candidate: usize, mut now: Fit, also: &Fit) -> Option<Explanation> {
+    let setting = search.setting;
+    for _ in 0..STEPS {
+        let mut jobs: Vec<(Vec<usize>, Vec<f64>)> = (0..now.set.len())
+            .filter(|m| now.set[*m] != candidate)
+            .map(|m| without(setting, &now, m))
+            .collect();
+        let view = View::new(setting, &search.weights, &now);
+        let promises = view.promises(search.bank(), search.white(), &now.set);
+        jobs.extend(
+            promises
+                .iter()
+                .filter(|l| l[0].gain > LEAST_GAIN && !search.blind.contains(&l[0].candidate))
+                .take(ADDED)
+                .map(|l| {
+                    let plain = |set: &[usize], globals: &[f64], starts: &[(f64, f64)]| {
+                        motion(setting, set, globals, starts)
+                    };
+                    let point = begin(setting, &now, search.bank(), &l[0], &plain);
+                    joined(setting, &now, l[0].candidate, &point)
+                }),
+        );
+        jobs.extend(joining(setting, &now, also));
+        let effort = Effort {
+            floor: 0.5 * search.weights.samples() as f64,
+            limit: now.cost + TOO_FAR,
+        };
+        let best = jobs
+            .into_par_iter()
+            .filter_map(|(set, at)| {
+                let mut fit = Posed::new(setting, &search.weights, &set)
+                    .fit_with(at, effort)
+                    .ok()?;
+                fit.log_evidence -= TWICE_PENALTY;
+                let sound = fit.log_evidence.is_finite() && fit.confounded(setting).is_empty();
+                sound.then_some(fit)
+            })
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+            .filter(|f| f.log_evidence > now.log_evidence + STEP_GAIN);
+        match best {
+            Some(better) => now = better,
+            None => break,
+        }
+    }
+    tracing::debug!("doubled {candidate}: {:?} {:.1}", now.set, now.log_evidence);
+    // What a rig file can hold of it: each effect once.
+    let copy = now.set.iter().position(|c| *c == candidate)?;
+    let (set, at) = without(setting, &now, copy);
+    let once = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
+    Some(Explanation {
+        log_evidence: now.log_evidence,
+        twice: Some((candidate, now)),
+        ..Explanation::plain(search, &once)
+    })
+}

@@ -1,0 +1,135 @@
+//! Runs cut into windows with a state of their own (multiple shooting, Bock and Plitt 1984).
+//!
+//! A drive that a controller holds runs off by metres in a model without its friction, and from there no
+//! fit finds back. Over a second or two nothing runs off: there the set's numbers are found that a
+//! fit of the whole runs begins with.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use crate::diagnose::bank::{View, joined, responses, whitened};
+use crate::diagnose::descent::Effort;
+use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::search::Search;
+use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
+use crate::diagnose::weights::Weights;
+use crate::identify::noise::Noise;
+
+/// Windows per run.
+const WINDOWS: usize = 10;
+/// Samples that a window has at least.
+const SAMPLES: usize = 20;
+/// Starting points fitted per candidate.
+const STARTS: usize = 2;
+
+/// The problem in windows.
+pub struct Windows {
+    setting: Setting,
+    weights: Weights,
+}
+
+impl Windows {
+    /// Of a search's runs.
+    pub fn of(search: &Search<'_>) -> Windows {
+        let (mut tracks, mut used) = (Vec::new(), Vec::new());
+        for (track, counts) in search.setting.tracks.iter().zip(&search.weights.used) {
+            let n = track.times_s.len();
+            let length = n.div_ceil(WINDOWS).max(SAMPLES);
+            for first in (0..n).step_by(length) {
+                let last = (first + length).min(n);
+                if last - first < SAMPLES / 2 {
+                    continue;
+                }
+                tracks.push(Track {
+                    times_s: track.times_s[first..last].to_vec(),
+                    measured: track.measured[first..last].to_vec(),
+                    start_s: if first == 0 {
+                        track.start_s
+                    } else {
+                        track.times_s[first]
+                    },
+                    ..track.clone()
+                });
+                used.push(counts[first..last].to_vec());
+            }
+        }
+        let noise = Noise::white(search.weights.noise.total_sd());
+        Windows {
+            weights: Weights::new(&tracks, noise, used),
+            setting: search.setting.with_tracks(tracks),
+        }
+    }
+
+    fn from(&self, globals: &[f64]) -> Vec<f64> {
+        let starts = self
+            .setting
+            .tracks
+            .iter()
+            .flat_map(|t| [t.measured[0], t.rate_at(t.times_s[0] + 0.2)]);
+        globals.iter().copied().chain(starts).collect()
+    }
+
+    /// A set fitted in windows from numbers of its own.
+    pub fn fit(&self, set: &[usize], globals: &[f64]) -> Option<Fit> {
+        let effort = Effort {
+            floor: 0.5 * self.weights.samples() as f64,
+            limit: f64::INFINITY,
+        };
+        Posed::new(&self.setting, &self.weights, set)
+            .fit_with(self.from(globals), effort)
+            .ok()
+            .filter(|f| f.cost.is_finite() && f.confounded(&self.setting).is_empty())
+    }
+
+    /// A set, fitted, with each of its most promising additions: best first.
+    pub fn grow(&self, fit: &Fit, blind: impl Fn(usize) -> bool, width: usize) -> Vec<Fit> {
+        let bank = responses(&self.setting, fit);
+        let white: Vec<DVector<f64>> = bank
+            .par_iter()
+            .map(|r| whitened(&self.setting, &self.weights, &r.column))
+            .collect();
+        let view = View::new(&self.setting, &self.weights, fit);
+        let jobs: Vec<(usize, usize)> = view
+            .promises(&bank, &white, &fit.set)
+            .into_iter()
+            .filter(|l| !blind(l[0].candidate))
+            .take(width)
+            .flat_map(|l| {
+                l.into_iter()
+                    .take(STARTS)
+                    .map(|p| (p.candidate, p.start))
+                    .collect::<Vec<_>>()
+            })
+            .collect();
+        let made: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(|(candidate, start)| {
+                let point = &self.setting.vocabulary[candidate].starts[start];
+                let (set, at) = joined(&self.setting, fit, candidate, point);
+                let globals = &at[..COEFFICIENTS + self.setting.parameters(&set)];
+                self.fit(&set, globals)
+            })
+            .collect();
+        let mut best: Vec<Fit> = Vec::new();
+        for fit in made {
+            match best.iter_mut().find(|b| b.set == fit.set) {
+                Some(b) if b.cost <= fit.cost => {}
+                Some(b) => *b = fit,
+                None => best.push(fit),
+            }
+        }
+        best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        best
+    }
+
+    /// Where a fit of the whole runs begins that has these numbers.
+    pub fn whole(&self, search: &Search<'_>, fit: &Fit) -> (Vec<usize>, Vec<f64>) {
+        let starts = search
+            .setting
+            .tracks
+            .iter()
+            .flat_map(|t| [t.measured.first().copied().unwrap_or(0.0), 0.0]);
+        let globals = fit.globals(&self.setting).iter().copied();
+        (fit.set.clone(), globals.chain(starts).collect())
+    }
+}
