@@ -13,6 +13,9 @@ use crate::diagnose::verdict::{Law, Verdict, Word};
 pub const SCORED_M: f64 = 0.5e-3;
 /// Log evidence (a factor of 20) below which the data at their true noise cannot part two effects.
 pub const SPLIT: f64 = 3.0;
+/// The same where the diagnosis says that it cannot: its noise is estimated, and what it says must not excuse
+/// everything.
+pub const SAID: f64 = 6.0;
 /// Normal quantile of a 95 % interval.
 const Z95: f64 = 1.959_964;
 
@@ -27,6 +30,8 @@ pub struct Found {
     pub matters: bool,
     /// Its law is reported as not quite the vocabulary's.
     pub inexact: bool,
+    /// What the diagnosis says it cannot tell it from.
+    pub or: Vec<String>,
 }
 
 /// Effect by effect.
@@ -100,6 +105,8 @@ pub struct Judged {
     pub held_ideal_m: Option<f64>,
     /// What the category asks for.
     pub passed: Vec<(&'static str, bool)>,
+    /// The same of the ideal observer, where it can be asked.
+    pub passed_ideal: Vec<(&'static str, bool)>,
     /// The paper's protocol.
     pub paper: Option<PaperOutcome>,
     /// Fault put in.
@@ -157,6 +164,7 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
         held_out: held_out(&verdict, case.key.held_noise_m),
         held_ideal_m: None,
         passed: Vec::new(),
+        passed_ideal: Vec::new(),
         paper: None,
         fault: case.key.fault,
         seconds,
@@ -190,9 +198,15 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
         }
         Category::Single | Category::Pair | Category::Triple => {
             if let Some(main) = judged.near().cloned() {
-                near(&mut judged, &main);
+                near(case, &mut judged, &main, observe);
             } else {
                 by_effect(case, &verdict, &mut judged, observe);
+                let kept = judged
+                    .found
+                    .iter()
+                    .filter(|f| f.matters && judged.truth.iter().any(|t| t.effect == f.effect))
+                    .all(|f| !f.inexact);
+                judged.passed.push(("exact_kept", kept));
             }
             if let (Word::Named, Some([_, after, noise])) = (verdict.verdict, judged.held_out) {
                 judged.passed.push(("held_out", after <= 1.2 * noise));
@@ -212,6 +226,7 @@ fn effects(v: &Verdict) -> Vec<Found> {
             weight_m: e.weight.get("x_m").copied().unwrap_or(0.0),
             matters: e.matters,
             inexact: e.law == Law::Inexact,
+            or: e.or.clone(),
         })
         .collect();
     found.sort_by(|a, b| b.weight_m.total_cmp(&a.weight_m));
@@ -227,21 +242,43 @@ fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
     ])
 }
 
-/// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented.
-fn near(judged: &mut Judged, main: &Truth) {
+/// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented. The observer that
+/// sees another law takes that one; where the data do not show it, its best set of the vocabulary counts.
+fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     let own = judged.found.iter().find(|f| f.effect == main.effect);
     let in_set = judged.equivalent.iter().any(|s| s.contains(&main.effect));
-    let spurious = judged
-        .found
-        .iter()
-        .filter(|f| !judged.truth.iter().any(|t| t.effect == f.effect))
-        .map(|f| f.weight_m)
-        .fold(0.0, f64::max);
-    judged.passed.extend([
+    let truth = judged.truth.clone();
+    let modest = |found: &mut dyn Iterator<Item = (&str, f64)>| {
+        let spurious = found
+            .filter(|(id, _)| !truth.iter().any(|t| t.effect == *id))
+            .map(|(_, weight_m)| weight_m)
+            .fold(0.0, f64::max);
+        spurious <= 0.1 * main.weight_m
+    };
+    let mut found = judged.found.iter().map(|f| (f.effect.as_str(), f.weight_m));
+    let passed = [
         ("mechanism", own.is_some() || in_set),
         ("inexact", own.is_some_and(|f| f.inexact)),
-        ("no_spurious", spurious <= 0.1 * main.weight_m),
-    ]);
+        ("no_spurious", modest(&mut found)),
+    ];
+    judged.passed.extend(passed);
+    let Some(mut ideal) = observe.then(|| Ideal::new(case)).flatten() else {
+        return;
+    };
+    let choice = ideal.choice();
+    let sees = ideal.sees_another_law(case);
+    let named = sees || choice.iter().any(|(id, _)| *id == main.effect);
+    let mut found = choice.iter().map(|(id, w)| (id.as_str(), *w));
+    judged.held_ideal_m = if sees {
+        case.key.held_noise_m
+    } else {
+        ideal.held_out(case)
+    };
+    judged.passed_ideal = vec![
+        ("mechanism", named),
+        ("inexact", sees),
+        ("no_spurious", sees || modest(&mut found)),
+    ];
 }
 
 fn by_effect(case: &Case, verdict: &Verdict, judged: &mut Judged, observe: bool) {
@@ -251,10 +288,13 @@ fn by_effect(case: &Case, verdict: &Verdict, judged: &mut Judged, observe: bool)
         .iter()
         .map(|f| (f.effect.clone(), f.weight_m))
         .collect();
+    let said: Vec<Found> = judged.found.clone();
     let mut same = |missing: &str, wrong: &str| {
+        let or = |f: &Found| f.effect == wrong && f.or.iter().any(|o| o == missing);
+        let apart = if said.iter().any(or) { SAID } else { SPLIT };
         ideal
             .as_mut()
-            .is_some_and(|i| i.gap(missing, wrong) < SPLIT)
+            .is_some_and(|i| i.gap(missing, wrong) < apart)
     };
     judged.tool = Some(compare(
         &judged.truth,

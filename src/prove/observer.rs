@@ -4,6 +4,9 @@
 //! (its law fitted to the noise itself, and which samples are outliers) and starts from the truth:
 //! it only chooses among all sets one removal, addition or exchange away, and goes on from a better
 //! one. What it gets wrong, the data do not hold.
+//!
+//! Of a law near the vocabulary's it is asked whether it can be seen at all that the law is another one: it
+//! knows that law, and takes it where it is likelier than the best set of the vocabulary.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +14,7 @@ use hydroline_rigs::Dof;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::case::Case;
+use super::case::{Case, UNNAMED_ID};
 use crate::diagnose::bank::{Response, View, joined, responses, whitened, without};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::predict::held_out;
@@ -30,6 +33,8 @@ const LEAST_GAIN: f64 = 3.0;
 const CLOSE: f64 = 10.0;
 /// Moves from the truth.
 const ROUNDS: usize = 3;
+/// Log evidence that one more number of a law costs: its range over its sd is some twenty.
+const ONE_MORE: f64 = 3.0;
 
 /// The observer of one case.
 pub struct Ideal {
@@ -43,9 +48,10 @@ pub struct Ideal {
 
 impl Ideal {
     /// Tells it the noise and the truth; `None` where the truth is no set of the vocabulary or its
-    /// fit diverges.
+    /// fit diverges. A law near the vocabulary's stands as the vocabulary's, fitted.
     pub fn new(case: &Case) -> Option<Ideal> {
-        if case.key.truth.iter().any(|t| !t.exact) {
+        let near = case.key.truth.iter().find(|t| !t.exact).map(|t| &t.effect);
+        if near.is_some_and(|n| n == UNNAMED_ID) {
             return None;
         }
         let runs: Vec<Run> = case.sealed.sources.iter().map(|s| s.run.clone()).collect();
@@ -94,17 +100,31 @@ impl Ideal {
                 .collect();
             members.push((index, values));
         }
-        members.sort_by_key(|m| m.0);
-        let set: Vec<usize> = members.iter().map(|m| m.0).collect();
-        let mut at: Vec<f64> = Coefficient::of(Dof::Surge)
-            .iter()
-            .map(|c| c.of_vehicle(&case.key.tank.vehicle))
-            .collect();
-        at.extend(members.iter().flat_map(|m| m.1.iter().copied()));
-        for _ in &setting.tracks {
-            at.extend([case.sealed.rig.tank.start_pose[0], 0.0]);
+        let mut ways: Vec<Vec<(usize, Vec<f64>)>> = vec![members.clone()];
+        if let Some(near) = near {
+            let index = setting.vocabulary.iter().position(|c| c.info.id == *near)?;
+            let starts = &setting.vocabulary[index].starts;
+            let with = |start: &Vec<f64>| [members.clone(), vec![(index, start.clone())]].concat();
+            ways = starts.iter().map(with).collect();
         }
-        let truth = Posed::new(&setting, &weights, &set).fit(at).ok()?;
+        let from = |way: &mut Vec<(usize, Vec<f64>)>| {
+            way.sort_by_key(|m| m.0);
+            let set: Vec<usize> = way.iter().map(|m| m.0).collect();
+            let mut at: Vec<f64> = Coefficient::of(Dof::Surge)
+                .iter()
+                .map(|c| c.of_vehicle(&case.key.tank.vehicle))
+                .collect();
+            at.extend(way.iter().flat_map(|m| m.1.iter().copied()));
+            for _ in &setting.tracks {
+                at.extend([case.sealed.rig.tank.start_pose[0], 0.0]);
+            }
+            (set, at)
+        };
+        let jobs: Vec<(Vec<usize>, Vec<f64>)> = ways.iter_mut().map(from).collect();
+        let truth = jobs
+            .into_par_iter()
+            .filter_map(|(set, at)| Posed::new(&setting, &weights, &set).fit(at).ok())
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
         let bank = responses(&setting, &truth);
         let white = bank
             .par_iter()
@@ -205,6 +225,23 @@ impl Ideal {
             .collect();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         found
+    }
+
+    /// Whether it would take the law that is near the vocabulary's for another one than that: its likelihood is
+    /// that of the noise itself, with one number more than the vocabulary's.
+    pub fn sees_another_law(&self, case: &Case) -> bool {
+        let noise: Vec<Vec<f64>> = case.key.runs.iter().map(|r| r.noise_m.clone()).collect();
+        // At its minimum a fit leaves half its numbers less than the noise, those that no prior holds.
+        let posed = Posed::new(&self.setting, &self.weights, &self.truth.set);
+        let covariance = self.truth.covariance();
+        let precisions = posed.precisions(&self.truth.at);
+        let by_priors: f64 = (0..precisions.len())
+            .map(|i| (covariance[(i, i)] * precisions[i].1).min(1.0))
+            .sum();
+        let numbers = self.truth.at.len() as f64 - by_priors + 1.0;
+        let fitted = 0.5 * self.weights.stack(noise).norm_squared() - 0.5 * numbers;
+        let law = self.truth.log_evidence + (self.truth.cost - fitted) - ONE_MORE;
+        law > self.best().log_evidence
     }
 
     /// rms of the run held out under its choice \[m\].
