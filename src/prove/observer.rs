@@ -272,7 +272,21 @@ impl Ideal {
         let Some(less) = self.smaller(&truth, member) else {
             return f64::INFINITY;
         };
-        let other = self.larger(&less, 0.0, Some(f));
+        let mut other = self.larger(&less, 0.0, Some(f));
+        if other.is_empty() {
+            // It promises nothing (it would have to act the other way round): fitted all the same, it loses.
+            let starts = &self.setting.vocabulary[f].starts;
+            other = starts
+                .par_iter()
+                .map(|start| joined(&self.setting, &less, f, start))
+                .filter_map(|(set, from)| {
+                    Posed::new(&self.setting, &self.weights, &set)
+                        .fit(from)
+                        .ok()
+                })
+                .filter(|fit| fit.log_evidence.is_finite())
+                .collect();
+        }
         other
             .iter()
             .map(|o| self.truth.log_evidence - o.log_evidence)
