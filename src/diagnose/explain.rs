@@ -232,14 +232,7 @@ pub fn explain(
         if explains_all && seed.bent().is_none() {
             continue;
         }
-        let grown = grow(search, seed, &best.fit, bar);
-        let kept = grown
-            .family
-            .as_ref()
-            .is_some_and(|f| modest(search.setting, &grown.fit, f));
-        if kept {
-            contenders.push(grown);
-        }
+        contenders.extend(grow(search, seed, &best.fit, bar));
     }
     contenders.extend(also.and_then(|e| again(search, e)));
     let beaten = contenders.iter().any(|g| {
@@ -354,14 +347,7 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
             .iter()
             .map(|e: &Explanation| e.log_evidence)
             .fold(f64::NEG_INFINITY, f64::max);
-        let grown = grow(search, &seed, &best, bar);
-        let kept = grown
-            .family
-            .as_ref()
-            .is_some_and(|f| modest(search.setting, &grown.fit, f));
-        if kept {
-            found.push(grown);
-        }
+        found.extend(grow(search, &seed, &best, bar));
     }
     found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     found.truncate(KEPT_EARLY);
@@ -379,23 +365,28 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
             .is_some_and(|m| m > MISSES * noise.total_sd())
 }
 
-/// A seed's set searched again beside its function, and the function made sharper where that pays.
-fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Explanation {
-    let grown = beside(search, seed, also, bar);
-    let Some(family) = grown.family.clone() else {
-        return grown;
-    };
-    let knots = family.family.knots.len();
-    let (joint, family) = FamilyFit::sharpen(
-        search.setting,
-        &search.weights,
-        &grown.fit,
-        (grown.fit.clone(), family),
-    );
-    if family.family.knots.len() == knots {
-        return grown;
+/// A seed's set searched again beside its function, and the function made sharper where that pays; `None` where what
+/// bends a law is too large for that (`modest`).
+fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option<Explanation> {
+    let mut grown = beside(search, seed, also, bar);
+    if let Some(family) = grown.family.clone() {
+        let knots = family.family.knots.len();
+        let (joint, family) = FamilyFit::sharpen(
+            search.setting,
+            &search.weights,
+            &grown.fit,
+            (grown.fit.clone(), family),
+        );
+        if family.family.knots.len() != knots {
+            let sharper = Explanation::with(search, joint, family);
+            grown = beside(search, &sharper, also, bar);
+        }
     }
-    beside(search, &Explanation::with(search, joint, family), also, bar)
+    let kept = grown
+        .family
+        .as_ref()
+        .is_some_and(|f| modest(search.setting, &grown.fit, f));
+    kept.then_some(grown)
 }
 
 /// An explanation with a function, fitted again under the search's present weights.

@@ -239,11 +239,6 @@ impl<'a> Search<'a> {
         &self.whitened
     }
 
-    /// Responses of candidates as last taken, each with itself whitened.
-    pub fn columns(&self) -> impl Iterator<Item = (&Response, &DVector<f64>)> {
-        self.bank.iter().zip(&self.whitened)
-    }
-
     fn rewhiten(&mut self) {
         self.whitened = self
             .bank
@@ -264,7 +259,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
+    /// Where a promised candidate begins beside a fit.
+    pub fn begin(&self, fit: &Fit, promise: &Promise) -> Vec<f64> {
         begin(
             self.setting,
             fit,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Explanation;
 use super::beside::joining;
 use super::look::{BELIEVED, TWICE_PENALTY, twice};
-use crate::diagnose::bank::{View, begin, joined, motion, without};
+use crate::diagnose::bank::{View, joined, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
@@ -78,10 +78,7 @@ fn grown(search: &Search<'_>, candidate: usize, mut now: Fit, also: &Fit) -> Opt
                 .filter(|l| l[0].gain > LEAST_GAIN && !search.blind.contains(&l[0].candidate))
                 .take(ADDED)
                 .map(|l| {
-                    let plain = |set: &[usize], globals: &[f64], starts: &[(f64, f64)]| {
-                        motion(setting, set, globals, starts)
-                    };
-                    let point = begin(setting, &now, search.bank(), &l[0], &plain);
+                    let point = search.begin(&now, &l[0]);
                     joined(setting, &now, l[0].candidate, &point)
                 }),
         );

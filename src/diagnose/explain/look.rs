@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Explanation;
 use crate::diagnose::bank::{View, joined, motion, outside, whitened};
 use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, FamilyFit, Variable, bends, forces};
+use crate::diagnose::family::{Acts, Family, FamilyFit, Variable, bends, forces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::{COEFFICIENTS, Setting};
@@ -56,9 +56,7 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
     let heaviest = weights.iter().copied().fold(0.0, f64::max);
     let mut families = forces(setting, fit);
     let floor = search.weights.samples() as f64;
-    if fit.cost > FAR_FROM_NOISE * floor {
-        families.iter_mut().for_each(|f| f.measured = true);
-    }
+    measured_where_far(search, fit, &mut families);
     let mut heavy: Vec<usize> = (0..fit.set.len())
         .filter(|m| weights[*m] > setting.tolerance && weights[*m] >= HEAVY_SHARE * heaviest)
         .collect();
@@ -171,6 +169,14 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
     }
 }
 
+/// Far from the noise functions are asked about the place and rate measured: only so the motion is nearly linear
+/// in them.
+fn measured_where_far(search: &Search<'_>, fit: &Fit, families: &mut [Family]) {
+    if fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64 {
+        families.iter_mut().for_each(|f| f.measured = true);
+    }
+}
+
 /// Whether a function that bends a law leaves it its law: one that does more than half as much as the
 /// effect itself is a free force in disguise.
 pub fn modest(setting: &Setting, joint: &Fit, function: &FamilyFit) -> bool {
@@ -192,9 +198,7 @@ pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
     let view = View::new(setting, &search.weights, fit);
     let floor = search.weights.samples() as f64;
     let mut families = forces(setting, fit);
-    if fit.cost > FAR_FROM_NOISE * floor {
-        families.iter_mut().for_each(|f| f.measured = true);
-    }
+    measured_where_far(search, fit, &mut families);
     let mut found: Vec<FamilyFit> = families
         .iter()
         .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
@@ -244,9 +248,7 @@ pub fn bent(search: &Search<'_>, bases: usize, most: usize) -> Vec<Explanation> 
         .flat_map_iter(|fit| {
             let view = View::new(setting, &search.weights, fit);
             let mut families = bends(setting, fit, &fit.set);
-            if fit.cost > FAR_FROM_NOISE * floor {
-                families.iter_mut().for_each(|f| f.measured = true);
-            }
+            measured_where_far(search, fit, &mut families);
             families
                 .into_iter()
                 .filter_map(|f| f.fit(setting, &search.weights, fit, &view))

@@ -72,10 +72,11 @@ impl Beyond {
             larger.insert(fit.set.partition_point(|c| *c < candidate), candidate);
             search.get(&larger).is_some()
         };
-        let columns: Vec<_> = search.columns().collect();
         // One response with its odds (prior of the effect left out) and what its unit does to each unknown.
-        let found: Vec<(usize, Moments, DVector<f64>)> = columns
-            .into_par_iter()
+        let found: Vec<(usize, Moments, DVector<f64>)> = search
+            .bank()
+            .par_iter()
+            .zip(search.white())
             .filter_map(|(response, white)| {
                 let candidate = &setting.vocabulary[response.candidate];
                 let size = candidate.size?;
