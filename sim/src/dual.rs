@@ -148,6 +148,10 @@ impl<const N: usize> Real for Dual<N> {
     fn cos(self) -> Self {
         self.chain(self.value.cos(), -self.value.sin())
     }
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = self.value.sin_cos();
+        (self.chain(sin, cos), self.chain(cos, -sin))
+    }
     fn exp(self) -> Self {
         let e = self.value.exp();
         self.chain(e, e)

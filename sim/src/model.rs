@@ -109,6 +109,7 @@ impl<T: Real> Model<T> {
             t_s,
             step_start_s,
             eta,
+            heading: eta[5].sin_cos(),
             nu,
             nu_r: nu,
             mass: h.mass(),

@@ -30,6 +30,10 @@ pub trait Real:
     fn sin(self) -> Self;
     /// cos, argument in radians.
     fn cos(self) -> Self;
+    /// Both at once.
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
     /// e^x.
     fn exp(self) -> Self;
     /// Square root.

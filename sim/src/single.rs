@@ -66,13 +66,18 @@ impl<T: Real> Rail<T> {
 
     fn pose(&self, position: T) -> [T; 6] {
         let mut pose = self.rest;
+        self.put(position, &mut pose);
+        pose
+    }
+
+    /// The same into a pose on this line: only what moves is written.
+    fn put(&self, position: T, pose: &mut [T; 6]) {
         if self.dof < 2 {
             pose[0] = self.foot[0] + position * self.along[0];
             pose[1] = self.foot[1] + position * self.along[1];
         } else {
             pose[self.dof] = position;
         }
-        pose
     }
 }
 
@@ -93,6 +98,22 @@ pub struct Instant<T> {
     pub load: f64,
     /// By how much the last command edge changed it \[N, N m\].
     pub jump: f64,
+}
+
+/// Parameters that depend on where the motion is: on place, speed, load or time.
+pub trait Retune<T: Real> {
+    /// The effects for the step that starts at an instant; `None` = as they are.
+    fn at(&mut self, here: &Instant<T>) -> Option<&EffectStack<T>>;
+}
+
+/// Every parameter stays as it is.
+#[derive(Debug, Clone, Copy)]
+pub struct AsTheyAre;
+
+impl<T: Real> Retune<T> for AsTheyAre {
+    fn at(&mut self, _here: &Instant<T>) -> Option<&EffectStack<T>> {
+        None
+    }
 }
 
 /// What is fed to one run.
@@ -141,6 +162,16 @@ struct State<T> {
     own: [T; OWN_STATES_MAX],
 }
 
+/// What an evaluation of the slope works on, kept from one to the next: clearing it costs more than the
+/// law of one DOF.
+struct Scratch<'a, T> {
+    moment: Moment<'a, T>,
+    wrench: [T; 6],
+    drag: [T; 6],
+    force: [T; 6],
+    nu_dot: [T; 6],
+}
+
 impl<T: Real> Single<T> {
     /// The vehicle along a line.
     pub fn new(hydrodynamics: Hydrodynamics<T>, line: Line) -> Self {
@@ -155,8 +186,8 @@ impl<T: Real> Single<T> {
 
     /// Runs the motion; `emit` gets what an instrument reports of the position at each stamp.
     ///
-    /// `retune` may hand out another stack for the step that starts at an instant (a parameter that
-    /// depends on place, speed, load or time); `extra` is a force on top. A motion that grows
+    /// `retune` may hand out another stack of the same effects for the step that starts at an instant;
+    /// `extra` is a force on top. A motion that grows
     /// without bounds, or effects with more than [`OWN_STATES_MAX`] own states, emit numbers that
     /// are not finite.
     pub fn run(
@@ -164,7 +195,7 @@ impl<T: Real> Single<T> {
         effects: &EffectStack<T>,
         feed: &Feed<'_>,
         start: (T, T),
-        mut retune: impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        retune: &mut impl Retune<T>,
         extra: impl Fn(&Instant<T>) -> T,
         mut emit: impl FnMut(T),
     ) {
@@ -189,6 +220,8 @@ impl<T: Real> Single<T> {
             .into_iter()
             .skip_while(|j| j.0.value() < feed.start_s)
             .peekable();
+        let me = &*self;
+        let mut scratch = me.scratch();
         let mut state = State {
             position: start.0,
             rate: start.1,
@@ -204,28 +237,22 @@ impl<T: Real> Single<T> {
             .step_max_s
             .min((STEP_SHARE * effects.fastest_s()).max(STEP_LEAST_S));
         for stamp_s in feed.stamps_s {
-            let mut seen_by = None;
-            let seen_s = {
-                let plain = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
-                let here = instant(plain, now.value(), &state, driven);
-                match retune(&here) {
-                    Some(other) => {
-                        let t = other.scene_time_s(T::from_f64(*stamp_s), 0.0);
-                        seen_by = Some(other);
-                        t
-                    }
-                    None => plain,
-                }
+            let plain = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
+            let seen_at = instant(plain, now.value(), &state, driven);
+            let seen_s = match retune.at(&seen_at) {
+                Some(other) => other.scene_time_s(T::from_f64(*stamp_s), 0.0),
+                None => plain,
             };
             while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
-                state = self.advance(
+                state = me.advance(
+                    &mut scratch,
                     effects,
                     state,
                     now,
                     t,
                     driven,
                     step_max_s,
-                    &mut retune,
+                    retune,
                     &extra,
                 );
                 now = t;
@@ -238,23 +265,24 @@ impl<T: Real> Single<T> {
                 }
             }
             if seen_s.value() > feed.start_s {
-                state = self.advance(
+                state = me.advance(
+                    &mut scratch,
                     effects,
                     state,
                     now,
                     seen_s,
                     driven,
                     step_max_s,
-                    &mut retune,
+                    retune,
                     &extra,
                 );
                 now = seen_s;
             }
-            let effects = seen_by.as_ref().unwrap_or(effects);
+            let effects = retune.at(&seen_at).unwrap_or(effects);
             emit(if effects.measures() {
-                let pose = self.rail.pose(state.position);
+                let pose = me.rail.pose(state.position);
                 let shown = effects.reported_pose(seen_s, effects.scene_pose(seen_s, pose));
-                self.line.along(&shown)
+                me.line.along(&shown)
             } else {
                 state.position
             });
@@ -264,13 +292,14 @@ impl<T: Real> Single<T> {
     #[allow(clippy::too_many_arguments)]
     fn advance(
         &self,
+        scratch: &mut Scratch<'_, T>,
         effects: &EffectStack<T>,
         mut state: State<T>,
         from: T,
         to: T,
         driven: Driven,
         step_max_s: f64,
-        retune: &mut impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        retune: &mut impl Retune<T>,
         extra: &impl Fn(&Instant<T>) -> T,
     ) -> State<T> {
         let span = to - from;
@@ -281,10 +310,11 @@ impl<T: Real> Single<T> {
         for k in 0..count as usize {
             let t = from + step * k as f64;
             let begin = t.value();
-            let tuned = retune(&instant(t, begin, &state, driven));
-            let effects = tuned.as_ref().unwrap_or(effects);
-            let at = |t: T, s: &State<T>| {
-                self.slope(effects, &instant(t, begin, s, driven), &s.own, extra)
+            let tuned = retune.at(&instant(t, begin, &state, driven));
+            let effects = tuned.unwrap_or(effects);
+            let mut at = |t: T, s: &State<T>| {
+                let here = instant(t, begin, s, driven);
+                self.slope(scratch, effects, &here, &s.own, extra)
             };
             let k1 = at(t, &state);
             let k2 = at(t + half, &self.stepped(&state, &k1, half));
@@ -311,9 +341,30 @@ impl<T: Real> Single<T> {
         next
     }
 
+    fn scratch(&self) -> Scratch<'_, T> {
+        let zero = [T::zero(); 6];
+        Scratch {
+            moment: Moment {
+                t_s: T::zero(),
+                step_start_s: T::zero(),
+                eta: self.rail.rest,
+                heading: self.rail.rest[5].sin_cos(),
+                nu: zero,
+                nu_r: zero,
+                mass: self.mass,
+                hydrodynamics: &self.hydrodynamics,
+            },
+            wrench: zero,
+            drag: zero,
+            force: zero,
+            nu_dot: zero,
+        }
+    }
+
     /// Time derivative, in the order of [`crate::model::Model::rate`].
     fn slope(
         &self,
+        scratch: &mut Scratch<'_, T>,
         effects: &EffectStack<T>,
         here: &Instant<T>,
         own: &[T; OWN_STATES_MAX],
@@ -321,43 +372,53 @@ impl<T: Real> Single<T> {
     ) -> State<T> {
         let h = &self.hydrodynamics;
         let i = self.line.dof;
-        let zero = T::zero();
-        let mut nu = [zero; 6];
-        nu[i] = here.rate;
-        let mut m = Moment {
-            t_s: here.t_s,
-            step_start_s: T::from_f64(here.step_start_s),
-            eta: self.rail.pose(here.position),
-            nu,
-            nu_r: nu,
-            mass: self.mass,
-            hydrodynamics: h,
-        };
-        let mut own_rate = [zero; OWN_STATES_MAX];
-        let mut wrench = [zero; 6];
+        let Scratch {
+            moment: m,
+            wrench,
+            drag,
+            force,
+            nu_dot,
+        } = scratch;
+        m.t_s = here.t_s;
+        m.step_start_s = T::from_f64(here.step_start_s);
+        self.rail.put(here.position, &mut m.eta);
+        if i == 5 {
+            m.heading = here.position.sin_cos();
+        }
+        m.nu[i] = here.rate;
+        let mut own_rate = [T::zero(); OWN_STATES_MAX];
+        // Only what some law may have written into is cleared.
+        let (thrusts, waters) = (effects.thrusts(), effects.waters());
+        if waters {
+            m.nu_r = m.nu;
+            m.mass = self.mass;
+            *drag = [T::zero(); 6];
+            *force = [T::zero(); 6];
+        } else {
+            m.nu_r[i] = here.rate;
+        }
+        if thrusts {
+            *wrench = [T::zero(); 6];
+        }
         wrench[i] = T::from_f64(here.load);
-        if effects.thrusts() {
-            effects.thrust(&m, &mut wrench, own, &mut own_rate);
+        if thrusts {
+            effects.thrust(m, wrench, own, &mut own_rate);
         }
-        let waters = effects.waters();
         if waters {
-            effects.relative_velocity(&mut m);
-            effects.added_mass(&mut m);
+            effects.relative_velocity(m);
+            effects.added_mass(m);
         }
-        let mut drag = [zero; 6];
         drag[i] = (h.linear[i] + h.quadratic[i] * m.nu_r[i].abs()) * m.nu_r[i];
-        let mut force = match i {
-            3 | 4 => equations::restoring(h, &m.eta, false),
-            _ => [zero; 6],
-        };
-        if waters {
-            effects.drag(&m, &mut drag);
-            effects.force(&m, own, &mut force);
+        if let 3 | 4 = i {
+            *force = equations::restoring(h, &m.eta, false);
         }
-        let mut nu_dot = [zero; 6];
+        if waters {
+            effects.drag(m, drag);
+            effects.force(m, own, force);
+        }
         nu_dot[i] = (wrench[i] + drag[i] + force[i] + extra(here)) / m.mass[i];
         if self.states > 0 {
-            effects.own_rate(&m, &nu_dot, own, &mut own_rate);
+            effects.own_rate(m, nu_dot, own, &mut own_rate);
         }
         State {
             position: here.rate,
@@ -443,7 +504,7 @@ mod tests {
                 &stack(),
                 &feed,
                 (0.0, 0.0),
-                |_| None,
+                &mut AsTheyAre,
                 |_| 0.0,
                 |x| seen.push(x),
             );

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
-use super::explain::{Explanation, Recheck, explain, forward, recheck};
+use super::explain::{Explanation, Recheck, explain, forward, recheck, renewed};
 use super::family::Acts;
 use super::fit::Fit;
 use super::locate::locate;
@@ -199,6 +199,9 @@ fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
     let before = search.weights.noise;
     if !search.reweigh_beside(&found.fit, function, before) {
         return Some(found);
+    }
+    if let Some(same) = renewed(search, &found) {
+        return Some(same);
     }
     search.refresh(&[]);
     search.run();

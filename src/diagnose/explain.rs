@@ -6,6 +6,7 @@
 //! force, do with better evidence? And beside such a function the set is searched again (`beside`).
 
 mod beside;
+mod covered;
 mod doubled;
 mod elect;
 mod forward;
@@ -25,10 +26,11 @@ use super::search::Search;
 use super::setting::Track;
 use super::weight::{weight_beyond, weights};
 use beside::{beside, squeezed};
+use covered::covered;
 use doubled::{doubled, doubled_from};
 
-use elect::{SPARING, by_prediction, elect, held_to_account, sparing};
-use look::{bent, kinds, modest};
+use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
+use look::{BELIEVED, bent, fewest, instead, kinds, modest};
 
 pub use forward::forward;
 pub use look::{Care, look};
@@ -51,6 +53,8 @@ const KEPT_EARLY: usize = 3;
 const BENT_EARLY: usize = 4;
 /// rms of the runs held out over the noise above which an explanation may be an imitation.
 const MISSES: f64 = 1.5;
+/// The same below which named effects imitate nothing.
+const FORETELLS: f64 = 1.2;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
 const FAR_FROM_NOISE: f64 = 0.75;
 /// The same below which it does.
@@ -197,41 +201,58 @@ pub fn explain(
     let late = seeds.iter().skip(GROWN).find(|s| place(s)).cloned();
     seeds.truncate(GROWN);
     seeds.extend(late);
-    // A force in time does anything; one of place or rate that leaves only noise is what is there.
+    // A force in time does anything; one of place or rate that leaves only noise, and foretells other runs, is
+    // what is there.
     let all = ALL_BUT_NOISE * search.weights.samples() as f64;
-    let explained = tried.values().chain(&seeds).any(|e| {
-        e.unnamed()
-            && e.kind().is_some_and(|k| k.1 != Variable::TimeEach)
-            && e.cost() < all
-            && e.log_evidence > first.log_evidence
-    });
-    if !explained && may_imitate(search, &best, held) {
+    let lasting = |e: &Explanation| {
+        e.unnamed() && e.kind().is_some_and(|k| k.1 != Variable::TimeEach) && e.cost() < all
+    };
+    let bar = |contenders: &[Explanation], best: &Explanation| {
+        let all = contenders.iter().map(|c| c.log_evidence);
+        all.fold(best.log_evidence, f64::max)
+    };
+    let (forces, mut laws): (Vec<Explanation>, Vec<Explanation>) =
+        seeds.into_iter().partition(|s| s.bent().is_none());
+    for seed in &forces {
+        let bar = bar(&contenders, &best);
+        let explains_all = bar > first.log_evidence
+            && seed.log_evidence < bar - OUT_OF_REACH
+            && contenders.iter().chain([&best]).any(lasting);
+        if !explains_all {
+            contenders.extend(grow(search, seed, &best.fit, bar));
+        }
+    }
+    let noise_m = search.weights.noise.total_sd();
+    let explained = contenders
+        .iter()
+        .chain(tried.values())
+        .filter(|e| lasting(e) && e.log_evidence > first.log_evidence)
+        .filter(|e| {
+            let known = covered(std::slice::from_ref(*e), held);
+            foretold(search, e, &known).is_none_or(|m| m < MISSES * noise_m)
+        })
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+        .cloned();
+    if let Some(unnamed) = &explained {
+        search.singles();
+        let floor = bar(&contenders, &best) - OUT_OF_REACH;
+        laws.extend(instead(search, unnamed));
+        laws.retain(|s| s.log_evidence > floor);
+    } else if may_imitate(search, &best, held) {
+        let bar = bar(&contenders, &best);
         if search.early.is_empty() {
             search.singles();
-            contenders.extend(doubled(search, &best.fit));
-            seeds.extend(bent(search, BASES, BENT_EARLY));
+            contenders.extend(doubled(search, &best.fit, bar));
+            laws.extend(bent(search, fewest(search, BASES), BENT_EARLY));
         } else {
             for found in &search.early {
-                contenders.extend(doubled_from(search, found, &best.fit));
-                seeds.extend(again(search, found));
+                contenders.extend(doubled_from(search, found, &best.fit, bar));
+                laws.extend(again(search, found));
             }
         }
     }
-    for seed in &seeds {
-        let bar = contenders
-            .iter()
-            .map(|c| c.log_evidence)
-            .fold(best.log_evidence, f64::max);
-        let explains_all = bar > first.log_evidence
-            && seed.log_evidence < bar - OUT_OF_REACH
-            && contenders
-                .iter()
-                .chain([&best])
-                .any(|c| c.unnamed() && c.cost() < ALL_BUT_NOISE * search.weights.samples() as f64);
-        // What a force in time does says nothing of a law that bends.
-        if explains_all && seed.bent().is_none() {
-            continue;
-        }
+    for seed in &laws {
+        let bar = bar(&contenders, &best);
         contenders.extend(grow(search, seed, &best.fit, bar));
     }
     contenders.extend(also.and_then(|e| again(search, e)));
@@ -242,6 +263,9 @@ pub fn explain(
         best = reduce(search, best, &mut tried);
     }
     contenders.push(best);
+    for contender in &mut contenders {
+        needed_at_all(search, contender);
+    }
     let mut best = elect(search, contenders, held)?;
     if best.unnamed()
         && search.stopped_early()
@@ -341,12 +365,12 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
     let Some(best) = search.best().cloned() else {
         return Vec::new();
     };
-    let mut found = doubled(search, &best);
-    for seed in bent(search, BASES, BENT_EARLY) {
+    let mut found = doubled(search, &best, best.log_evidence);
+    for seed in bent(search, fewest(search, BASES), BENT_EARLY) {
         let bar = found
             .iter()
             .map(|e: &Explanation| e.log_evidence)
-            .fold(f64::NEG_INFINITY, f64::max);
+            .fold(best.log_evidence, f64::max);
         found.extend(grow(search, &seed, &best, bar));
     }
     found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -355,14 +379,33 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
 }
 
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
-/// vocabulary's: it has two that matter or a function, or misses the runs held out.
+/// vocabulary's: it misses the runs held out or, where there are none, has two that matter; or a function.
 fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
-    let noise = search.weights.noise;
-    best.matters(search.setting.tolerance).len() > 1
-        || best.family.is_some()
-        || best.twice.is_some()
-        || held_out(search.setting, held, &best.fit, noise)
-            .is_some_and(|m| m > MISSES * noise.total_sd())
+    let noise_m = search.weights.noise.total_sd();
+    let known = covered(std::slice::from_ref(best), held);
+    match foretold(search, best, &known) {
+        Some(m) if best.simple() => m > FORETELLS * noise_m,
+        Some(m) if m > MISSES * noise_m => true,
+        _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
+    }
+}
+
+/// A bend that gains nothing to speak of over its own set without one is none.
+fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
+    if found.bent().is_none() {
+        return;
+    }
+    if let Some(plain) = search.alone(&found.fit)
+        && plain.log_evidence + BELIEVED > found.log_evidence
+    {
+        tracing::debug!(
+            "{:?} does without a bend: {:.1} for {:.1}",
+            plain.set,
+            plain.log_evidence,
+            found.log_evidence
+        );
+        *found = Explanation::plain(search, &plain);
+    }
 }
 
 /// A seed's set searched again beside its function, and the function made sharper where that pays; `None` where what
@@ -387,6 +430,15 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
         .as_ref()
         .is_some_and(|f| modest(search.setting, &grown.fit, f));
     kept.then_some(grown)
+}
+
+/// The same explanation under another noise, with what joins it now; `None` unless it has an unnamed force that
+/// leaves only noise: sets without one have nothing to add.
+pub fn renewed(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
+    let now = again(search, found)?;
+    let grown = grow(search, &now, &found.fit, now.log_evidence)?;
+    let all = ALL_BUT_NOISE * search.weights.samples() as f64;
+    (grown.unnamed() && grown.cost() < all).then_some(grown)
 }
 
 /// An explanation with a function, fitted again under the search's present weights.

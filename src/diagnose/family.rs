@@ -171,6 +171,17 @@ impl Family {
         self.variable.factor(here, rate)
     }
 
+    /// Whether it says anything of other runs: a force in time does not, a law that bends with the time since
+    /// the log's start does.
+    pub fn lasts(&self) -> bool {
+        match self.acts {
+            Acts::Force => self.variable.kind() != Variable::TimeEach,
+            Acts::Bends(_) => {
+                !matches!(self.variable, Variable::TimeIn(_) | Variable::TimeEach)
+            }
+        }
+    }
+
     /// Whether it does anything in a run.
     fn acts_in(&self, run: usize) -> bool {
         !matches!(self.variable, Variable::TimeIn(only) if only != run)
@@ -235,9 +246,8 @@ impl Family {
             }),
             Acts::Bends(candidate) => {
                 let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
-                let place = setting.places(set)[member];
                 // A factor e^f keeps the parameter's sign.
-                setting.simulate_bent(run, set, globals, start, place, |h| {
+                setting.simulate_bent(run, set, globals, start, member, |h| {
                     self.profile(setting, run, h, amplitudes, mark).exp()
                 })
             }

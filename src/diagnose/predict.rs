@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::descent::{self, Effort, Linear, Linearised};
-use super::family::{FamilyFit, Joint, Variable};
+use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::Weights;
@@ -106,7 +106,7 @@ pub fn predicted_beside(
     function: &FamilyFit,
     noise: Noise,
 ) -> Option<Prediction> {
-    if tracks.is_empty() || function.family.variable.kind() == Variable::TimeEach {
+    if tracks.is_empty() || !function.family.lasts() {
         return None;
     }
     let other = setting.with_tracks(tracks.to_vec());

@@ -45,10 +45,12 @@ const HOPELESS: f64 = 1.0;
 const ASTRAY: f64 = 100.0;
 /// Cost over that of pure noise below which a free force explains all there is.
 const ALL_BUT_NOISE: f64 = 3.0;
-/// Half chi-square per sample above which pairs leave more than noise, which leaves 0.5.
-const NOT_NOISE: f64 = 1.0;
+/// Half chi-square per sample above which a set leaves more than noise, which leaves 0.5.
+const NOT_NOISE: f64 = 0.6;
 /// Members from which a set that explains less than few effects with a bent law only imitates them.
 const IMITATES: usize = 5;
+/// Half chi-square above what a way promises from which a fit is taken to have ended elsewhere.
+const OTHER_MINIMUM: f64 = 6.0;
 /// Log evidence that a free force must gain beside a set for the search to end.
 const PLAINLY: f64 = 30.0;
 
@@ -147,6 +149,13 @@ impl<'a> Search<'a> {
                 }
                 continue;
             }
+            tracing::trace!(
+                "fitted {:?} {:.1}, cost {:.1}{}",
+                fit.set,
+                fit.log_evidence,
+                fit.cost,
+                if fit.rough { ", rough" } else { "" }
+            );
             let keep = self
                 .fits
                 .get(&fit.set)
@@ -276,6 +285,15 @@ impl<'a> Search<'a> {
         for set in sets {
             let promises = self.promises(set);
             let Some(fit) = self.get(set) else { continue };
+            tracing::trace!(
+                "{set:?} {:.1} promised {:?}",
+                fit.log_evidence,
+                promises
+                    .iter()
+                    .take(width)
+                    .map(|l| (l[0].candidate, l[0].start, l[0].gain as i64))
+                    .collect::<Vec<_>>()
+            );
             for list in promises
                 .iter()
                 .filter(|l| l[0].gain > least_gain)
@@ -284,10 +302,9 @@ impl<'a> Search<'a> {
                 for p in list.iter().take(STARTS) {
                     let point = self.begin(fit, p);
                     let (bigger, from) = joined(self.setting, fit, p.candidate, &point);
-                    if p.gain < least_gain || (self.fits.contains_key(&bigger) && p != &list[0]) {
-                        continue;
+                    if p.gain >= least_gain && self.lacks(&bigger, fit.cost - p.gain) {
+                        jobs.push((bigger, from));
                     }
-                    jobs.push((bigger, from));
                 }
             }
         }
@@ -296,9 +313,16 @@ impl<'a> Search<'a> {
         jobs.retain(|(set, _)| {
             let way = ways.entry(set.clone()).or_default();
             *way += 1;
-            *way <= WAYS && !self.fits.contains_key(set)
+            *way <= WAYS
         });
         self.fit(jobs);
+    }
+
+    /// Whether a set is not fitted yet, or only far above a cost that another way to it promises: what has a
+    /// period or a place has minima of its own, and the first way may have ended in one.
+    fn lacks(&self, set: &[usize], promised: f64) -> bool {
+        self.get(set)
+            .is_none_or(|fit| fit.cost > promised + OTHER_MINIMUM)
     }
 
     /// Every candidate by itself, fitted to a percent of its cost.
@@ -343,7 +367,7 @@ impl<'a> Search<'a> {
             let sizes = fit.sizes(self.setting);
             for member in (0..set.len()).filter(|m| sizes[*m] < sure) {
                 let (smaller, from) = without(self.setting, fit, member);
-                if !self.fits.contains_key(&smaller) {
+                if self.lacks(&smaller, fit.cost + sizes[member]) {
                     jobs.push((smaller, from));
                 }
             }
@@ -418,7 +442,8 @@ impl<'a> Search<'a> {
         if self.hopeless {
             return;
         }
-        let bar = self.bend_early();
+        let mut bar = None;
+        let mut beside: Option<Vec<usize>> = None;
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
@@ -430,9 +455,23 @@ impl<'a> Search<'a> {
                 self.hopeless = true;
                 return;
             }
-            let imitates = |f: &Fit| f.set.len() >= IMITATES && f.log_evidence < bar;
-            if self.best().is_some_and(imitates) {
+            let far = NOT_NOISE * self.weights.samples() as f64;
+            let many = |f: &&Fit| f.set.len() >= IMITATES;
+            if bar.is_none() && self.best().filter(many).is_some_and(|f| f.cost > far) {
+                bar = Some(self.bend_early());
+            }
+            let imitates = |f: &Fit| bar.is_some_and(|bar| f.log_evidence < bar);
+            if self.best().filter(many).is_some_and(imitates) {
                 return;
+            }
+            // What a period or a place promises beside nothing is out of step with what it does beside what is
+            // there.
+            if let Some(best) = self.best().map(|f| f.set.clone())
+                && best.len() > 1
+                && beside.as_ref() != Some(&best)
+            {
+                self.refresh(&best);
+                beside = Some(best);
             }
             let mut beam: Vec<Vec<usize>> = self
                 .ranked()
@@ -470,14 +509,9 @@ impl<'a> Search<'a> {
         self.exchange();
     }
 
-    /// Where pairs leave more than noise: what few effects do of which one does not act by its law. Sets that
-    /// stay below that log evidence with many members only imitate it.
+    /// Where a set of some size leaves more than noise: what few effects do of which one does not act by its
+    /// law. Sets that stay below that log evidence with many members only imitate it.
     fn bend_early(&mut self) -> f64 {
-        let left = NOT_NOISE * self.weights.samples() as f64;
-        let small = self.fits.values().filter(|f| f.set.len() <= 2);
-        if small.map(|f| f.cost).fold(f64::INFINITY, f64::min) < left {
-            return f64::NEG_INFINITY;
-        }
         self.singles();
         self.early = early(self);
         (self.progress)("bent laws");
@@ -574,7 +608,7 @@ impl<'a> Search<'a> {
             {
                 let point = self.begin(&gap, &list[0]);
                 let job = joined(self.setting, &gap, list[0].candidate, &point);
-                if !self.fits.contains_key(&job.0) {
+                if self.lacks(&job.0, best.cost + top - list[0].gain) {
                     jobs.push(job);
                 }
             }

@@ -2,7 +2,7 @@
 
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use hydroline_sim::effect::{CheckedEffect, EffectError, EffectStack, check};
-use hydroline_sim::single::{Feed, Instant, Line, Single};
+use hydroline_sim::single::{AsTheyAre, Feed, Instant, Line, Retune, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
@@ -187,6 +187,26 @@ pub struct Setting {
     pub tolerance: f64,
 }
 
+/// A stack of which one effect's first parameter is bent.
+struct Bent<'a, T: Real, F> {
+    stack: EffectStack<T>,
+    given: usize,
+    effect: &'a CheckedEffect,
+    straight: T,
+    numbers: Vec<T>,
+    bend: F,
+}
+
+impl<T: Real, F: Fn(&Instant<T>) -> T> Retune<T> for Bent<'_, T, F> {
+    fn at(&mut self, here: &Instant<T>) -> Option<&EffectStack<T>> {
+        self.numbers[0] = self.straight * (self.bend)(here);
+        self.stack
+            .replace(self.given, self.effect, &self.numbers)
+            .ok()?;
+        Some(&self.stack)
+    }
+}
+
 /// Coefficients of one DOF.
 pub const COEFFICIENTS: usize = 3;
 
@@ -291,21 +311,17 @@ impl Setting {
         on
     }
 
-    /// The stack of a set; `change(place, value)` may bend a parameter.
-    pub fn stack<T: Real>(
+    /// The stack of a set.
+    fn stack<T: Real>(
         &self,
         on: &[CheckedEffect],
         set: &[usize],
         globals: &[T],
-        change: impl Fn(usize, T) -> T,
     ) -> Result<EffectStack<T>, EffectError> {
         let places = self.places(set);
         let fixed = self.base.len();
         EffectStack::assemble(on, |e, p, value| match e.checked_sub(fixed) {
-            Some(member) => {
-                let place = places[member] + p;
-                change(place, globals[place])
-            }
+            Some(member) => globals[places[member] + p],
             None => T::from_f64(value),
         })
     }
@@ -320,14 +336,14 @@ impl Setting {
         extra: impl Fn(&Instant<T>) -> T,
     ) -> Vec<T> {
         let on = self.checked(set);
-        match self.stack(&on, set, globals, |_, v| v) {
-            Ok(stack) => self.drive(run, &stack, globals, start, |_| None, extra),
+        match self.stack(&on, set, globals) {
+            Ok(stack) => self.drive(run, &stack, globals, start, &mut AsTheyAre, extra),
             // More own states than fit: such a set is no candidate.
             Err(_) => vec![T::from_f64(f64::NAN); self.tracks[run].times_s.len()],
         }
     }
 
-    /// As [`Setting::simulate`], with one parameter that depends on where the motion is:
+    /// As [`Setting::simulate`], with a member's first parameter that depends on where the motion is:
     /// `bend(instant)` is what it is multiplied by.
     pub fn simulate_bent<T: Real>(
         &self,
@@ -335,23 +351,26 @@ impl Setting {
         set: &[usize],
         globals: &[T],
         start: (T, T),
-        place: usize,
+        member: usize,
         bend: impl Fn(&Instant<T>) -> T,
     ) -> Vec<T> {
         let on = self.checked(set);
-        let retune = |here: &Instant<T>| {
-            let factor = bend(here);
-            self.stack(
-                &on,
-                set,
-                globals,
-                |p, v| if p == place { v * factor } else { v },
-            )
-            .ok()
-        };
-        match self.stack(&on, set, globals, |_, v| v) {
-            Ok(stack) => self.drive(run, &stack, globals, start, retune, |_| T::zero()),
-            Err(_) => vec![T::from_f64(f64::NAN); self.tracks[run].times_s.len()],
+        let given = self.base.len() + member;
+        let (first, count) = (self.places(set)[member], on[given].numbers.len());
+        let stacks = || self.stack(&on, set, globals);
+        match (stacks(), stacks()) {
+            (Ok(plain), Ok(stack)) => {
+                let mut bent = Bent {
+                    stack,
+                    given,
+                    effect: &on[given],
+                    straight: globals[first],
+                    numbers: globals[first..first + count].to_vec(),
+                    bend,
+                };
+                self.drive(run, &plain, globals, start, &mut bent, |_| T::zero())
+            }
+            _ => vec![T::from_f64(f64::NAN); self.tracks[run].times_s.len()],
         }
     }
 
@@ -361,7 +380,7 @@ impl Setting {
         stack: &EffectStack<T>,
         globals: &[T],
         start: (T, T),
-        retune: impl FnMut(&Instant<T>) -> Option<EffectStack<T>>,
+        retune: &mut impl Retune<T>,
         extra: impl Fn(&Instant<T>) -> T,
     ) -> Vec<T> {
         let track = &self.tracks[run];

@@ -13,6 +13,8 @@ pub struct Moment<'a, T> {
     pub step_start_s: T,
     /// Pose, tank frame.
     pub eta: [T; 6],
+    /// Sine and cosine of the heading psi.
+    pub heading: (T, T),
     /// Rates over ground, body frame.
     pub nu: [T; 6],
     /// Rates through the water; equal to `nu` until `relative_velocity` has run.

@@ -54,10 +54,8 @@ impl<T: Real> Seiche<T> {
     /// Velocity \[m/s\] and acceleration \[m/s2\] of the water along tank X.
     fn water(&self, t_s: T) -> (T, T) {
         let angle = self.rate_radps * t_s + self.phase_rad;
-        (
-            self.amp_mps * angle.sin(),
-            self.amp_mps * self.rate_radps * angle.cos(),
-        )
+        let (sin, cos) = angle.sin_cos();
+        (self.amp_mps * sin, self.amp_mps * self.rate_radps * cos)
     }
 }
 
@@ -72,15 +70,17 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 impl<T: Real> Law<T> for Seiche<T> {
     fn relative_velocity(&self, m: &Moment<'_, T>, nu_r: &mut [T; 6]) {
         let (v, _) = self.water(m.t_s);
-        nu_r[0] = nu_r[0] - v * m.eta[5].cos();
-        nu_r[1] = nu_r[1] + v * m.eta[5].sin();
+        let (sin, cos) = m.heading;
+        nu_r[0] = nu_r[0] - v * cos;
+        nu_r[1] = nu_r[1] + v * sin;
     }
 
     fn force(&self, m: &Moment<'_, T>, _own: &[T], force: &mut [T; 6]) {
         // M u_r' = ...: the water's acceleration, in the body's axes, times the mass that moves.
         let (_, a) = self.water(m.t_s);
-        force[0] = force[0] + m.mass[0] * a * m.eta[5].cos();
-        force[1] = force[1] - m.mass[1] * a * m.eta[5].sin();
+        let (sin, cos) = m.heading;
+        force[0] = force[0] + m.mass[0] * a * cos;
+        force[1] = force[1] - m.mass[1] * a * sin;
     }
 }
 

@@ -11,6 +11,8 @@ use hydroline_rigs::PhysicsEntry;
 struct Member<T: Real> {
     info: &'static EffectInfo,
     law: Box<dyn Law<T>>,
+    /// Its index among the effects given.
+    given: usize,
     /// Its slice of the own states.
     first: usize,
     last: usize,
@@ -23,6 +25,20 @@ pub struct EffectStack<T: Real = f64> {
     /// Whether a stage has members: thruster, hydrodynamics, measurement.
     busy: [bool; 3],
     notes: Vec<String>,
+}
+
+/// An effect's law with these numbers.
+fn law<T: Real>(effect: &CheckedEffect, numbers: &[T]) -> Result<Box<dyn Law<T>>, EffectError> {
+    let values = Values {
+        info: effect.info,
+        numbers,
+        words: &effect.words,
+    };
+    registry::law(&values).ok_or_else(|| EffectError::UnknownEffect {
+        effect: effect.info.id.to_owned(),
+        nearest: None,
+        known: registry::ALL.iter().map(|i| i.id).collect(),
+    })
 }
 
 impl EffectStack<f64> {
@@ -62,19 +78,11 @@ impl<T: Real> EffectStack<T> {
                 .enumerate()
                 .map(|(p, &value)| lift(e, p, value))
                 .collect();
-            let values = Values {
-                info: effect.info,
-                numbers: &numbers,
-                words: &effect.words,
-            };
-            let law = registry::law(&values).ok_or_else(|| EffectError::UnknownEffect {
-                effect: effect.info.id.to_owned(),
-                nearest: None,
-                known: registry::ALL.iter().map(|i| i.id).collect(),
-            })?;
+            let law = law(effect, &numbers)?;
             members.push(Member {
                 info: effect.info,
                 law,
+                given: e,
                 first: 0,
                 last: 0,
             });
@@ -103,6 +111,22 @@ impl<T: Real> EffectStack<T> {
             busy,
             notes,
         })
+    }
+
+    /// Gives one effect (its index among those the stack was built of) other numbers.
+    ///
+    /// # Errors
+    /// [`EffectError::UnknownEffect`].
+    pub fn replace(
+        &mut self,
+        given: usize,
+        effect: &CheckedEffect,
+        numbers: &[T],
+    ) -> Result<(), EffectError> {
+        if let Some(member) = self.members.iter_mut().find(|m| m.given == given) {
+            member.law = law(effect, numbers)?;
+        }
+        Ok(())
     }
 
     /// What is unusual about the parameters, one line each.

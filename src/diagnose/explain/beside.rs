@@ -25,7 +25,7 @@ const ADDED: usize = 4;
 /// Half chi-square that an addition must promise.
 const LEAST_GAIN: f64 = 3.0;
 /// Half chi-square of a member's size above which taking it out is not tried.
-const SURELY_THERE: f64 = 20.0;
+pub(super) const SURELY_THERE: f64 = 12.0;
 /// A fit that would end this far above the present one's cost is not followed.
 const TOO_FAR: f64 = 40.0;
 /// Log evidence that a step must gain.
@@ -38,9 +38,9 @@ const NOISE: f64 = 0.75;
 /// Most effects beside a function.
 const MOST: usize = 8;
 /// Of what is lacking to the best explanation so far, the share that a step must gain.
-const PACE: f64 = 0.08;
+const PACE: f64 = 0.15;
 /// Lacking less than this a climb goes on at any pace.
-const NEAR: f64 = 60.0;
+const NEAR: f64 = 30.0;
 
 /// Share of a function's prior sd that is left at each step when it is squeezed out.
 const SQUEEZED: f64 = 0.3;
@@ -201,11 +201,16 @@ fn climb(
             bar - better.0.log_evidence,
         );
         now = better;
-        if lacking > NEAR && gained < PACE * lacking {
+        if too_slow(gained, lacking) {
             break;
         }
     }
     (now, Vec::new())
+}
+
+/// Whether a climb that gained this much in its last step will not make up for what it lacks.
+pub(super) fn too_slow(gained: f64, lacking: f64) -> bool {
+    lacking > NEAR && gained < PACE * lacking
 }
 
 fn names(search: &Search<'_>, set: &[usize]) -> Vec<&'static str> {

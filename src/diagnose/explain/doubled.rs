@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::Explanation;
-use super::beside::joining;
+use super::beside::{SURELY_THERE, joining, too_slow};
 use super::look::{BELIEVED, TWICE_PENALTY, twice};
 use crate::diagnose::bank::{View, joined, without};
 use crate::diagnose::descent::Effort;
@@ -28,7 +28,7 @@ const STEP_GAIN: f64 = 0.1;
 const TOO_FAR: f64 = 40.0;
 
 /// The likeliest single effects doubled, each with what joins it; members of `also` with their numbers there.
-pub fn doubled(search: &Search<'_>, also: &Fit) -> Vec<Explanation> {
+pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
     let setting = search.setting;
     let ranked = search.ranked();
     let singles: Vec<&Fit> = ranked
@@ -48,26 +48,39 @@ pub fn doubled(search: &Search<'_>, also: &Fit) -> Vec<Explanation> {
     pairs
         .into_iter()
         .take(GROWN)
-        .filter_map(|(candidate, two)| grown(search, candidate, two, also))
+        .filter_map(|(candidate, two)| grown(search, candidate, two, also, bar))
         .collect()
 }
 
 /// One that was found before, under the search's present weights, with what joins it now.
-pub fn doubled_from(search: &Search<'_>, found: &Explanation, also: &Fit) -> Option<Explanation> {
+pub fn doubled_from(
+    search: &Search<'_>,
+    found: &Explanation,
+    also: &Fit,
+    bar: f64,
+) -> Option<Explanation> {
     let (candidate, two) = found.twice.as_ref()?;
     let mut fit = Posed::new(search.setting, &search.weights, &two.set)
         .fit(two.at.clone())
         .ok()?;
     fit.log_evidence -= TWICE_PENALTY;
-    grown(search, *candidate, fit, also)
+    grown(search, *candidate, fit, also, bar)
 }
 
-/// Additions and removals beside the two until none is better.
-fn grown(search: &Search<'_>, candidate: usize, mut now: Fit, also: &Fit) -> Option<Explanation> {
+/// Additions and removals beside the two until none is better; given up where they will not come near the
+/// log evidence `bar`.
+fn grown(
+    search: &Search<'_>,
+    candidate: usize,
+    mut now: Fit,
+    also: &Fit,
+    bar: f64,
+) -> Option<Explanation> {
     let setting = search.setting;
     for _ in 0..STEPS {
+        let sizes = now.sizes(setting);
         let mut jobs: Vec<(Vec<usize>, Vec<f64>)> = (0..now.set.len())
-            .filter(|m| now.set[*m] != candidate)
+            .filter(|m| now.set[*m] != candidate && sizes[*m] < SURELY_THERE)
             .map(|m| without(setting, &now, m))
             .collect();
         let view = View::new(setting, &search.weights, &now);
@@ -99,9 +112,11 @@ fn grown(search: &Search<'_>, candidate: usize, mut now: Fit, also: &Fit) -> Opt
             })
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
             .filter(|f| f.log_evidence > now.log_evidence + STEP_GAIN);
-        match best {
-            Some(better) => now = better,
-            None => break,
+        let Some(better) = best else { break };
+        let gained = better.log_evidence - now.log_evidence;
+        now = better;
+        if too_slow(gained, bar - now.log_evidence) {
+            break;
         }
     }
     tracing::debug!("doubled {candidate}: {:?} {:.1}", now.set, now.log_evidence);

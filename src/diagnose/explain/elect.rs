@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::Explanation;
+use super::covered::covered;
 use crate::diagnose::bank::without;
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Variable};
@@ -28,17 +29,11 @@ pub fn elect(
 ) -> Option<Explanation> {
     let setting = search.setting;
     let noise = search.weights.noise;
-    let miss = |e: &Explanation| {
-        let found = match (&e.family, &e.twice) {
-            (Some(f), _) if f.family.variable.kind() == Variable::TimeEach => return None,
-            (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise).map(|p| p.rms),
-            (None, Some((_, two))) => held_out(setting, held, two, noise),
-            (None, None) => held_out(setting, held, &e.fit, noise),
-        };
-        // A motion that runs off predicts nothing: that is a miss, not a question that was not asked.
-        (!held.is_empty()).then(|| found.filter(|m| m.is_finite()).unwrap_or(f64::INFINITY))
-    };
-    let missed: Vec<Option<f64>> = contenders.iter().map(miss).collect();
+    let held = &covered(&contenders, held);
+    let missed: Vec<Option<f64>> = contenders
+        .iter()
+        .map(|e| foretold(search, e, held))
+        .collect();
     let nothing = search
         .get(&[])
         .and_then(|f| held_out(setting, held, f, noise));
@@ -76,6 +71,20 @@ pub fn elect(
         }
     }
     best
+}
+
+/// rms of the runs held out with all of an explanation; `None` where that cannot be asked: without such runs,
+/// and of a force in time, which says nothing of others.
+pub fn foretold(search: &Search<'_>, e: &Explanation, held: &[Track]) -> Option<f64> {
+    let (setting, noise) = (search.setting, search.weights.noise);
+    let found = match (&e.family, &e.twice) {
+        (Some(f), _) if !f.family.lasts() => return None,
+        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise).map(|p| p.rms),
+        (None, Some((_, two))) => held_out(setting, held, two, noise),
+        (None, None) => held_out(setting, held, &e.fit, noise),
+    };
+    // A motion that runs off predicts nothing: that is a miss, not a question that was not asked.
+    (!held.is_empty()).then(|| found.filter(|m| m.is_finite()).unwrap_or(f64::INFINITY))
 }
 
 /// A force in time foretells nothing, but the effects named beside it do: those without which the runs held

@@ -27,6 +27,8 @@ const SPLIT: f64 = 0.35;
 const HEAVY_SHARE: f64 = 0.25;
 /// A function whose cost ends this far above the best one's is not followed to its minimum.
 const HOPELESSLY_FAR: f64 = 60.0;
+/// Single effects bent in the place of a free force.
+const INSTEAD: usize = 8;
 /// Variables tried per mechanism that is bent early.
 const WAYS: usize = 2;
 /// Heavy members whose laws are bent, and of those the ones that may act twice.
@@ -230,24 +232,80 @@ pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
         .collect()
 }
 
-/// The best sets of one effect and of two (`bases` of each) with one of their laws bent: those of different
-/// mechanisms that promise most, each fitted far enough to go on from there.
-pub fn bent(search: &Search<'_>, bases: usize, most: usize) -> Vec<Explanation> {
-    let setting = search.setting;
-    let floor = search.weights.samples() as f64;
+/// A set with the members whose laws may be bent.
+pub type Base = (Fit, Vec<usize>);
+
+/// The best sets of one effect and of two, `most` of each.
+pub fn fewest(search: &Search<'_>, most: usize) -> Vec<Base> {
     let ranked = search.ranked();
     let of = |size: usize| {
         ranked
             .iter()
             .filter(move |f| f.set.len() == size)
-            .take(bases)
+            .take(most)
     };
-    let bases: Vec<&Fit> = of(1).chain(of(2)).copied().collect();
-    let mut found: Vec<(f64, &Fit, FamilyFit)> = bases
+    of(1)
+        .chain(of(2))
+        .map(|f| ((*f).clone(), f.set.clone()))
+        .collect()
+}
+
+/// Mechanisms whose laws bend in the place of a free force, all that is named beside it as it is: a function of
+/// the load may be a thruster's law, one of the rate a friction that is none of the vocabulary's.
+pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
+    let setting = search.setting;
+    let beside = &unnamed.fit;
+    let effort = Effort {
+        floor: 0.5 * search.weights.samples() as f64,
+        limit: f64::INFINITY,
+    };
+    let fit = |(set, at): (Vec<usize>, Vec<f64>)| {
+        Posed::new(setting, &search.weights, &set)
+            .fit_with(at, effort)
+            .ok()
+            .filter(|f| f.log_evidence.is_finite())
+    };
+    let ranked = search.ranked();
+    let singles: Vec<&&Fit> = ranked
+        .iter()
+        .filter(|f| f.set.len() == 1 && !beside.set.contains(&f.set[0]))
+        .take(INSTEAD)
+        .collect();
+    let mut bases: Vec<Base> = singles
         .into_par_iter()
-        .flat_map_iter(|fit| {
+        .filter_map(|single| {
+            let candidate = single.set[0];
+            let job = joined(setting, beside, candidate, single.member(setting, 0));
+            Some((fit(job)?, vec![candidate]))
+        })
+        .collect();
+    bases.extend(fit((beside.set.clone(), beside.at.clone())).map(|own| {
+        let heavy = weights(setting, &own)
+            .into_iter()
+            .zip(&own.set)
+            .filter(|(w, _)| *w > setting.tolerance)
+            .map(|(_, c)| *c)
+            .collect();
+        (own, heavy)
+    }));
+    let mut found = bent(search, bases, BENT);
+    found.retain(|e| {
+        let function = e.family.as_ref();
+        function.is_some_and(|f| modest(setting, &e.fit, f))
+    });
+    found
+}
+
+/// Sets with one of their laws bent: those of different mechanisms that promise most, each fitted far enough to
+/// go on from there.
+pub fn bent(search: &Search<'_>, bases: Vec<Base>, most: usize) -> Vec<Explanation> {
+    let setting = search.setting;
+    let floor = search.weights.samples() as f64;
+    let mut found: Vec<(f64, &Fit, FamilyFit)> = bases
+        .par_iter()
+        .flat_map_iter(|(fit, members)| {
             let view = View::new(setting, &search.weights, fit);
-            let mut families = bends(setting, fit, &fit.set);
+            let mut families = bends(setting, fit, members);
             measured_where_far(search, fit, &mut families);
             families
                 .into_iter()
@@ -275,7 +333,7 @@ pub fn bent(search: &Search<'_>, bases: usize, most: usize) -> Vec<Explanation> 
         .filter_map(|(promised, fit, f)| {
             let (joint, function) = f.close(setting, &search.weights, fit, effort)?;
             tracing::debug!(
-                "bent early {:?} {:?} by {:?}: {:.1}, promised {promised:.1}",
+                "bent {:?} {:?} by {:?}: {:.1}, promised {promised:.1}",
                 fit.set,
                 f.family.acts,
                 f.family.variable,

@@ -66,8 +66,7 @@ impl Family {
                     let Some(member) = fit.set.iter().position(|c| *c == candidate) else {
                         return block;
                     };
-                    let place = setting.places(&fit.set)[member];
-                    setting.simulate_bent(run, &fit.set, &globals, start, place, |h| push(h, 1.0))
+                    setting.simulate_bent(run, &fit.set, &globals, start, member, |h| push(h, 1.0))
                 }
             };
             for (row, value) in out.iter().enumerate() {

@@ -1,0 +1,66 @@
+//! The part of the runs held out over which free functions know what they say.
+
+use super::Explanation;
+use crate::diagnose::family::{Family, Variable};
+use crate::diagnose::setting::Track;
+
+/// How far beyond its outermost knots a function is still asked, over their span.
+const MARGIN: f64 = 0.02;
+/// Share of a run's samples that must be left of it.
+const LEAST_SHARE: f64 = 0.15;
+
+/// Runs held out up to where the first of these explanations' functions would be asked about a place, a rate
+/// or a load that no run fitted showed it: what it says there is nobody's prediction, and what follows hangs
+/// on it. Runs of which hardly anything is left go.
+pub fn covered(contenders: &[Explanation], held: &[Track]) -> Vec<Track> {
+    let functions: Vec<&Family> = contenders
+        .iter()
+        .filter_map(|e| Some(&e.family.as_ref()?.family))
+        .filter(|f| f.lasts())
+        .collect();
+    held.iter()
+        .filter_map(|track| {
+            let known = functions
+                .iter()
+                .map(|f| samples_known(f, track))
+                .fold(track.times_s.len(), usize::min);
+            let enough = known as f64 >= LEAST_SHARE * track.times_s.len() as f64;
+            enough.then(|| Track {
+                times_s: track.times_s[..known].to_vec(),
+                measured: track.measured[..known].to_vec(),
+                ..track.clone()
+            })
+        })
+        .collect()
+}
+
+/// Samples before the variable of a function leaves the range of its knots.
+fn samples_known(function: &Family, track: &Track) -> usize {
+    let (Some(low), Some(high)) = (function.knots.first(), function.knots.last()) else {
+        return 0;
+    };
+    let margin = MARGIN * (high - low);
+    let outside = |k: &usize| {
+        let value = measured(function.variable, track, *k);
+        value < low - margin || value > high + margin
+    };
+    (0..track.times_s.len())
+        .find(outside)
+        .unwrap_or(track.times_s.len())
+}
+
+/// The variable as the run shows it at a sample.
+fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
+    let t_s = track.times_s[k];
+    let edge = track.edges.iter().rev().find(|e| e.0 <= t_s);
+    let load_n = edge.map_or(0.0, |e| e.1);
+    match variable {
+        Variable::Place | Variable::PlaceAgainst => track.measured[k],
+        Variable::Rate => track.rate_at(t_s),
+        Variable::Speed => track.rate_at(t_s).abs(),
+        Variable::Load => load_n,
+        Variable::LoadSize => load_n.abs(),
+        Variable::SinceEdge | Variable::AfterEdge => t_s - edge.map_or(track.start_s, |e| e.0),
+        Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => t_s,
+    }
+}
