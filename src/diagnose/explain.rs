@@ -59,6 +59,8 @@ const FORETELLS: f64 = 1.2;
 const FAR_FROM_NOISE: f64 = 0.75;
 /// The same below which it does.
 const ALL_BUT_NOISE: f64 = 0.6;
+/// Log evidence that another prior of a function must gain for its set to be searched again.
+const WORTH_A_CLIMB: f64 = 2.0;
 /// Log evidence below an explanation that leaves only noise, from where no set comes near it.
 const OUT_OF_REACH: f64 = 200.0;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
@@ -412,6 +414,22 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
 /// bends a law is too large for that (`modest`).
 fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option<Explanation> {
     let mut grown = beside(search, seed, also, bar);
+    let out_of_reach = |e: &Explanation| {
+        e.log_evidence < bar - OUT_OF_REACH
+            && e.cost() < ALL_BUT_NOISE * search.weights.samples() as f64
+    };
+    if out_of_reach(&grown) {
+        return None;
+    }
+    if let Some(family) = grown.family.clone() {
+        let pair = (grown.fit.clone(), family);
+        let (joint, family) =
+            FamilyFit::smooth(search.setting, &search.weights, pair, Effort::FULL);
+        if joint.log_evidence > grown.log_evidence + WORTH_A_CLIMB {
+            let smoother = Explanation::with(search, joint, family);
+            grown = beside(search, &smoother, also, bar);
+        }
+    }
     if let Some(family) = grown.family.clone() {
         let knots = family.family.knots.len();
         let (joint, family) = FamilyFit::sharpen(

@@ -9,6 +9,7 @@
 mod joint;
 mod kinds;
 mod linear;
+mod prior;
 mod refine;
 
 use std::cell::Cell;
@@ -21,6 +22,7 @@ use super::setting::{Setting, Track};
 
 pub use joint::Joint;
 pub use kinds::{bends, forces, laid_out, regimes};
+pub use prior::Prior;
 
 /// Rate at which a force against the motion has three quarters of its size, as in
 /// `coulomb_friction` \[m/s, rad/s\].
@@ -141,8 +143,8 @@ pub struct FamilyFit {
     pub sds: Vec<f64>,
     /// Log evidence gained over the set alone.
     pub gain: f64,
-    /// Prior sd of an amplitude.
-    pub prior_sd: f64,
+    /// Prior of the amplitudes.
+    pub prior: Prior,
     /// Raw response to the fitted function, runs end to end \[m, rad\].
     pub response: DVector<f64>,
 }
@@ -176,9 +178,7 @@ impl Family {
     pub fn lasts(&self) -> bool {
         match self.acts {
             Acts::Force => self.variable.kind() != Variable::TimeEach,
-            Acts::Bends(_) => {
-                !matches!(self.variable, Variable::TimeIn(_) | Variable::TimeEach)
-            }
+            Acts::Bends(_) => !matches!(self.variable, Variable::TimeIn(_) | Variable::TimeEach),
         }
     }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::rivals::LIGHT;
 
 use crate::diagnose::descent::{Effort, descend};
-use crate::diagnose::family::{Acts, Family, FamilyFit, Joint, Variable};
+use crate::diagnose::family::{Acts, Family, FamilyFit, Joint, Prior, Variable};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::predict::{BETTER_T, Prediction, Starts, predicted_beside};
 use crate::diagnose::search::Search;
@@ -136,7 +136,10 @@ fn with_factor(
         amplitudes,
         gain: 0.0,
         // Nothing is asked of the amplitudes: they stand.
-        prior_sd: 1e9,
+        prior: Prior {
+            sd: 1e9,
+            length: 0.0,
+        },
         response: nalgebra::DVector::zeros(0),
     };
     let joint = Joint::new(setting, &search.weights, first, &function);

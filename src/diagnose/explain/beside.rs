@@ -30,6 +30,8 @@ pub(super) const SURELY_THERE: f64 = 12.0;
 const TOO_FAR: f64 = 40.0;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
+/// The same beside a force in time, whose edges between two knots others would mend.
+const STEP_GAIN_IN_TIME: f64 = 5.0;
 /// The same as a share of the cost above the noise's own: where no law is exact there is always one more
 /// that mends a little.
 const STEP_SHARE: f64 = 0.05;
@@ -99,7 +101,7 @@ pub fn squeezed(search: &Search<'_>, grown: &Explanation) -> Option<(Vec<usize>,
     let mut now = (grown.fit.clone(), grown.family.clone()?);
     let bank = Bank::of(search, &now);
     for _ in 0..SQUEEZES {
-        now.1.prior_sd *= SQUEEZED;
+        now.1.prior.sd *= SQUEEZED;
         now = now
             .1
             .refine(search.setting, &search.weights, &now.0, roughly(search))?;
@@ -170,7 +172,12 @@ fn climb(
             }
         }
         let over = now.0.cost - NOISE * search.weights.samples() as f64;
-        let least = STEP_GAIN.max(STEP_SHARE * over);
+        let own = if now.1.family.lasts() {
+            STEP_GAIN
+        } else {
+            STEP_GAIN_IN_TIME
+        };
+        let least = own.max(STEP_SHARE * over);
         let best = tried
             .values()
             .flatten()

@@ -1,5 +1,7 @@
 //! A set and a free function as one least-squares problem.
 
+use std::ops::AddAssign;
+
 use hydroline_sim::{Dual, Real};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -20,8 +22,10 @@ pub struct Joint<'a> {
     set: &'a [usize],
     family: &'a Family,
     pub(super) posed: Posed<'a>,
-    /// Prior precision of an amplitude.
-    precision: f64,
+    /// Prior precision of the amplitudes.
+    precision: DMatrix<f64>,
+    /// Half the logarithm of its determinant.
+    pub(super) prior_half_log: f64,
     /// Globals, unknowns of the set with the starts, amplitudes.
     pub(super) sizes: (usize, usize, usize),
 }
@@ -34,13 +38,15 @@ impl<'a> Joint<'a> {
         fit: &'a Fit,
         function: &'a FamilyFit,
     ) -> Joint<'a> {
+        let (precision, prior_half_log) = function.prior.precision(&function.family);
         Joint {
             setting,
             weights,
             set: &fit.set,
             family: &function.family,
             posed: Posed::new(setting, weights, &fit.set),
-            precision: 1.0 / (function.prior_sd * function.prior_sd),
+            precision,
+            prior_half_log,
             sizes: (
                 fit.globals(setting).len(),
                 fit.at.len(),
@@ -180,8 +186,8 @@ impl<'a> Joint<'a> {
 
     fn prior_cost(&self, at: &[f64]) -> f64 {
         let n = self.sizes.1;
-        let squares: f64 = at[n..].iter().map(|v| v * v).sum();
-        self.posed.prior_at(&at[..n]) + 0.5 * self.precision * squares
+        let amplitudes = DVector::from_column_slice(&at[n..]);
+        self.posed.prior_at(&at[..n]) + 0.5 * amplitudes.dot(&(&self.precision * &amplitudes))
     }
 
     /// Adds the priors' share to a gradient.
@@ -190,9 +196,8 @@ impl<'a> Joint<'a> {
         for (i, (centre, k)) in self.posed.precisions(&at[..n]).into_iter().enumerate() {
             gradient[i] += (at[i] - centre) * k;
         }
-        for (i, v) in at.iter().enumerate().skip(n) {
-            gradient[i] += self.precision * v;
-        }
+        let pull = &self.precision * DVector::from_column_slice(&at[n..]);
+        gradient.rows_mut(n, pull.len()).add_assign(&pull);
     }
 
     /// Whitened derivatives with respect to all unknowns, runs end to end.
@@ -234,10 +239,13 @@ impl<'a> Joint<'a> {
             }
             first += r.len();
         }
-        let k = self.precision.sqrt();
-        for i in 0..m {
-            all[(rows + i, n + i)] = k;
-            residual[rows + i] = k * at[n + i];
+        // The rows' sum of squares is the prior's: a root of the precision.
+        if let Some(root) = self.precision.clone().cholesky() {
+            let root = root.l().transpose();
+            residual
+                .rows_mut(rows, m)
+                .copy_from(&(&root * DVector::from_column_slice(&at[n..])));
+            all.view_mut((rows, n), (m, m)).copy_from(&root);
         }
         let basis = basis(&all);
         View {
@@ -313,9 +321,7 @@ impl Linearised for Joint<'_> {
         for (i, (_, k)) in self.posed.precisions(&at[..n]).into_iter().enumerate() {
             hessian[(i, i)] += k;
         }
-        for i in n..n + m {
-            hessian[(i, i)] += self.precision;
-        }
+        hessian.view_mut((n, n), (m, m)).add_assign(&self.precision);
         Ok(Linear {
             cost,
             gradient,

@@ -7,7 +7,7 @@ use crate::diagnose::fit::Fit;
 use crate::diagnose::setting::Setting;
 
 /// Knots per run.
-const EACH_RUN: usize = 13;
+const EACH_RUN: usize = 25;
 /// Between runs laid end to end \[s\].
 const BETWEEN_S: f64 = 1.0;
 /// First knot after a command edge \[s\].

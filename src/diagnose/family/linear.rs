@@ -2,14 +2,18 @@
 
 use hydroline_sim::Dual;
 use hydroline_sim::single::Instant;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use rayon::prelude::*;
 
+use super::prior::{LENGTHS, Prior};
 use super::{Acts, Family, FamilyFit, PENALTY, Touched};
 use crate::diagnose::bank::{View, outside, whitened};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::setting::{PASS, Setting};
 use crate::diagnose::weights::Weights;
+
+/// Largest prior sd of the logarithm of the factor on a law that is near the vocabulary's.
+const NEAR_A_LAW: f64 = 0.4;
 
 impl Family {
     /// Derivatives of the motion with respect to the amplitudes, all runs end to end.
@@ -100,55 +104,125 @@ impl Family {
             })
             .collect();
         let matrix = DMatrix::from_columns(&columns);
-        let eigen = SymmetricEigen::new(matrix.tr_mul(&matrix));
-        let product = eigen.eigenvectors.tr_mul(&matrix.tr_mul(&view.residual));
-        let largest = eigen.eigenvalues.max();
-        if largest <= 0.0 {
-            return None;
-        }
-        let values: Vec<f64> = eigen.eigenvalues.iter().map(|v| v.max(0.0)).collect();
-        // log evidence over no function at a prior variance of the amplitudes.
-        let gain = |variance: f64| -> f64 {
-            values
-                .iter()
-                .zip(product.iter())
-                .map(|(v, b)| 0.5 * b * b / (v + 1.0 / variance) - 0.5 * (1.0 + v * variance).ln())
-                .sum()
-        };
-        // A law that bends by more than its own size is another law.
+        let (squares, product) = (matrix.tr_mul(&matrix), matrix.tr_mul(&view.residual));
+        let best = Smooth::best(self, setting, &squares, &product)?;
+        let (amplitudes, sds) = best.amplitudes();
+        Some(FamilyFit {
+            family: self.clone(),
+            response: &raw * &amplitudes,
+            amplitudes: amplitudes.iter().copied().collect(),
+            sds,
+            gain: best.gain - PENALTY,
+            prior: best.prior(),
+        })
+    }
+}
+
+/// Amplitudes alike over a length, with the prior variance that the evidence chooses.
+pub(super) struct Smooth {
+    length: f64,
+    variance: f64,
+    /// Log evidence over no function.
+    pub(super) gain: f64,
+    /// Root of the correlation.
+    root: DMatrix<f64>,
+    eigen: SymmetricEigen<f64, Dyn>,
+    /// Projections of the residual.
+    product: DVector<f64>,
+}
+
+impl Smooth {
+    /// The likeliest length and variance for half a' `squares` a + `product`' a, the cost over amplitudes a.
+    pub(super) fn best(
+        family: &Family,
+        setting: &Setting,
+        squares: &DMatrix<f64>,
+        product: &DVector<f64>,
+    ) -> Option<Smooth> {
+        // A law that bends by far more than a third of its own size is another law.
         let largest_load = setting
             .tracks
             .iter()
             .flat_map(|t| &t.edges)
             .map(|e| e.1.abs())
             .fold(1.0, f64::max);
-        let most = match self.acts {
-            Acts::Bends(_) => 1.0,
+        let most = match family.acts {
+            Acts::Bends(_) => NEAR_A_LAW * NEAR_A_LAW,
             // Nor is a force beyond what drives it.
             Acts::Force => largest_load * largest_load,
         };
-        let best = (0..60)
+        LENGTHS
+            .iter()
+            .filter_map(|share| {
+                let length = Prior::length(family, *share, setting.tracks.len());
+                Smooth::new(family, squares, product, length, most)
+            })
+            .max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// The prior it has.
+    pub(super) fn prior(&self) -> Prior {
+        Prior {
+            sd: self.variance.sqrt(),
+            length: self.length,
+        }
+    }
+
+    /// `squares`, `product` = of the columns with themselves and with the residual; `most` = largest variance.
+    fn new(
+        family: &Family,
+        squares: &DMatrix<f64>,
+        product: &DVector<f64>,
+        length: f64,
+        most: f64,
+    ) -> Option<Smooth> {
+        let root = Prior::correlation(length, family).cholesky()?.unpack();
+        // Amplitudes = root x numbers that are all alike and by themselves.
+        let eigen = SymmetricEigen::new(root.transpose() * squares * &root);
+        if eigen.eigenvalues.max() <= 0.0 {
+            return None;
+        }
+        let product = eigen.eigenvectors.tr_mul(&root.tr_mul(product));
+        let gain = |variance: f64| -> f64 {
+            eigen
+                .eigenvalues
+                .iter()
+                .zip(product.iter())
+                .map(|(v, b)| {
+                    let v = v.max(0.0);
+                    0.5 * b * b / (v + 1.0 / variance) - 0.5 * (1.0 + v * variance).ln()
+                })
+                .sum()
+        };
+        let (gain, variance) = (0..60)
             .map(|k| 10f64.powf(-12.0 + 0.3 * f64::from(k)))
             .filter(|v| *v <= most)
-            .max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
-        let rotated = DVector::from_fn(m, |i, _| -product[i] / (values[i] + 1.0 / best));
-        let amplitudes = &eigen.eigenvectors * rotated;
-        let sds = (0..m)
+            .map(|v| (gain(v), v))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Smooth {
+            length,
+            variance,
+            gain,
+            root,
+            eigen,
+            product,
+        })
+    }
+
+    /// Best amplitudes, and the sd of each.
+    fn amplitudes(&self) -> (DVector<f64>, Vec<f64>) {
+        let width = |i: usize| 1.0 / (self.eigen.eigenvalues[i].max(0.0) + 1.0 / self.variance);
+        let rotated = DVector::from_fn(self.product.len(), |i, _| -self.product[i] * width(i));
+        let turned = &self.root * &self.eigen.eigenvectors;
+        let sds = (0..turned.nrows())
             .map(|j| {
-                (0..m)
-                    .map(|i| eigen.eigenvectors[(j, i)].powi(2) / (values[i] + 1.0 / best))
+                (0..turned.ncols())
+                    .map(|i| turned[(j, i)].powi(2) * width(i))
                     .sum::<f64>()
                     .sqrt()
             })
             .collect();
-        Some(FamilyFit {
-            family: self.clone(),
-            response: &raw * &amplitudes,
-            amplitudes: amplitudes.iter().copied().collect(),
-            sds,
-            gain: gain(best) - PENALTY,
-            prior_sd: best.sqrt(),
-        })
+        (turned * rotated, sds)
     }
 }
 

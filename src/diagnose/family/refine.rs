@@ -2,6 +2,7 @@
 
 use nalgebra::DVector;
 
+use super::linear::Smooth;
 use super::{FamilyFit, Joint, PENALTY};
 use crate::diagnose::descent::{Effort, Linearised, descend};
 use crate::diagnose::fit::Fit;
@@ -93,6 +94,49 @@ impl FamilyFit {
         found
     }
 
+    /// The prior chosen anew where the function has come to: a fit from far off chose it under what was still
+    /// missing. The better of both.
+    pub fn smooth(
+        setting: &Setting,
+        weights: &Weights,
+        (joint, function): (Fit, FamilyFit),
+        effort: Effort,
+    ) -> (Fit, FamilyFit) {
+        let again = || {
+            let problem = Joint::new(setting, weights, &joint, &function);
+            let (_, n, m) = problem.sizes;
+            let at: Vec<f64> = joint
+                .at
+                .iter()
+                .chain(&function.amplitudes)
+                .copied()
+                .collect();
+            let h = problem.linearise(&at).ok()?.hessian;
+            let (precision, _) = function.prior.precision(&function.family);
+            // What the data say of the amplitudes, the set's own unknowns integrated out.
+            let cross = h.view((0, n), (n, m)).into_owned();
+            let own = h.view((0, 0), (n, n)).into_owned();
+            let with_prior = h.view((n, n), (m, m)) - cross.tr_mul(&own.cholesky()?.solve(&cross));
+            let product = -(&with_prior * DVector::from_column_slice(&function.amplitudes));
+            let best = Smooth::best(
+                &function.family,
+                setting,
+                &(with_prior - precision),
+                &product,
+            )?;
+            let other = FamilyFit {
+                prior: best.prior(),
+                ..function.clone()
+            };
+            (other.prior != function.prior).then_some(())?;
+            other.refine(setting, weights, &joint, effort)
+        };
+        match again() {
+            Some(other) if other.0.log_evidence > joint.log_evidence => other,
+            _ => (joint, function),
+        }
+    }
+
     /// The same function with the intervals around its sharpest bends halved.
     fn split(&self) -> FamilyFit {
         let (k, a) = (&self.family.knots, &self.amplitudes);
@@ -150,8 +194,7 @@ impl FamilyFit {
             log_evidence: 0.0,
             rough: found.rough,
         };
-        joint.log_evidence =
-            problem.posed.log_evidence(&joint) - m as f64 * self.prior_sd.ln() - PENALTY;
+        joint.log_evidence = problem.posed.log_evidence(&joint) + problem.prior_half_log - PENALTY;
         if !joint.log_evidence.is_finite() {
             return None;
         }

@@ -1,0 +1,110 @@
+//! How much, and how smoothly, a free function is expected to vary.
+//!
+//! Amplitudes of neighbouring hats are alike over a length: a Gaussian process with Matern's covariance of
+//! smoothness 3/2 (Rasmussen and Williams 2006, Eq. 4.17), seen at the knots. A function that hardly wiggles
+//! then costs what two or three numbers cost, however fine its knots are.
+
+use nalgebra::{Cholesky, DMatrix, Dyn};
+
+use super::{Family, Variable};
+
+/// Lengths tried, over the span of the knots; 0 = every amplitude by itself.
+pub const LENGTHS: [f64; 5] = [0.0, 0.04, 0.1, 0.25, 0.6];
+/// Added to the diagonal: knots much closer than a length are alike to rounding.
+const NUGGET: f64 = 1e-5;
+/// Times since an edge lie on a logarithm from here on \[s\].
+const AFTER_EDGE_S: f64 = 0.15;
+
+/// Prior of a function's amplitudes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// sd of each amplitude \[N, N m; 1\].
+    pub sd: f64,
+    /// Length over which they are alike, in the variable's unit (a logarithm for times since an edge); 0 = none.
+    pub length: f64,
+}
+
+impl Prior {
+    /// Length of a share of what a function's knots span (of one run where runs are laid end to end).
+    pub fn length(family: &Family, share: f64, runs: usize) -> f64 {
+        let first = family.knots.first().map_or(0.0, |k| place(family, *k));
+        let last = family.knots.last().map_or(0.0, |k| place(family, *k));
+        let parts = match family.variable {
+            Variable::TimeEach => runs.max(1) as f64,
+            _ => 1.0,
+        };
+        share * (last - first) / parts
+    }
+
+    /// Correlation of the amplitudes.
+    pub fn correlation(length: f64, family: &Family) -> DMatrix<f64> {
+        let m = family.knots.len();
+        DMatrix::from_fn(m, m, |i, k| {
+            if i == k {
+                return 1.0 + NUGGET;
+            }
+            if length <= 0.0 {
+                return 0.0;
+            }
+            let apart = place(family, family.knots[i]) - place(family, family.knots[k]);
+            let r = 3f64.sqrt() * apart.abs() / length;
+            (1.0 + r) * (-r).exp()
+        })
+    }
+
+    /// Inverse covariance, and half the logarithm of its determinant.
+    pub fn precision(&self, family: &Family) -> (DMatrix<f64>, f64) {
+        let m = family.knots.len();
+        let scale = 1.0 / (self.sd * self.sd);
+        let own = |m: usize| (DMatrix::identity(m, m) * scale, -(m as f64) * self.sd.ln());
+        if self.length <= 0.0 {
+            return own(m);
+        }
+        match Cholesky::<f64, Dyn>::new(Prior::correlation(self.length, family)) {
+            Some(root) => {
+                let half_log: f64 = root.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+                let mut inverse = root.inverse() * scale;
+                inverse.fill_lower_triangle_with_upper_triangle();
+                (inverse, -(m as f64) * self.sd.ln() - half_log)
+            }
+            None => own(m),
+        }
+    }
+}
+
+/// Where a knot lies for the covariance.
+fn place(family: &Family, knot: f64) -> f64 {
+    match family.variable {
+        Variable::SinceEdge | Variable::AfterEdge => (1.0 + knot.max(0.0) / AFTER_EDGE_S).ln(),
+        _ => knot,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::family::Acts;
+
+    #[test]
+    fn precision_is_the_inverse_of_the_covariance_and_knows_its_determinant() {
+        let family = Family {
+            acts: Acts::Force,
+            variable: Variable::Place,
+            knots: (0..9).map(|k| 0.1 * f64::from(k)).collect(),
+            measured: false,
+        };
+        for share in LENGTHS {
+            let prior = Prior {
+                sd: 0.3,
+                length: Prior::length(&family, share, 1),
+            };
+            let (precision, half_log) = prior.precision(&family);
+            let covariance = Prior::correlation(prior.length, &family) * 0.09;
+            let product = &precision * &covariance;
+            let off = (product - DMatrix::identity(9, 9)).abs().max();
+            assert!(off < 2e-5, "{share}: {off}");
+            let log = -0.5 * covariance.determinant().ln();
+            assert!((half_log - log).abs() < 1e-3, "{share}: {half_log} {log}");
+        }
+    }
+}
