@@ -203,8 +203,8 @@ pub fn explain(
     let late = seeds.iter().skip(GROWN).find(|s| place(s)).cloned();
     seeds.truncate(GROWN);
     seeds.extend(late);
-    // A force in time does anything; one of place or rate that leaves only noise, and foretells other runs, is
-    // what is there.
+    // A force in time does anything; one of place, rate or load that leaves only noise has shown what else is
+    // there: laws that bend are asked in its place.
     let all = ALL_BUT_NOISE * search.weights.samples() as f64;
     let lasting = |e: &Explanation| {
         e.unnamed() && e.kind().is_some_and(|k| k.1 != Variable::TimeEach) && e.cost() < all
@@ -224,15 +224,10 @@ pub fn explain(
             contenders.extend(grow(search, seed, &best.fit, bar));
         }
     }
-    let noise_m = search.weights.noise.total_sd();
     let explained = contenders
         .iter()
         .chain(tried.values())
         .filter(|e| lasting(e) && e.log_evidence > first.log_evidence)
-        .filter(|e| {
-            let known = covered(std::slice::from_ref(*e), held);
-            foretold(search, e, &known).is_none_or(|m| m < MISSES * noise_m)
-        })
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         .cloned();
     if let Some(unnamed) = &explained {
@@ -414,11 +409,10 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
 /// bends a law is too large for that (`modest`).
 fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option<Explanation> {
     let mut grown = beside(search, seed, also, bar);
-    let out_of_reach = |e: &Explanation| {
-        e.log_evidence < bar - OUT_OF_REACH
-            && e.cost() < ALL_BUT_NOISE * search.weights.samples() as f64
-    };
-    if out_of_reach(&grown) {
+    // More knots bring a force that begins sharply to the noise from far off, but no law that bends.
+    let sharper_will_do =
+        grown.bent().is_none() && grown.cost() > ALL_BUT_NOISE * search.weights.samples() as f64;
+    if grown.log_evidence < bar - OUT_OF_REACH && !sharper_will_do {
         return None;
     }
     if let Some(family) = grown.family.clone() {

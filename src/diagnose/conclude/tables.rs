@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use super::rivals::{Rivals, names};
 use crate::diagnose::explain::Explanation;
-use crate::diagnose::family::Acts;
 use crate::diagnose::fit::Fit;
 use crate::diagnose::posterior::{Group, Posterior};
 use crate::diagnose::predict::{held_out, left_out, predicted_beside};
@@ -43,12 +42,9 @@ pub fn predictions(
         table.after.extend(after.map(|v| (channel.to_owned(), v)));
         table.noise.insert(channel.to_owned(), noise.total_sd());
     };
-    let bend = found
-        .family
-        .as_ref()
-        .filter(|f| matches!(f.family.acts, Acts::Bends(_)));
+    let function = found.family.as_ref().filter(|f| f.family.lasts());
     let two = found.twice.as_ref().map(|(_, two)| two);
-    let trained = match (bend, two) {
+    let trained = match (function, two) {
         (Some(f), _) => rms_of(search, f.residuals(setting, &search.weights, &found.fit)),
         (None, Some(two)) => rms(search, two),
         (None, None) => rms(search, written),
@@ -78,7 +74,7 @@ pub fn predictions(
     };
     verdict.fit.held_out_by = by;
     let own = of(written);
-    let after = match (bend, two) {
+    let after = match (function, two) {
         (Some(f), _) => predicted_beside(setting, held, &found.fit, f, noise).map(|p| p.rms),
         (None, Some(two)) => of(two),
         (None, None) => None,
