@@ -234,6 +234,7 @@ pub fn explain(
         search.singles();
         let floor = bar(&contenders, &best) - OUT_OF_REACH;
         laws.extend(instead(search, unnamed));
+        laws.extend(search.early.iter().filter_map(|e| again(search, e)));
         laws.retain(|s| s.log_evidence > floor);
     } else if may_imitate(search, &best, held) {
         let bar = bar(&contenders, &best);
