@@ -200,7 +200,7 @@ fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
     if !search.reweigh_beside(&found.fit, function, before) {
         return Some(found);
     }
-    if let Some(same) = renewed(search, &found) {
+    if let Some(same) = renewed(search, &found, choosing) {
         return Some(same);
     }
     search.refresh(&[]);

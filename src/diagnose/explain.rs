@@ -51,8 +51,8 @@ const BASES: usize = 8;
 const KEPT_EARLY: usize = 3;
 /// See [`BASES`].
 const BENT_EARLY: usize = 4;
-/// rms of the runs held out over the noise above which an explanation may be an imitation.
-const MISSES: f64 = 1.5;
+/// rms of the runs held out over the noise above which an explanation is doubted.
+const MISSES: f64 = 2.0;
 /// The same below which named effects imitate nothing.
 const FORETELLS: f64 = 1.2;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
@@ -179,7 +179,10 @@ pub fn explain(
     }
     let mut tried: BTreeMap<Vec<usize>, Explanation> =
         BTreeMap::from([(first.set.clone(), best.clone())]);
-    let mut seeds = challenge(search, &best, &mut tried);
+    let known = covered(std::slice::from_ref(&best), held);
+    let misses = foretold(search, &best, &known)
+        .is_some_and(|m| m > MISSES * search.weights.noise.total_sd());
+    let mut seeds = challenge(search, &best, misses, &mut tried);
     seeds.extend(tried.values().filter(|e| e.family.is_some()).cloned());
     if let Some(other) = tried
         .values()
@@ -231,14 +234,19 @@ pub fn explain(
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         .cloned();
     if let Some(unnamed) = &explained {
+        search.refresh(&[]);
         search.singles();
         let floor = bar(&contenders, &best) - OUT_OF_REACH;
         laws.extend(instead(search, unnamed));
-        laws.extend(search.early.iter().filter_map(|e| again(search, e)));
+        for found in &search.early {
+            contenders.extend(doubled_from(search, found, &best.fit, floor));
+            laws.extend(again(search, found));
+        }
         laws.retain(|s| s.log_evidence > floor);
     } else if may_imitate(search, &best, held) {
         let bar = bar(&contenders, &best);
         if search.early.is_empty() {
+            search.refresh(&[]);
             search.singles();
             contenders.extend(doubled(search, &best.fit, bar));
             laws.extend(bent(search, fewest(search, BASES), BENT_EARLY));
@@ -290,6 +298,7 @@ pub fn explain(
         // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
         // must predict clearly better than named effects alone.
         let noise = search.weights.noise;
+        let held = &covered(std::slice::from_ref(&best), held);
         let named = held_out(search.setting, held, &sparse.fit, noise).unwrap_or(f64::INFINITY);
         let free = best
             .family
@@ -324,11 +333,13 @@ pub fn explain(
     Some(best)
 }
 
-/// Looks at the heaviest alone and, where something seems to be left or bent, at nothing at all: with
+/// Looks at the heaviest alone and, where something seems to be left or bent or the best one `misses` the runs
+/// held out, at nothing at all: with
 /// what they are beside functions of different kinds.
 fn challenge(
     search: &Search<'_>,
     best: &Explanation,
+    misses: bool,
     tried: &mut BTreeMap<Vec<usize>, Explanation>,
 ) -> Vec<Explanation> {
     let heaviest = best
@@ -339,7 +350,7 @@ fn challenge(
         .max_by(|a, b| a.1.total_cmp(b.1))
         .map(|(c, _)| vec![*c]);
     let mut sets: Vec<Vec<usize>> = heaviest.into_iter().collect();
-    if best.family.is_some() || best.twice.is_some() {
+    if misses || best.family.is_some() || best.twice.is_some() {
         sets.push(Vec::new());
     }
     let mut seeds = Vec::new();
@@ -350,7 +361,7 @@ fn challenge(
         tried
             .entry(set)
             .or_insert_with(|| look(search, fit, Care::Above(f64::NEG_INFINITY)));
-        if best.family.is_some() {
+        if misses || best.family.is_some() {
             seeds.extend(kinds(search, fit, KINDS));
         }
     }
@@ -383,7 +394,6 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
     let known = covered(std::slice::from_ref(best), held);
     match foretold(search, best, &known) {
         Some(m) if best.simple() => m > FORETELLS * noise_m,
-        Some(m) if m > MISSES * noise_m => true,
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
 }
@@ -407,7 +417,7 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
 }
 
 /// A seed's set searched again beside its function, and the function made sharper where that pays; `None` where what
-/// bends a law is too large for that (`modest`).
+/// bends a law is too large for that (`modest`), or the log evidence `bar` out of reach.
 fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option<Explanation> {
     let mut grown = beside(search, seed, also, bar);
     // More knots bring a force that begins sharply to the noise from far off, but no law that bends.
@@ -434,6 +444,12 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
             (grown.fit.clone(), family),
         );
         if family.family.knots.len() != knots {
+            let (joint, family) = FamilyFit::smooth(
+                search.setting,
+                &search.weights,
+                (joint, family),
+                Effort::FULL,
+            );
             let sharper = Explanation::with(search, joint, family);
             grown = beside(search, &sharper, also, bar);
         }
@@ -446,12 +462,22 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
 }
 
 /// The same explanation under another noise, with what joins it now; `None` unless it has an unnamed force that
-/// leaves only noise: sets without one have nothing to add.
-pub fn renewed(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
+/// matters and leaves only noise: sets without one have nothing to add.
+pub fn renewed(
+    search: &mut Search<'_>,
+    found: &Explanation,
+    held: &[Track],
+) -> Option<Explanation> {
     let now = again(search, found)?;
     let grown = grow(search, &now, &found.fit, now.log_evidence)?;
+    let mut grown = held_to_account(search, grown, held);
+    let plain = search.alone(&grown.fit)?;
+    if let Some(family) = &mut grown.family {
+        family.gain = grown.log_evidence - plain.log_evidence;
+    }
     let all = ALL_BUT_NOISE * search.weights.samples() as f64;
-    (grown.unnamed() && grown.cost() < all).then_some(grown)
+    let stands = grown.unnamed() && grown.cost() < all;
+    (stands && grown.family_weight > search.setting.tolerance).then_some(grown)
 }
 
 /// An explanation with a function, fitted again under the search's present weights.

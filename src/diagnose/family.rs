@@ -1,7 +1,7 @@
 //! Unnamed structure: a force, or a parameter of an effect, as a free function of one variable.
 //!
-//! Hat functions over the variable, amplitudes with a Gaussian prior whose size is chosen by the
-//! evidence (an empirical Gaussian process). Two uses: a force that nothing in the vocabulary
+//! Hat functions over the variable, amplitudes with a Gaussian prior whose size and length are chosen by
+//! the evidence (an empirical Gaussian process, `prior`). Two uses: a force that nothing in the vocabulary
 //! explains (`unknown`), and an effect whose law is not quite the vocabulary's (`inexact`): then
 //! its first parameter depends on something it should not depend on.
 //! Reference: MacKay 1992, Bayesian interpolation.

@@ -98,7 +98,7 @@ pub fn predicted(
     })
 }
 
-/// The same of a set beside a free function; `None` for one of time, which tells nothing of other runs.
+/// The same of a set beside a free function; `None` for a force in time, which tells nothing of other runs.
 pub fn predicted_beside(
     setting: &Setting,
     tracks: &[Track],

@@ -28,7 +28,7 @@ const WAYS: usize = 2;
 /// Half chi-square of a member's size above which sets without it are not looked at.
 const SURELY_THERE: f64 = 60.0;
 /// Most effects together.
-const DEPTH: usize = 9;
+const DEPTH: usize = 7;
 /// A set this far below the best one in log evidence is out of the race.
 const FAR: f64 = 12.0;
 /// A fit whose cost ends this far above the best one's is not followed to its minimum.
@@ -51,6 +51,8 @@ const NOT_NOISE: f64 = 0.6;
 const IMITATES: usize = 5;
 /// Half chi-square above what a way promises from which a fit is taken to have ended elsewhere.
 const OTHER_MINIMUM: f64 = 6.0;
+/// Share by which what a linear view promises may be wrong.
+const PROMISES_ARE_OFF: f64 = 0.3;
 /// Log evidence that a free force must gain beside a set for the search to end.
 const PLAINLY: f64 = 30.0;
 
@@ -67,6 +69,8 @@ pub struct Search<'a> {
     /// Candidates that the vehicle's own coefficients do the work of.
     pub blind: BTreeSet<usize>,
     hopeless: bool,
+    /// Ways to sets that were taken, under the present weights.
+    ways: BTreeSet<(Vec<usize>, Vec<usize>, i64)>,
     /// Few effects of which one does not act by its law, found before the large sets.
     pub early: Vec<Explanation>,
     /// The noise was found beside a free function: a set that lacks it would take structure for noise.
@@ -91,6 +95,7 @@ impl<'a> Search<'a> {
             looked: 0,
             blind: BTreeSet::new(),
             hopeless: false,
+            ways: BTreeSet::new(),
             early: Vec::new(),
             noise_stands: false,
             least_noise: None,
@@ -156,10 +161,10 @@ impl<'a> Search<'a> {
                 fit.cost,
                 if fit.rough { ", rough" } else { "" }
             );
-            let keep = self
-                .fits
-                .get(&fit.set)
-                .is_none_or(|old| fit.cost < old.cost - 1e-3 || (old.rough && !fit.rough));
+            let keep = self.fits.get(&fit.set).is_none_or(|old| {
+                let finished = old.rough && !fit.rough && fit.cost <= old.cost + 1e-3;
+                fit.cost < old.cost - 1e-3 || finished
+            });
             if keep {
                 self.fits.insert(fit.set.clone(), fit);
             }
@@ -282,6 +287,7 @@ impl<'a> Search<'a> {
     /// Fits a set with each of its most promising additions.
     pub fn extend(&mut self, sets: &[Vec<usize>], width: usize, least_gain: f64) {
         let mut jobs = Vec::new();
+        let mut ways = BTreeSet::new();
         for set in sets {
             let promises = self.promises(set);
             let Some(fit) = self.get(set) else { continue };
@@ -302,27 +308,39 @@ impl<'a> Search<'a> {
                 for p in list.iter().take(STARTS) {
                     let point = self.begin(fit, p);
                     let (bigger, from) = joined(self.setting, fit, p.candidate, &point);
-                    if p.gain >= least_gain && self.lacks(&bigger, fit.cost - p.gain) {
+                    if p.gain >= least_gain && self.lacks(&bigger, fit, -p.gain) {
+                        ways.insert(Search::way(&bigger, fit));
                         jobs.push((bigger, from));
                     }
                 }
             }
         }
         // The same set comes up from several parents: two ways to it are enough.
-        let mut ways: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        let mut taken: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
         jobs.retain(|(set, _)| {
-            let way = ways.entry(set.clone()).or_default();
+            let way = taken.entry(set.clone()).or_default();
             *way += 1;
             *way <= WAYS
         });
+        self.ways.append(&mut ways);
         self.fit(jobs);
     }
 
     /// Whether a set is not fitted yet, or only far above a cost that another way to it promises: what has a
     /// period or a place has minima of its own, and the first way may have ended in one.
-    fn lacks(&self, set: &[usize], promised: f64) -> bool {
-        self.get(set)
-            .is_none_or(|fit| fit.cost > promised + OTHER_MINIMUM)
+    /// `change` of the cost as the parent promises it; the same way is not taken twice.
+    fn lacks(&self, set: &[usize], parent: &Fit, change: f64) -> bool {
+        let slack = OTHER_MINIMUM.max(PROMISES_ARE_OFF * change.abs());
+        self.get(set).is_none_or(|fit| {
+            change != 0.0
+                && fit.cost > parent.cost + change + slack
+                && !self.ways.contains(&Search::way(set, parent))
+        })
+    }
+
+    /// A set, where it comes from, and how good that was.
+    fn way(set: &[usize], parent: &Fit) -> (Vec<usize>, Vec<usize>, i64) {
+        (set.to_vec(), parent.set.clone(), parent.cost as i64)
     }
 
     /// Every candidate by itself, fitted to a percent of its cost.
@@ -362,16 +380,19 @@ impl<'a> Search<'a> {
     /// Fits sets with each of their members taken out whose size is below this half chi-square.
     pub fn reduce_below(&mut self, sets: &[Vec<usize>], sure: f64) {
         let mut jobs = Vec::new();
+        let mut ways = BTreeSet::new();
         for set in sets {
             let Some(fit) = self.get(set) else { continue };
             let sizes = fit.sizes(self.setting);
             for member in (0..set.len()).filter(|m| sizes[*m] < sure) {
                 let (smaller, from) = without(self.setting, fit, member);
-                if self.lacks(&smaller, fit.cost + sizes[member]) {
+                if self.lacks(&smaller, fit, sizes[member]) {
+                    ways.insert(Search::way(&smaller, fit));
                     jobs.push((smaller, from));
                 }
             }
         }
+        self.ways.append(&mut ways);
         self.fit(jobs);
     }
 
@@ -459,6 +480,7 @@ impl<'a> Search<'a> {
             let many = |f: &&Fit| f.set.len() >= IMITATES;
             if bar.is_none() && self.best().filter(many).is_some_and(|f| f.cost > far) {
                 bar = Some(self.bend_early());
+                beside = None;
             }
             let imitates = |f: &Fit| bar.is_some_and(|bar| f.log_evidence < bar);
             if self.best().filter(many).is_some_and(imitates) {
@@ -512,6 +534,7 @@ impl<'a> Search<'a> {
     /// Where a set of some size leaves more than noise: what few effects do of which one does not act by its
     /// law. Sets that stay below that log evidence with many members only imitate it.
     fn bend_early(&mut self) -> f64 {
+        self.refresh(&[]);
         self.singles();
         self.early = early(self);
         (self.progress)("bent laws");
@@ -608,7 +631,7 @@ impl<'a> Search<'a> {
             {
                 let point = self.begin(&gap, &list[0]);
                 let job = joined(self.setting, &gap, list[0].candidate, &point);
-                if self.lacks(&job.0, best.cost + top - list[0].gain) {
+                if self.lacks(&job.0, best, top - list[0].gain) {
                     jobs.push(job);
                 }
             }

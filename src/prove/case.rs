@@ -185,7 +185,7 @@ const MAIN_MOST_M: f64 = 0.08;
 /// Of the tolerance: greatest weight of anything in the background.
 const BACKGROUND_MOST: f64 = 0.75;
 /// One delay cannot be told from the other by motion: a case holds one of them at most.
-const DELAYS: [&str; 2] = ["camera_latency", "command_latency"];
+pub const DELAYS: [&str; 2] = ["camera_latency", "command_latency"];
 
 /// Number of a case for the generator (splitmix of seed, kind and index).
 fn seed_of(seed: u64, category: Category, index: usize) -> u64 {

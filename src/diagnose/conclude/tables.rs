@@ -25,7 +25,8 @@ const TOLD: (usize, usize) = (12, 6);
 /// hold of the explanation; `held` = the runs held out that tell how well, and whether they also chose what does.
 ///
 /// A law that is not quite the vocabulary's is fitted and predicts with its bend, a mechanism that acts twice
-/// as two; what the written rig does without is said beside.
+/// as two, an unnamed force that says something of other runs with it; what the written rig does without is said
+/// beside.
 pub fn predictions(
     verdict: &mut Verdict,
     search: &Search<'_>,

@@ -6,6 +6,10 @@ use crate::diagnose::setting::Track;
 
 /// How far beyond its outermost knots a function is still asked, over their span.
 const MARGIN: f64 = 0.02;
+/// Samples in a row that must lie outside.
+const LASTS: usize = 8;
+/// Samples that must be left of a run.
+const LEAST: usize = 20;
 /// Share of a run's samples that must be left of it.
 const LEAST_SHARE: f64 = 0.15;
 
@@ -24,7 +28,7 @@ pub fn covered(contenders: &[Explanation], held: &[Track]) -> Vec<Track> {
                 .iter()
                 .map(|f| samples_known(f, track))
                 .fold(track.times_s.len(), usize::min);
-            let enough = known as f64 >= LEAST_SHARE * track.times_s.len() as f64;
+            let enough = known >= LEAST && known as f64 >= LEAST_SHARE * track.times_s.len() as f64;
             enough.then(|| Track {
                 times_s: track.times_s[..known].to_vec(),
                 measured: track.measured[..known].to_vec(),
@@ -44,9 +48,13 @@ fn samples_known(function: &Family, track: &Track) -> usize {
         let value = measured(function.variable, track, *k);
         value < low - margin || value > high + margin
     };
-    (0..track.times_s.len())
-        .find(outside)
-        .unwrap_or(track.times_s.len())
+    let n = track.times_s.len();
+    let beyond: Vec<usize> = (0..n).filter(outside).collect();
+    // One that is apart is an outlier, or noise of a rate.
+    beyond
+        .windows(LASTS)
+        .find(|w| w[LASTS - 1] - w[0] == LASTS - 1)
+        .map_or(n, |w| w[0])
 }
 
 /// The variable as the run shows it at a sample.

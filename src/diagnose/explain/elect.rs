@@ -14,6 +14,8 @@ use crate::diagnose::setting::Track;
 
 /// rms of the runs held out over the least one, and over noise, above which an explanation is none.
 const MISSED: f64 = 2.0;
+/// Log evidence below the best one from where on a function cuts nothing off the runs held out.
+const IN_THE_RACE: f64 = 50.0;
 /// rms of the runs held out without a member over that with it up to which it is not needed.
 const AS_WELL: f64 = 1.02;
 /// An explanation that does with fewer effects because one law bends may be this much worse in log evidence:
@@ -29,11 +31,24 @@ pub fn elect(
 ) -> Option<Explanation> {
     let setting = search.setting;
     let noise = search.weights.noise;
-    let held = &covered(&contenders, held);
+    let top = contenders
+        .iter()
+        .map(|e| e.log_evidence)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let near: Vec<Explanation> = contenders
+        .iter()
+        .filter(|e| e.log_evidence > top - IN_THE_RACE)
+        .cloned()
+        .collect();
+    let known = covered(&near, held);
     let missed: Vec<Option<f64>> = contenders
         .iter()
-        .map(|e| foretold(search, e, held))
+        .map(|e| match known.is_empty() && e.simple() {
+            true => foretold(search, e, held),
+            false => foretold(search, e, &known),
+        })
         .collect();
+    let held = if known.is_empty() { held } else { &known };
     let nothing = search
         .get(&[])
         .and_then(|f| held_out(setting, held, f, noise));

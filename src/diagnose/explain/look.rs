@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::Explanation;
-use crate::diagnose::bank::{View, joined, motion, outside, whitened};
+use crate::diagnose::bank::{View, joined, motion, outside, whitened, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Family, FamilyFit, Variable, bends, forces};
 use crate::diagnose::fit::{Fit, Posed};
@@ -29,6 +29,8 @@ const HEAVY_SHARE: f64 = 0.25;
 const HOPELESSLY_FAR: f64 = 60.0;
 /// Single effects bent in the place of a free force.
 const INSTEAD: usize = 8;
+/// Bent laws followed there.
+const SEEDS: usize = 3;
 /// Variables tried per mechanism that is bent early.
 const WAYS: usize = 2;
 /// Heavy members whose laws are bent, and of those the ones that may act twice.
@@ -263,19 +265,31 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
         Posed::new(setting, &search.weights, &set)
             .fit_with(at, effort)
             .ok()
-            .filter(|f| f.log_evidence.is_finite())
+            .filter(|f| f.log_evidence.is_finite() && f.confounded(setting).is_empty())
     };
     let ranked = search.ranked();
     let singles: Vec<&&Fit> = ranked
         .iter()
-        .filter(|f| f.set.len() == 1 && !beside.set.contains(&f.set[0]))
+        .filter(|f| f.set.len() == 1)
         .take(INSTEAD)
         .collect();
     let mut bases: Vec<Base> = singles
         .into_par_iter()
         .filter_map(|single| {
             let candidate = single.set[0];
-            let job = joined(setting, beside, candidate, single.member(setting, 0));
+            // What is in the set already begins anew: beside the force it had other work to do.
+            let rest = match beside.set.iter().position(|c| *c == candidate) {
+                Some(member) => {
+                    let (set, at) = without(setting, beside, member);
+                    Fit {
+                        set,
+                        at,
+                        ..beside.clone()
+                    }
+                }
+                None => beside.clone(),
+            };
+            let job = joined(setting, &rest, candidate, single.member(setting, 0));
             Some((fit(job)?, vec![candidate]))
         })
         .collect();
@@ -288,7 +302,7 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
             .collect();
         (own, heavy)
     }));
-    let mut found = bent(search, bases, BENT);
+    let mut found = bent(search, bases, SEEDS);
     found.retain(|e| {
         let function = e.family.as_ref();
         function.is_some_and(|f| modest(setting, &e.fit, f))

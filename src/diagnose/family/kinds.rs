@@ -6,12 +6,12 @@ use super::{Acts, Family, Variable};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::setting::Setting;
 
-/// Knots per run.
-const EACH_RUN: usize = 25;
-/// Between runs laid end to end \[s\].
-const BETWEEN_S: f64 = 1.0;
+/// Knots per run at most and at least, and in all runs together.
+const EACH_RUN: (usize, usize, usize) = (17, 8, 120);
+/// Between runs laid end to end \[s\]: far enough that what pulls in one says nothing of the next.
+pub(super) const BETWEEN_S: f64 = 1000.0;
 /// First knot after a command edge \[s\].
-const AFTER_EDGE_S: f64 = 0.15;
+pub(super) const AFTER_EDGE_S: f64 = 0.15;
 
 /// Range of each plain variable in each run of a fit: one motion per run serves all functions.
 /// And whether any run has commands.
@@ -116,14 +116,15 @@ pub fn laid_out(setting: &Setting) -> Vec<f64> {
 
 /// Knots over the time of every run.
 fn each_run(setting: &Setting) -> Family {
+    let (most, least, all) = EACH_RUN;
+    let each = (all / setting.tracks.len().max(1)).clamp(least, most);
     let knots = setting
         .tracks
         .iter()
         .zip(laid_out(setting))
         .flat_map(|(t, first)| {
             let span = t.end_s() - t.start_s;
-            (0..EACH_RUN)
-                .map(move |k| first + t.start_s + span * k as f64 / (EACH_RUN as f64 - 1.0))
+            (0..each).map(move |k| first + t.start_s + span * k as f64 / (each as f64 - 1.0))
         })
         .collect();
     Family {

@@ -123,7 +123,7 @@ pub(super) struct Smooth {
     length: f64,
     variance: f64,
     /// Log evidence over no function.
-    pub(super) gain: f64,
+    gain: f64,
     /// Root of the correlation.
     root: DMatrix<f64>,
     eigen: SymmetricEigen<f64, Dyn>,
@@ -226,7 +226,7 @@ impl Smooth {
     }
 }
 
-/// Adds a derivative with respect to hat `hat` where this pass, from hat `first` on, holds it.
+/// Adds a derivative with respect to an unknown (a hat, by its number) where this pass, from `first` on, holds it.
 pub(super) fn mark<const N: usize>(made: &mut Dual<N>, first: usize, hat: usize, by: f64) {
     if let Some(slope) = hat.checked_sub(first).and_then(|i| made.slope.get_mut(i)) {
         *slope += by;

@@ -6,14 +6,13 @@
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 
+use super::kinds::{AFTER_EDGE_S, BETWEEN_S};
 use super::{Family, Variable};
 
 /// Lengths tried, over the span of the knots; 0 = every amplitude by itself.
 pub const LENGTHS: [f64; 5] = [0.0, 0.04, 0.1, 0.25, 0.6];
 /// Added to the diagonal: knots much closer than a length are alike to rounding.
 const NUGGET: f64 = 1e-5;
-/// Times since an edge lie on a logarithm from here on \[s\].
-const AFTER_EDGE_S: f64 = 0.15;
 
 /// Prior of a function's amplitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,11 +28,14 @@ impl Prior {
     pub fn length(family: &Family, share: f64, runs: usize) -> f64 {
         let first = family.knots.first().map_or(0.0, |k| place(family, *k));
         let last = family.knots.last().map_or(0.0, |k| place(family, *k));
-        let parts = match family.variable {
-            Variable::TimeEach => runs.max(1) as f64,
-            _ => 1.0,
+        let (between, parts) = match family.variable {
+            Variable::TimeEach => (
+                BETWEEN_S * runs.saturating_sub(1) as f64,
+                runs.max(1) as f64,
+            ),
+            _ => (0.0, 1.0),
         };
-        share * (last - first) / parts
+        share * (last - first - between) / parts
     }
 
     /// Correlation of the amplitudes.
@@ -72,7 +74,7 @@ impl Prior {
     }
 }
 
-/// Where a knot lies for the covariance.
+/// Where a knot lies for the covariance: times since an edge on a logarithm.
 fn place(family: &Family, knot: f64) -> f64 {
     match family.variable {
         Variable::SinceEdge | Variable::AfterEdge => (1.0 + knot.max(0.0) / AFTER_EDGE_S).ln(),

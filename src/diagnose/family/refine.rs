@@ -111,13 +111,20 @@ impl FamilyFit {
                 .chain(&function.amplitudes)
                 .copied()
                 .collect();
-            let h = problem.linearise(&at).ok()?.hessian;
+            let linear = problem.linearise(&at).ok()?;
+            let (h, g) = (linear.hessian, linear.gradient);
             let (precision, _) = function.prior.precision(&function.family);
             // What the data say of the amplitudes, the set's own unknowns integrated out.
             let cross = h.view((0, n), (n, m)).into_owned();
-            let own = h.view((0, 0), (n, n)).into_owned();
-            let with_prior = h.view((n, n), (m, m)) - cross.tr_mul(&own.cholesky()?.solve(&cross));
-            let product = -(&with_prior * DVector::from_column_slice(&function.amplitudes));
+            let mut own = h.view((0, 0), (n, n)).into_owned();
+            for i in 0..n {
+                // A number that the data say nothing of takes nothing away.
+                own[(i, i)] = own[(i, i)] * (1.0 + 1e-9) + 1e-12;
+            }
+            let own = own.cholesky()?;
+            let with_prior = h.view((n, n), (m, m)) - cross.tr_mul(&own.solve(&cross));
+            let slope = g.rows(n, m) - cross.tr_mul(&own.solve(&g.rows(0, n).into_owned()));
+            let product = slope - &with_prior * DVector::from_column_slice(&function.amplitudes);
             let best = Smooth::best(
                 &function.family,
                 setting,

@@ -101,6 +101,7 @@ impl Search<'_> {
             self.rewhiten();
             let warm: Vec<(Vec<usize>, Vec<f64>)> = vec![(fit.set.clone(), fit.at.clone())];
             self.fits.clear();
+            self.ways.clear();
             self.fit(warm);
             if settled {
                 break;
@@ -213,6 +214,7 @@ impl Search<'_> {
         let kept = (self.weights.clone(), std::mem::take(&mut self.fits));
         self.weights = Weights::new(&self.setting.tracks, least, kept.0.used.clone());
         self.looked_beside = None;
+        self.ways.clear();
         self.rewhiten();
         self.nothing();
         if let Some(best) = best.filter(|b| !b.set.is_empty()) {
@@ -231,6 +233,7 @@ impl Search<'_> {
             }
         }
         (self.weights, self.fits) = kept;
+        self.ways.clear();
         self.looked_beside = None;
         self.rewhiten();
     }
@@ -271,6 +274,7 @@ impl Search<'_> {
         self.noise_stands = true;
         self.rewhiten();
         self.fits.clear();
+        self.ways.clear();
         self.hopeless = false;
         self.looked_beside = None;
         self.nothing();
