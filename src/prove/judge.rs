@@ -185,12 +185,7 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
             judged.paper = Some(outcome);
         }
         Category::Unnamed => {
-            // Motion cannot tell one delay from the other.
-            let delay = |id: &str| DELAYS.contains(&id);
-            let known = |f: &&Found| {
-                let alike = |t: &Truth| delay(&t.effect) && delay(&f.effect);
-                judged.truth.iter().any(|t| t.effect == f.effect || alike(t))
-            };
+            let known = |f: &&Found| judged.truth.iter().any(|t| alike(&t.effect, &f.effect));
             let no_wrong = judged.found.iter().filter(|f| f.matters).all(|f| known(&f));
             let unknown = verdict.verdict == Word::Unknown;
             judged.passed.push(("unknown", unknown && no_wrong));
@@ -247,6 +242,11 @@ fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
     ])
 }
 
+/// Whether two names stand for what motion alone never tells apart: one delay and the other.
+fn alike(a: &str, b: &str) -> bool {
+    a == b || DELAYS.contains(&a) && DELAYS.contains(&b)
+}
+
 /// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented. The observer that
 /// sees another law takes that one; where the data do not show it, its best set of the vocabulary counts.
 fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
@@ -255,7 +255,7 @@ fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     let truth = judged.truth.clone();
     let modest = |found: &mut dyn Iterator<Item = (&str, f64)>| {
         let spurious = found
-            .filter(|(id, _)| !truth.iter().any(|t| t.effect == *id))
+            .filter(|(id, _)| !truth.iter().any(|t| alike(&t.effect, id)))
             .map(|(_, weight_m)| weight_m)
             .fold(0.0, f64::max);
         spurious <= 0.1 * main.weight_m

@@ -72,3 +72,40 @@ fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
         Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => t_s,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::family::Acts;
+    use hydroline_sim::single::Line;
+
+    #[test]
+    fn a_run_is_known_until_it_stays_beyond_the_knots() {
+        let times_s: Vec<f64> = (0..200).map(|k| 0.04 * f64::from(k)).collect();
+        // 0.1 m/s from 0: beyond 0.4 m from 4 s on; one outlier long before.
+        let mut measured: Vec<f64> = times_s.iter().map(|t| 0.1 * t).collect();
+        measured[30] = 3.0;
+        let track = Track {
+            name: String::new(),
+            edges: vec![(0.0, 2.0), (2.0, 5.0)],
+            start_s: 0.0,
+            line: Line {
+                dof: 0,
+                rest: [0.0; 6],
+            },
+            times_s,
+            measured,
+        };
+        let of = |variable: Variable, high: f64| Family {
+            acts: Acts::Force,
+            variable,
+            knots: vec![0.0, 0.5 * high, high],
+            measured: false,
+        };
+        let known = samples_known(&of(Variable::Place, 0.4), &track);
+        assert!((101..=104).contains(&known), "{known}");
+        assert_eq!(samples_known(&of(Variable::Place, 1.0), &track), 200);
+        assert_eq!(samples_known(&of(Variable::Load, 4.0), &track), 50);
+        assert_eq!(samples_known(&of(Variable::Load, 5.0), &track), 200);
+    }
+}
