@@ -298,7 +298,9 @@ pub fn explain(
         // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
         // must predict clearly better than named effects alone.
         let noise = search.weights.noise;
-        let held = &covered(std::slice::from_ref(&best), held);
+        // Where the function knows nothing of what was held out, nothing was asked: all of it is.
+        let known = covered(std::slice::from_ref(&best), held);
+        let held = if known.is_empty() { held } else { &known };
         let named = held_out(search.setting, held, &sparse.fit, noise).unwrap_or(f64::INFINITY);
         let free = best
             .family

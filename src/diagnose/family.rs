@@ -173,6 +173,23 @@ impl Family {
         self.variable.factor(here, rate)
     }
 
+    /// Whether one run ends at this knot and the next begins at the one behind it.
+    fn between_runs(&self, knot: usize) -> bool {
+        let gap = self
+            .knots
+            .get(knot + 1)
+            .map_or(0.0, |k| k - self.knots[knot]);
+        self.variable == Variable::TimeEach && gap > 0.5 * kinds::BETWEEN_S
+    }
+
+    /// A value of the variable as people are shown it: runs laid end to end follow each other after a second.
+    pub fn shown(&self, value: f64) -> f64 {
+        let gaps = (0..self.knots.len())
+            .filter(|i| self.between_runs(*i) && value > self.knots[*i] + 0.5 * kinds::BETWEEN_S)
+            .count();
+        value - (kinds::BETWEEN_S - 1.0) * gaps as f64
+    }
+
     /// Whether it says anything of other runs: a force in time does not, a law that bends with the time since
     /// the log's start does.
     pub fn lasts(&self) -> bool {

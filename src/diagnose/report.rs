@@ -272,12 +272,14 @@ fn place(page: &mut String, found: &Diagnosis) {
             let _ = writeln!(page, "{}", stack(&[plot]));
         }
         if let Some(r) = &regime {
-            let _ = writeln!(page, "{}", stack(&[free_force(r, explained)]));
+            let family = &r.found.family;
+            let knots: Vec<f64> = family.knots.iter().map(|k| family.shown(*k)).collect();
+            let _ = writeln!(page, "{}", stack(&[free_force(r, &knots, explained)]));
         }
     }
 }
 
-fn free_force<'a>(r: &'a Regime, explained: &Explained) -> Plot<'a> {
+fn free_force<'a>(r: &'a Regime, knots: &'a [f64], explained: &Explained) -> Plot<'a> {
     let f = &r.found;
     let load = if explained.setting.dof.index() < 3 {
         "N"
@@ -298,7 +300,7 @@ fn free_force<'a>(r: &'a Regime, explained: &Explained) -> Plot<'a> {
             f.family.variable.name(),
             f.gain
         ),
-        x: &f.family.knots,
+        x: knots,
         x_label: "SI",
         y_label: load,
         lines: vec![
@@ -318,7 +320,7 @@ fn free_force<'a>(r: &'a Regime, explained: &Explained) -> Plot<'a> {
                 values: f.amplitudes.clone(),
             },
         ],
-        shaded: vec![(r.range, "#090")],
+        shaded: vec![(r.range.map(|v| f.family.shown(v)), "#090")],
         ..Plot::default()
     }
 }

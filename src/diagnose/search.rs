@@ -56,6 +56,9 @@ const PROMISES_ARE_OFF: f64 = 0.3;
 /// Log evidence that a free force must gain beside a set for the search to end.
 const PLAINLY: f64 = 30.0;
 
+/// A set, the one it was reached from, that one's cost, the start (`usize::MAX`: none) and what was promised.
+type Way = (Vec<usize>, Vec<usize>, i64, usize, i64);
+
 /// Work in progress of one DOF.
 pub struct Search<'a> {
     /// The problem.
@@ -70,7 +73,7 @@ pub struct Search<'a> {
     pub blind: BTreeSet<usize>,
     hopeless: bool,
     /// Ways to sets that were taken, under the present weights.
-    ways: BTreeSet<(Vec<usize>, Vec<usize>, i64)>,
+    ways: BTreeSet<Way>,
     /// Few effects of which one does not act by its law, found before the large sets.
     pub early: Vec<Explanation>,
     /// The noise was found beside a free function: a set that lacks it would take structure for noise.
@@ -286,8 +289,7 @@ impl<'a> Search<'a> {
 
     /// Fits a set with each of its most promising additions.
     pub fn extend(&mut self, sets: &[Vec<usize>], width: usize, least_gain: f64) {
-        let mut jobs = Vec::new();
-        let mut ways = BTreeSet::new();
+        let (mut jobs, mut ways) = (Vec::new(), Vec::new());
         for set in sets {
             let promises = self.promises(set);
             let Some(fit) = self.get(set) else { continue };
@@ -308,39 +310,44 @@ impl<'a> Search<'a> {
                 for p in list.iter().take(STARTS) {
                     let point = self.begin(fit, p);
                     let (bigger, from) = joined(self.setting, fit, p.candidate, &point);
-                    if p.gain >= least_gain && self.lacks(&bigger, fit, -p.gain) {
-                        ways.insert(Search::way(&bigger, fit));
+                    let way = Search::way(&bigger, fit, p.start, -p.gain);
+                    if p.gain >= least_gain && self.lacks(&way, fit, Some(-p.gain)) {
                         jobs.push((bigger, from));
+                        ways.push(way);
                     }
                 }
             }
         }
         // The same set comes up from several parents: two ways to it are enough.
         let mut taken: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
-        jobs.retain(|(set, _)| {
-            let way = taken.entry(set.clone()).or_default();
-            *way += 1;
-            *way <= WAYS
-        });
-        self.ways.append(&mut ways);
-        self.fit(jobs);
+        let mut kept = Vec::new();
+        for (job, way) in jobs.into_iter().zip(ways) {
+            let count = taken.entry(job.0.clone()).or_default();
+            *count += 1;
+            if *count <= WAYS {
+                kept.push(job);
+                self.ways.insert(way);
+            }
+        }
+        self.fit(kept);
     }
 
     /// Whether a set is not fitted yet, or only far above a cost that another way to it promises: what has a
     /// period or a place has minima of its own, and the first way may have ended in one.
     /// `change` of the cost as the parent promises it; the same way is not taken twice.
-    fn lacks(&self, set: &[usize], parent: &Fit, change: f64) -> bool {
-        let slack = OTHER_MINIMUM.max(PROMISES_ARE_OFF * change.abs());
-        self.get(set).is_none_or(|fit| {
-            change != 0.0
-                && fit.cost > parent.cost + change + slack
-                && !self.ways.contains(&Search::way(set, parent))
+    fn lacks(&self, way: &Way, parent: &Fit, change: Option<f64>) -> bool {
+        let Some(fit) = self.get(&way.0) else {
+            return true;
+        };
+        change.is_some_and(|change| {
+            let slack = OTHER_MINIMUM.max(PROMISES_ARE_OFF * change.abs());
+            fit.cost > parent.cost + change + slack && !self.ways.contains(way)
         })
     }
 
-    /// A set, where it comes from, and how good that was.
-    fn way(set: &[usize], parent: &Fit) -> (Vec<usize>, Vec<usize>, i64) {
-        (set.to_vec(), parent.set.clone(), parent.cost as i64)
+    fn way(set: &[usize], parent: &Fit, start: usize, change: f64) -> Way {
+        let (cost, change) = (parent.cost as i64, change as i64);
+        (set.to_vec(), parent.set.clone(), cost, start, change)
     }
 
     /// Every candidate by itself, fitted to a percent of its cost.
@@ -386,8 +393,10 @@ impl<'a> Search<'a> {
             let sizes = fit.sizes(self.setting);
             for member in (0..set.len()).filter(|m| sizes[*m] < sure) {
                 let (smaller, from) = without(self.setting, fit, member);
-                if self.lacks(&smaller, fit, sizes[member]) {
-                    ways.insert(Search::way(&smaller, fit));
+                let size = Some(sizes[member]).filter(|s| *s > 0.0);
+                let way = Search::way(&smaller, fit, usize::MAX, sizes[member]);
+                if self.lacks(&way, fit, size) {
+                    ways.insert(way);
                     jobs.push((smaller, from));
                 }
             }
@@ -612,6 +621,7 @@ impl<'a> Search<'a> {
     /// where the set without the member, fitted, has drifted away.
     fn replace(&mut self, best: &Fit) {
         let mut jobs = Vec::new();
+        let mut ways = BTreeSet::new();
         for member in 0..best.set.len() {
             let (set, at) = without(self.setting, best, member);
             let gap = Fit {
@@ -631,11 +641,15 @@ impl<'a> Search<'a> {
             {
                 let point = self.begin(&gap, &list[0]);
                 let job = joined(self.setting, &gap, list[0].candidate, &point);
-                if self.lacks(&job.0, best, top - list[0].gain) {
+                let change = top - list[0].gain;
+                let way = Search::way(&job.0, best, list[0].start, change);
+                if self.lacks(&way, best, Some(change)) {
+                    ways.insert(way);
                     jobs.push(job);
                 }
             }
         }
+        self.ways.append(&mut ways);
         self.fit(jobs);
     }
 

@@ -185,7 +185,8 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
             judged.paper = Some(outcome);
         }
         Category::Unnamed => {
-            let known = |f: &&Found| judged.truth.iter().any(|t| alike(&t.effect, &f.effect));
+            let all: Vec<&str> = judged.found.iter().map(|f| f.effect.as_str()).collect();
+            let known = |f: &&Found| is_there(&judged.truth, &f.effect, &all);
             let no_wrong = judged.found.iter().filter(|f| f.matters).all(|f| known(&f));
             let unknown = verdict.verdict == Word::Unknown;
             judged.passed.push(("unknown", unknown && no_wrong));
@@ -242,9 +243,15 @@ fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
     ])
 }
 
-/// Whether two names stand for what motion alone never tells apart: one delay and the other.
-fn alike(a: &str, b: &str) -> bool {
-    a == b || DELAYS.contains(&a) && DELAYS.contains(&b)
+/// Whether what was found is there; motion alone never tells one delay from the other, so that one of them, found
+/// alone, stands for either.
+fn is_there(truth: &[Truth], found: &str, all: &[&str]) -> bool {
+    let twin = |t: &Truth| {
+        DELAYS.contains(&found)
+            && DELAYS.contains(&t.effect.as_str())
+            && !all.contains(&t.effect.as_str())
+    };
+    truth.iter().any(|t| t.effect == found || twin(t))
 }
 
 /// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented. The observer that
@@ -254,9 +261,12 @@ fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     let in_set = judged.equivalent.iter().any(|s| s.contains(&main.effect));
     let truth = judged.truth.clone();
     let modest = |found: &mut dyn Iterator<Item = (&str, f64)>| {
+        let found: Vec<(&str, f64)> = found.collect();
+        let all: Vec<&str> = found.iter().map(|f| f.0).collect();
         let spurious = found
-            .filter(|(id, _)| !truth.iter().any(|t| alike(&t.effect, id)))
-            .map(|(_, weight_m)| weight_m)
+            .iter()
+            .filter(|(id, _)| !is_there(&truth, id, &all))
+            .map(|(_, weight_m)| *weight_m)
             .fold(0.0, f64::max);
         spurious <= 0.1 * main.weight_m
     };

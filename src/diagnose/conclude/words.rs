@@ -63,7 +63,7 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
             "a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere",
             of, range[0], range[1]
         ),
-        knots: f.family.knots.clone(),
+        knots: f.family.knots.iter().map(|k| f.family.shown(*k)).collect(),
         force_at: f.amplitudes.clone(),
         force_sd: f.sds.clone(),
         log_bayes_factor: f.gain,

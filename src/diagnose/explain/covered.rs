@@ -22,6 +22,9 @@ pub fn covered(contenders: &[Explanation], held: &[Track]) -> Vec<Track> {
         .filter_map(|e| Some(&e.family.as_ref()?.family))
         .filter(|f| f.lasts())
         .collect();
+    if functions.is_empty() {
+        return held.to_vec();
+    }
     held.iter()
         .filter_map(|track| {
             let known = functions

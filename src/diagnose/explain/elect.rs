@@ -43,7 +43,7 @@ pub fn elect(
     let known = covered(&near, held);
     let missed: Vec<Option<f64>> = contenders
         .iter()
-        .map(|e| match known.is_empty() && e.simple() {
+        .map(|e| match known.is_empty() && e.family.is_none() {
             true => foretold(search, e, held),
             false => foretold(search, e, &known),
         })

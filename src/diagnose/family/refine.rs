@@ -156,6 +156,8 @@ impl FamilyFit {
             .iter()
             .take(BENDS_SPLIT)
             .flat_map(|(_, i)| [i - 1, *i])
+            // Between two runs nothing is to be seen.
+            .filter(|i| !self.family.between_runs(*i))
             .collect();
         let mut finer = self.clone();
         (finer.family.knots, finer.amplitudes) = (Vec::new(), Vec::new());
