@@ -179,7 +179,7 @@ pub fn explain(
     }
     let mut tried: BTreeMap<Vec<usize>, Explanation> =
         BTreeMap::from([(first.set.clone(), best.clone())]);
-    let known = covered(std::slice::from_ref(&best), held);
+    let known = covered(&[&best], held);
     let misses = foretold(search, &best, &known)
         .is_some_and(|m| m > MISSES * search.weights.noise.total_sd());
     let mut seeds = challenge(search, &best, misses, &mut tried);
@@ -209,9 +209,8 @@ pub fn explain(
     // A force in time does anything; one of place, rate or load that leaves only noise has shown what else is
     // there: laws that bend are asked in its place.
     let all = ALL_BUT_NOISE * search.weights.samples() as f64;
-    let lasting = |e: &Explanation| {
-        e.unnamed() && e.kind().is_some_and(|k| k.1 != Variable::TimeEach) && e.cost() < all
-    };
+    let lasts = |e: &Explanation| e.family.as_ref().is_some_and(|f| f.family.lasts());
+    let lasting = |e: &Explanation| e.unnamed() && lasts(e) && e.cost() < all;
     let bar = |contenders: &[Explanation], best: &Explanation| {
         let all = contenders.iter().map(|c| c.log_evidence);
         all.fold(best.log_evidence, f64::max)
@@ -234,7 +233,6 @@ pub fn explain(
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         .cloned();
     if let Some(unnamed) = &explained {
-        search.refresh(&[]);
         search.singles();
         let floor = bar(&contenders, &best) - OUT_OF_REACH;
         laws.extend(instead(search, unnamed));
@@ -246,7 +244,6 @@ pub fn explain(
     } else if may_imitate(search, &best, held) {
         let bar = bar(&contenders, &best);
         if search.early.is_empty() {
-            search.refresh(&[]);
             search.singles();
             contenders.extend(doubled(search, &best.fit, bar));
             laws.extend(bent(search, fewest(search, BASES), BENT_EARLY));
@@ -299,7 +296,7 @@ pub fn explain(
         // must predict clearly better than named effects alone.
         let noise = search.weights.noise;
         // Where the function knows nothing of what was held out, nothing was asked: all of it is.
-        let known = covered(std::slice::from_ref(&best), held);
+        let known = covered(&[&best], held);
         let held = if known.is_empty() { held } else { &known };
         let named = held_out(search.setting, held, &sparse.fit, noise).unwrap_or(f64::INFINITY);
         let free = best
@@ -393,7 +390,7 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
 /// vocabulary's: it misses the runs held out or, where there are none, has two that matter; or a function.
 fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
     let noise_m = search.weights.noise.total_sd();
-    let known = covered(std::slice::from_ref(best), held);
+    let known = covered(&[best], held);
     match foretold(search, best, &known) {
         Some(m) if best.simple() => m > FORETELLS * noise_m,
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),

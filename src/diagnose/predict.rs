@@ -118,12 +118,7 @@ pub fn predicted_beside(
         let joint = Joint::new(&other, weights, &there, function);
         let starts = Starts {
             joint: &joint,
-            fixed: there
-                .at
-                .iter()
-                .chain(&function.amplitudes)
-                .copied()
-                .collect(),
+            fixed: function.unknowns(&there),
             range: g..there.at.len(),
         };
         let from = there.at[g..].to_vec();

@@ -129,10 +129,10 @@ impl<'a> Search<'a> {
     /// Fits sets from given points; a better fit of the same set replaces the old one.
     pub fn fit(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
         let effort = Effort {
-            floor: 0.5 * self.weights.samples() as f64,
             limit: self
                 .best()
                 .map_or(f64::INFINITY, |b| b.cost + HOPELESSLY_FAR),
+            ..self.weights.to_a_percent()
         };
         self.fit_with(jobs, effort);
     }
@@ -227,7 +227,7 @@ impl<'a> Search<'a> {
                 (Vec::new(), at)
             })
             .collect();
-        self.fit_with(jobs, self.to_a_percent());
+        self.fit_with(jobs, self.weights.to_a_percent());
     }
 
     /// Takes responses of all candidates beside a set.
@@ -352,6 +352,7 @@ impl<'a> Search<'a> {
 
     /// Every candidate by itself, fitted to a percent of its cost.
     pub fn singles(&mut self) {
+        self.refresh(&[]);
         let Some(nothing) = self.get(&[]).cloned() else {
             return;
         };
@@ -369,14 +370,7 @@ impl<'a> Search<'a> {
 
     /// Fits sets, all to a percent of their cost.
     pub fn fit_all(&mut self, jobs: Vec<(Vec<usize>, Vec<f64>)>) {
-        self.fit_with(jobs, self.to_a_percent());
-    }
-
-    fn to_a_percent(&self) -> Effort {
-        Effort {
-            floor: 0.5 * self.weights.samples() as f64,
-            limit: f64::INFINITY,
-        }
+        self.fit_with(jobs, self.weights.to_a_percent());
     }
 
     /// Fits sets with each of their members taken out that is not surely there.
@@ -543,7 +537,6 @@ impl<'a> Search<'a> {
     /// Where a set of some size leaves more than noise: what few effects do of which one does not act by its
     /// law. Sets that stay below that log evidence with many members only imitate it.
     fn bend_early(&mut self) -> f64 {
-        self.refresh(&[]);
         self.singles();
         self.early = early(self);
         (self.progress)("bent laws");

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::descent::Effort;
 use super::setting::{Setting, Track};
 use crate::identify::noise::{Noise, Series, Whitener, estimate};
 use crate::identify::statistics::{difference_sd, robust_sd};
@@ -56,6 +57,14 @@ impl Weights {
             self.whiten(run, values.iter_mut());
         }
         DVector::from_vec(series.into_iter().flatten().collect())
+    }
+
+    /// A fit to a percent of what lies above the noise, however far that is.
+    pub fn to_a_percent(&self) -> Effort {
+        Effort {
+            floor: 0.5 * self.samples() as f64,
+            limit: f64::INFINITY,
+        }
     }
 
     /// Samples that count.

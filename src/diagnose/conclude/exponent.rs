@@ -146,12 +146,7 @@ fn with_factor(
     let n = first.at.len();
     let free = Starts {
         joint: &joint,
-        fixed: first
-            .at
-            .iter()
-            .chain(&function.amplitudes)
-            .copied()
-            .collect(),
+        fixed: function.unknowns(first),
         range: 0..n,
     };
     let found = descend(&free, first.at.clone(), Effort::FULL).ok()?;

@@ -102,20 +102,15 @@ pub fn squeezed(search: &Search<'_>, grown: &Explanation) -> Option<(Vec<usize>,
     let bank = Bank::of(search, &now);
     for _ in 0..SQUEEZES {
         now.1.prior.sd *= SQUEEZED;
-        now = now
-            .1
-            .refine(search.setting, &search.weights, &now.0, roughly(search))?;
+        now = now.1.refine(
+            search.setting,
+            &search.weights,
+            &now.0,
+            search.weights.to_a_percent(),
+        )?;
         now = climb(search, &bank, now, &grown.fit, f64::NEG_INFINITY).0;
     }
     Some((now.0.set, now.0.at))
-}
-
-/// Far from the noise a percent will do.
-fn roughly(search: &Search<'_>) -> Effort {
-    Effort {
-        floor: 0.5 * search.weights.samples() as f64,
-        limit: f64::INFINITY,
-    }
 }
 
 /// Additions and removals until none is better; with what each member is needed for.
@@ -142,7 +137,7 @@ fn climb(
         jobs.retain(|j| !tried.contains_key(&j.0));
         let effort = Effort {
             limit: now.0.cost + TOO_FAR,
-            ..roughly(search)
+            ..search.weights.to_a_percent()
         };
         let made: Vec<(Vec<usize>, Option<Pair>)> = jobs
             .into_par_iter()
@@ -248,7 +243,7 @@ fn additions(
     (fit, function): &Pair,
 ) -> Vec<(Vec<usize>, Vec<f64>)> {
     let setting = search.setting;
-    let at: Vec<f64> = fit.at.iter().chain(&function.amplitudes).copied().collect();
+    let at = function.unknowns(fit);
     let view = Joint::new(setting, &search.weights, fit, function).view(&at);
     view.promises(&bank.responses, &bank.padded, &fit.set)
         .into_iter()

@@ -16,7 +16,7 @@ const LEAST_SHARE: f64 = 0.15;
 /// Runs held out up to where the first of these explanations' functions would be asked about a place, a rate
 /// or a load that no run fitted showed it: what it says there is nobody's prediction, and what follows hangs
 /// on it. Runs of which hardly anything is left go.
-pub fn covered(contenders: &[Explanation], held: &[Track]) -> Vec<Track> {
+pub fn covered(contenders: &[&Explanation], held: &[Track]) -> Vec<Track> {
     let functions: Vec<&Family> = contenders
         .iter()
         .filter_map(|e| Some(&e.family.as_ref()?.family))
@@ -63,15 +63,18 @@ fn samples_known(function: &Family, track: &Track) -> usize {
 /// The variable as the run shows it at a sample.
 fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
     let t_s = track.times_s[k];
-    let edge = track.edges.iter().rev().find(|e| e.0 <= t_s);
-    let load_n = edge.map_or(0.0, |e| e.1);
+    let edge = || {
+        let after = track.edges.partition_point(|e| e.0 <= t_s);
+        after.checked_sub(1).map(|k| track.edges[k])
+    };
+    let load_n = || edge().map_or(0.0, |e| e.1);
     match variable {
         Variable::Place | Variable::PlaceAgainst => track.measured[k],
         Variable::Rate => track.rate_at(t_s),
         Variable::Speed => track.rate_at(t_s).abs(),
-        Variable::Load => load_n,
-        Variable::LoadSize => load_n.abs(),
-        Variable::SinceEdge | Variable::AfterEdge => t_s - edge.map_or(track.start_s, |e| e.0),
+        Variable::Load => load_n(),
+        Variable::LoadSize => load_n().abs(),
+        Variable::SinceEdge | Variable::AfterEdge => t_s - edge().map_or(track.start_s, |e| e.0),
         Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => t_s,
     }
 }

@@ -97,8 +97,8 @@ fn grown(
         );
         jobs.extend(joining(setting, &now, also));
         let effort = Effort {
-            floor: 0.5 * search.weights.samples() as f64,
             limit: now.cost + TOO_FAR,
+            ..search.weights.to_a_percent()
         };
         let best = jobs
             .into_par_iter()

@@ -35,10 +35,9 @@ pub fn elect(
         .iter()
         .map(|e| e.log_evidence)
         .fold(f64::NEG_INFINITY, f64::max);
-    let near: Vec<Explanation> = contenders
+    let near: Vec<&Explanation> = contenders
         .iter()
         .filter(|e| e.log_evidence > top - IN_THE_RACE)
-        .cloned()
         .collect();
     let known = covered(&near, held);
     let missed: Vec<Option<f64>> = contenders

@@ -59,7 +59,6 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
     let weights = weights(setting, fit);
     let heaviest = weights.iter().copied().fold(0.0, f64::max);
     let mut families = forces(setting, fit);
-    let floor = search.weights.samples() as f64;
     measured_where_far(search, fit, &mut families);
     let mut heavy: Vec<usize> = (0..fit.set.len())
         .filter(|m| weights[*m] > setting.tolerance && weights[*m] >= HEAVY_SHARE * heaviest)
@@ -110,10 +109,10 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         .filter(|f| f.gain >= WORTH_A_FIT * top)
     {
         let effort = Effort {
-            floor: 0.5 * floor,
             limit: refined
                 .as_ref()
                 .map_or(f64::INFINITY, |(joint, _)| joint.cost + HOPELESSLY_FAR),
+            ..search.weights.to_a_percent()
         };
         let made = f
             .close(setting, &search.weights, fit, effort)
@@ -131,10 +130,7 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
             at: joint.at.clone(),
             ..fit.clone()
         };
-        let effort = Effort {
-            floor: 0.5 * floor,
-            limit: f64::INFINITY,
-        };
+        let effort = search.weights.to_a_percent();
         // Once more from there: a percent of what is left now.
         refined = function
             .refine(setting, &search.weights, &from, effort)
@@ -200,7 +196,6 @@ pub fn modest(setting: &Setting, joint: &Fit, function: &FamilyFit) -> bool {
 pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
     let setting = search.setting;
     let view = View::new(setting, &search.weights, fit);
-    let floor = search.weights.samples() as f64;
     let mut families = forces(setting, fit);
     measured_where_far(search, fit, &mut families);
     let mut found: Vec<FamilyFit> = families
@@ -209,10 +204,7 @@ pub fn kinds(search: &Search<'_>, fit: &Fit, most: usize) -> Vec<Explanation> {
         .filter(|f| f.gain > BELIEVED)
         .collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let effort = Effort {
-        floor: 0.5 * floor,
-        limit: f64::INFINITY,
-    };
+    let effort = search.weights.to_a_percent();
     let mut seen = Vec::new();
     found.retain(|f| {
         let kind = f.family.variable.kind();
@@ -257,10 +249,7 @@ pub fn fewest(search: &Search<'_>, most: usize) -> Vec<Base> {
 pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
     let setting = search.setting;
     let beside = &unnamed.fit;
-    let effort = Effort {
-        floor: 0.5 * search.weights.samples() as f64,
-        limit: f64::INFINITY,
-    };
+    let effort = search.weights.to_a_percent();
     let fit = |(set, at): (Vec<usize>, Vec<f64>)| {
         Posed::new(setting, &search.weights, &set)
             .fit_with(at, effort)
@@ -314,7 +303,6 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
 /// go on from there.
 pub fn bent(search: &Search<'_>, bases: Vec<Base>, most: usize) -> Vec<Explanation> {
     let setting = search.setting;
-    let floor = search.weights.samples() as f64;
     let mut found: Vec<(f64, &Fit, FamilyFit)> = bases
         .par_iter()
         .flat_map_iter(|(fit, members)| {
@@ -338,10 +326,7 @@ pub fn bent(search: &Search<'_>, bases: Vec<Base>, most: usize) -> Vec<Explanati
         before < WAYS
     });
     found.truncate(most);
-    let effort = Effort {
-        floor: 0.5 * floor,
-        limit: f64::INFINITY,
-    };
+    let effort = search.weights.to_a_percent();
     found
         .par_iter()
         .filter_map(|(promised, fit, f)| {

@@ -40,8 +40,8 @@ fn lacking(search: &Search<'_>, found: &Explanation, member: usize) -> Option<f6
     let setting = search.setting;
     let candidate = found.fit.set[member];
     let effort = Effort {
-        floor: 0.5 * search.weights.samples() as f64,
         limit: found.fit.cost + TOO_FAR,
+        ..search.weights.to_a_percent()
     };
     let plain = |set: Vec<usize>, at: Vec<f64>| {
         let fit = Posed::new(setting, &search.weights, &set).fit_with(at, effort);

@@ -8,7 +8,6 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::diagnose::bank::{View, joined, responses, whitened};
-use crate::diagnose::descent::Effort;
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
@@ -71,10 +70,7 @@ impl Windows {
 
     /// A set fitted in windows from numbers of its own.
     pub fn fit(&self, set: &[usize], globals: &[f64]) -> Option<Fit> {
-        let effort = Effort {
-            floor: 0.5 * self.weights.samples() as f64,
-            limit: f64::INFINITY,
-        };
+        let effort = self.weights.to_a_percent();
         Posed::new(&self.setting, &self.weights, set)
             .fit_with(self.from(globals), effort)
             .ok()

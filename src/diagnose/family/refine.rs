@@ -38,10 +38,14 @@ impl FamilyFit {
         DVector::from_vec(all)
     }
 
+    /// Unknowns of a set, then this function's amplitudes.
+    pub fn unknowns(&self, fit: &Fit) -> Vec<f64> {
+        fit.at.iter().chain(&self.amplitudes).copied().collect()
+    }
+
     /// What a set with this function leaves, predicted minus measured, run by run \[m, rad\].
     pub fn residuals(&self, setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<Vec<f64>> {
-        let at: Vec<f64> = fit.at.iter().chain(&self.amplitudes).copied().collect();
-        Joint::new(setting, weights, fit, self).raw(&at)
+        Joint::new(setting, weights, fit, self).raw(&self.unknowns(fit))
     }
 
     /// As [`FamilyFit::refine`]; a function of what was measured becomes one of the model's motion.
@@ -105,13 +109,7 @@ impl FamilyFit {
         let again = || {
             let problem = Joint::new(setting, weights, &joint, &function);
             let (_, n, m) = problem.sizes;
-            let at: Vec<f64> = joint
-                .at
-                .iter()
-                .chain(&function.amplitudes)
-                .copied()
-                .collect();
-            let linear = problem.linearise(&at).ok()?;
+            let linear = problem.linearise(&function.unknowns(&joint)).ok()?;
             let (h, g) = (linear.hessian, linear.gradient);
             let (precision, _) = function.prior.precision(&function.family);
             // What the data say of the amplitudes, the set's own unknowns integrated out.
@@ -183,7 +181,7 @@ impl FamilyFit {
     ) -> Option<(Fit, FamilyFit)> {
         let problem = Joint::new(setting, weights, fit, self);
         let (_, n, m) = problem.sizes;
-        let mut from: Vec<f64> = fit.at.iter().chain(&self.amplitudes).copied().collect();
+        let mut from = self.unknowns(fit);
         // The linear fit also moves the set's own unknowns: from the old ones it may be worse than nothing.
         let mut still = from.clone();
         still[n..].fill(0.0);

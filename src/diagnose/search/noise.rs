@@ -249,12 +249,7 @@ impl Search<'_> {
             .collect();
         let raw = Weights::new(&self.setting.tracks, Noise::white(1.0), all);
         let problem = Joint::new(self.setting, &raw, joint, function);
-        let at: Vec<f64> = joint
-            .at
-            .iter()
-            .chain(&function.amplitudes)
-            .copied()
-            .collect();
+        let at = function.unknowns(joint);
         let (residuals, columns) = (problem.raw(&at), problem.columns(&at));
         if columns.iter().any(|v| !v.is_finite()) {
             return false;
