@@ -7,6 +7,9 @@ use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
 
+/// Start of a response that was taken at numbers found elsewhere.
+pub const ELSEWHERE: usize = usize::MAX;
+
 /// Motion with a candidate at one of its starting points minus motion without, runs end to end.
 #[derive(Debug, Clone)]
 pub struct Response {
@@ -83,17 +86,42 @@ pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
 
 /// The same, of a motion that knows more than the set (a free function).
 pub fn responses_by(setting: &Setting, fit: &Fit, motion: Motion<'_>) -> Vec<Response> {
+    let points: Vec<(usize, usize, &[f64])> = (0..setting.vocabulary.len())
+        .filter(|c| !fit.set.contains(c))
+        .flat_map(|c| {
+            let starts = setting.vocabulary[c].starts.iter().enumerate();
+            starts.map(move |(s, point)| (c, s, point.as_slice()))
+        })
+        .collect();
+    responses_to(setting, fit, &points, motion)
+}
+
+/// Responses of candidates at points of their parameters found elsewhere ([`ELSEWHERE`] for a start).
+pub fn responses_at(
+    setting: &Setting,
+    fit: &Fit,
+    points: &[(usize, &[f64])],
+    motion: Motion<'_>,
+) -> Vec<Response> {
+    let points: Vec<(usize, usize, &[f64])> =
+        points.iter().map(|(c, p)| (*c, ELSEWHERE, *p)).collect();
+    responses_to(setting, fit, &points, motion)
+}
+
+/// Candidate, number of the start, the parameters there.
+fn responses_to(
+    setting: &Setting,
+    fit: &Fit,
+    points: &[(usize, usize, &[f64])],
+    motion: Motion<'_>,
+) -> Vec<Response> {
     let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
         .map(|r| fit.start(setting, r))
         .collect();
     let plain = motion(&fit.set, fit.globals(setting), &starts);
-    let jobs: Vec<(usize, usize)> = (0..setting.vocabulary.len())
-        .filter(|c| !fit.set.contains(c))
-        .flat_map(|c| (0..setting.vocabulary[c].starts.len()).map(move |s| (c, s)))
-        .collect();
-    jobs.into_par_iter()
-        .filter_map(|(candidate, start)| {
-            let point = &setting.vocabulary[candidate].starts[start];
+    points
+        .par_iter()
+        .filter_map(|&(candidate, start, point)| {
             let (set, at) = joined(setting, fit, candidate, point);
             let globals = &at[..COEFFICIENTS + setting.parameters(&set)];
             let column = motion(&set, globals, &starts) - &plain;

@@ -21,16 +21,16 @@ use super::bank::without;
 use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
-use super::predict::{held_out, predicted_beside};
+use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
-use super::weight::{weight_beyond, weights};
+use super::weight::{weight_beyond, weight_of, weights};
 use beside::{beside, squeezed};
 use covered::covered;
 use doubled::{doubled, doubled_from};
 
 use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
-use look::{BELIEVED, bent, fewest, instead, kinds, modest};
+use look::{BELIEVED, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
 
 pub use forward::forward;
 pub use look::{Care, look};
@@ -51,7 +51,7 @@ const BASES: usize = 8;
 const KEPT_EARLY: usize = 3;
 /// See [`BASES`].
 const BENT_EARLY: usize = 4;
-/// rms of the runs held out over the noise above which an explanation is doubted.
+/// rms of the runs held out over what it is where the explanation is right, above which that is doubted.
 const MISSES: f64 = 2.0;
 /// The same below which named effects imitate nothing.
 const FORETELLS: f64 = 1.2;
@@ -63,6 +63,8 @@ const ALL_BUT_NOISE: f64 = 0.6;
 const WORTH_A_CLIMB: f64 = 2.0;
 /// Log evidence below an explanation that leaves only noise, from where no set comes near it.
 const OUT_OF_REACH: f64 = 200.0;
+/// The same below any explanation, of a law that bends with all that joins it: a better prior mends less.
+const LAW_OUT_OF_REACH: f64 = 50.0;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
@@ -78,7 +80,8 @@ pub struct Explanation {
     pub family: Option<FamilyFit>,
     /// Without such a function: the member (candidate) that acts twice, with the fit of both.
     pub twice: Option<(usize, Fit)>,
-    /// Weight of the function's response \[m, rad\].
+    /// Weight of the function's response \[m, rad\]: of a force as of an effect, of a bend beyond what the set's
+    /// own numbers could do.
     pub family_weight: f64,
     /// Log evidence of both.
     pub log_evidence: f64,
@@ -105,8 +108,13 @@ impl Explanation {
 
     /// A set fitted together with a function.
     fn with(search: &Search<'_>, joint: Fit, family: FamilyFit) -> Explanation {
+        // A force is weighed as the effects are; of a bend counts what no other number of the set could do.
+        let weight = match family.family.acts {
+            Acts::Force => weight_of,
+            Acts::Bends(_) => weight_beyond,
+        };
         Explanation {
-            family_weight: weight_beyond(search.setting, &joint, &family.response),
+            family_weight: weight(search.setting, &joint, &family.response),
             family: Some(family),
             ..Explanation::plain(search, &joint)
         }
@@ -181,7 +189,7 @@ pub fn explain(
         BTreeMap::from([(first.set.clone(), best.clone())]);
     let known = covered(&[&best], held);
     let misses = foretold(search, &best, &known)
-        .is_some_and(|m| m > MISSES * search.weights.noise.total_sd());
+        .is_some_and(|m| m > MISSES * at_best(search, &best, &known));
     let mut seeds = challenge(search, &best, misses, &mut tried);
     seeds.extend(tried.values().filter(|e| e.family.is_some()).cloned());
     if let Some(other) = tried
@@ -241,12 +249,16 @@ pub fn explain(
             laws.extend(again(search, found));
         }
         laws.retain(|s| s.log_evidence > floor);
+        if search.early.is_empty() {
+            // How far these are is seen only when others have joined them.
+            laws.extend(bent_alone(search));
+        }
     } else if may_imitate(search, &best, held) {
         let bar = bar(&contenders, &best);
         if search.early.is_empty() {
             search.singles();
             contenders.extend(doubled(search, &best.fit, bar));
-            laws.extend(bent(search, fewest(search, BASES), BENT_EARLY));
+            laws.extend(bent(search, fewest(search, BASES), WAYS, BENT_EARLY));
         } else {
             for found in &search.early {
                 contenders.extend(doubled_from(search, found, &best.fit, bar));
@@ -374,7 +386,7 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
         return Vec::new();
     };
     let mut found = doubled(search, &best, best.log_evidence);
-    for seed in bent(search, fewest(search, BASES), BENT_EARLY) {
+    for seed in bent(search, fewest(search, BASES), WAYS, BENT_EARLY) {
         let bar = found
             .iter()
             .map(|e: &Explanation| e.log_evidence)
@@ -386,14 +398,34 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
     found
 }
 
+/// Log evidence of the best unnamed force of place, rate or load with what joins it, few effects or none.
+pub fn unnamed_from_nothing(search: &Search<'_>) -> f64 {
+    let (Some(best), Some(nothing)) = (search.best(), search.get(&[])) else {
+        return f64::NEG_INFINITY;
+    };
+    kinds(search, nothing, KINDS)
+        .iter()
+        .filter(|seed| seed.family.as_ref().is_some_and(|f| f.family.lasts()))
+        .map(|seed| beside(search, seed, best, best.log_evidence).log_evidence)
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
 /// vocabulary's: it misses the runs held out or, where there are none, has two that matter; or a function.
 fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
-    let noise_m = search.weights.noise.total_sd();
     let known = covered(&[best], held);
     match foretold(search, best, &known) {
-        Some(m) if best.simple() => m > FORETELLS * noise_m,
+        Some(m) if best.simple() => m > FORETELLS * at_best(search, best, &known),
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
+    }
+}
+
+/// rms of the runs held out that an explanation may have where it is right \[m, rad\].
+fn at_best(search: &Search<'_>, e: &Explanation, held: &[Track]) -> f64 {
+    let noise = search.weights.noise;
+    match e.simple() {
+        true => expected(search.setting, held, &e.fit, noise),
+        false => noise.total_sd(),
     }
 }
 
@@ -422,7 +454,11 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
     // More knots bring a force that begins sharply to the noise from far off, but no law that bends.
     let sharper_will_do =
         grown.bent().is_none() && grown.cost() > ALL_BUT_NOISE * search.weights.samples() as f64;
-    if grown.log_evidence < bar - OUT_OF_REACH && !sharper_will_do {
+    let reach = match grown.bent() {
+        Some(_) => LAW_OUT_OF_REACH,
+        None => OUT_OF_REACH,
+    };
+    if grown.log_evidence < bar - reach && !sharper_will_do {
         return None;
     }
     if let Some(family) = grown.family.clone() {

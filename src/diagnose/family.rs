@@ -41,6 +41,8 @@ pub enum Variable {
     Rate,
     /// Its size.
     Speed,
+    /// The same, of a force against the motion \[m/s\]: a drag that depends on speed as it likes.
+    SpeedAgainst,
     /// Commanded load \[N\].
     Load,
     /// Its size.
@@ -65,6 +67,7 @@ impl Variable {
             Variable::PlaceAgainst => "position, against the motion".to_owned(),
             Variable::Rate => "rate".to_owned(),
             Variable::Speed => "speed".to_owned(),
+            Variable::SpeedAgainst => "speed, against the motion".to_owned(),
             Variable::Load => "command".to_owned(),
             Variable::LoadSize => "size of the command".to_owned(),
             Variable::Time => "time since the log's start".to_owned(),
@@ -82,6 +85,7 @@ impl Variable {
         match self {
             Variable::TimeIn(_) | Variable::Time => Variable::TimeEach,
             Variable::PlaceAgainst => Variable::Place,
+            Variable::SpeedAgainst => Variable::Rate,
             other => other,
         }
     }
@@ -91,7 +95,7 @@ impl Variable {
         match self {
             Variable::Place | Variable::PlaceAgainst => here.position,
             Variable::Rate => here.rate,
-            Variable::Speed => here.rate.abs(),
+            Variable::Speed | Variable::SpeedAgainst => here.rate.abs(),
             Variable::Load => plain(here.load),
             Variable::LoadSize => plain(here.load.abs()),
             Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => plain(here.t_s.value()),
@@ -103,7 +107,7 @@ impl Variable {
     fn factor<T: Real>(self, here: &Instant<T>, rate: T) -> T {
         match self {
             Variable::AfterEdge => T::from_f64(here.jump),
-            Variable::PlaceAgainst => -(rate * (1.0 / TURN_MPS)).tanh(),
+            Variable::PlaceAgainst | Variable::SpeedAgainst => -(rate * (1.0 / TURN_MPS)).tanh(),
             _ => T::one(),
         }
     }
@@ -159,13 +163,20 @@ impl Family {
                 T::from_f64(track.at(here.t_s.value()))
             }
             Variable::Rate if self.measured => T::from_f64(track.rate_at(here.t_s.value())),
+            Variable::SpeedAgainst if self.measured => {
+                T::from_f64(track.rate_at(here.t_s.value()).abs())
+            }
             other => other.of(here),
         }
     }
 
     /// What it is multiplied by.
     fn factor<T: Real>(&self, track: &Track, here: &Instant<T>) -> T {
-        let rate = if self.measured && self.variable == Variable::PlaceAgainst {
+        let against = matches!(
+            self.variable,
+            Variable::PlaceAgainst | Variable::SpeedAgainst
+        );
+        let rate = if self.measured && against {
             T::from_f64(track.rate_at(here.t_s.value()))
         } else {
             here.rate

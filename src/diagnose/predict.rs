@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bank::{basis, outside};
 use super::descent::{self, Effort, Linear, Linearised};
 use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
@@ -64,6 +65,35 @@ impl Prediction {
         let spread = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
         mean / (spread / n).sqrt().max(1e-300)
     }
+}
+
+/// rms that the errors of held-out tracks have where the set is right: the noise's, and what the covariance of its
+/// numbers makes of them in motions that the runs fitted did not show, each run's start free \[m, rad\].
+pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) -> f64 {
+    let other = setting.with_tracks(tracks.to_vec());
+    let globals = fit.globals(setting);
+    let g = globals.len();
+    let covariance = fit.covariance().view((0, 0), (g, g)).into_owned();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (run, track) in other.tracks.iter().enumerate() {
+        let start = (track.measured.first().copied().unwrap_or(0.0), 0.0);
+        let (_, jacobian) = other.sensitivities(run, &fit.set, globals, start);
+        let starts = basis(&jacobian.columns(g, 2).into_owned());
+        let columns: Vec<DVector<f64>> = (0..g)
+            .map(|i| outside(&starts, &jacobian.column(i).into_owned()))
+            .collect();
+        let own = DMatrix::from_columns(&columns);
+        // Trace of J C J': the variances of all samples.
+        sum += (&own * &covariance).component_mul(&own).sum();
+        count += own.nrows() as f64;
+    }
+    let spread = sum / f64::max(count, 1.0);
+    let spread = if spread.is_finite() {
+        spread.max(0.0)
+    } else {
+        0.0
+    };
+    (noise.total_sd().powi(2) + spread).sqrt()
 }
 
 /// rms of held-out tracks with coefficients and effects as fitted, each run's start free \[m, rad\]

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::bank::{Promise, Response, View, begin, joined, motion, responses, whitened, without};
 use super::descent::Effort;
-use super::explain::{Care, Explanation, early, look};
+use super::explain::{Care, Explanation, early, look, unnamed_from_nothing};
 use super::fit::{Fit, Posed};
 use super::setting::Setting;
 use super::weights::Weights;
@@ -29,6 +29,8 @@ const WAYS: usize = 2;
 const SURELY_THERE: f64 = 60.0;
 /// Most effects together.
 const DEPTH: usize = 7;
+/// Rounds without a better set after which the beam has done its work; exchange follows.
+const IDLE: usize = 1;
 /// A set this far below the best one in log evidence is out of the race.
 const FAR: f64 = 12.0;
 /// A fit whose cost ends this far above the best one's is not followed to its minimum.
@@ -49,6 +51,10 @@ const ALL_BUT_NOISE: f64 = 3.0;
 const NOT_NOISE: f64 = 0.6;
 /// Members from which a set that explains less than few effects with a bent law only imitates them.
 const IMITATES: usize = 5;
+/// Members from which a set that leaves more than noise is compared with an unnamed force from nothing.
+const CROWDED: usize = 5;
+/// Half chi-square per sample above which it does: three sd of that of pure noise in some thousand samples.
+const MORE_THAN_NOISE: f64 = 0.53;
 /// Half chi-square above what a way promises from which a fit is taken to have ended elsewhere.
 const OTHER_MINIMUM: f64 = 6.0;
 /// Share by which what a linear view promises may be wrong.
@@ -471,6 +477,7 @@ impl<'a> Search<'a> {
         let mut done = BTreeSet::new();
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
+        let mut asked = false;
         for round in 0..2 * DEPTH {
             let look_around = round >= 2 && round % 2 == 0;
             if look_around
@@ -478,6 +485,18 @@ impl<'a> Search<'a> {
             {
                 self.hopeless = true;
                 return;
+            }
+            let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
+            let crowded = |f: &&Fit| f.set.len() >= CROWDED && f.cost > noise;
+            if !asked && let Some(crowd) = self.best().filter(crowded) {
+                asked = true;
+                let (best, free) = (crowd.log_evidence, unnamed_from_nothing(self));
+                tracing::debug!("{:?} {best:.1}, an unnamed force {free:.1}", crowd.set);
+                (self.progress)("unnamed");
+                if free > best + PLAINLY {
+                    self.hopeless = true;
+                    return;
+                }
             }
             let far = NOT_NOISE * self.weights.samples() as f64;
             let many = |f: &&Fit| f.set.len() >= IMITATES;
@@ -521,13 +540,18 @@ impl<'a> Search<'a> {
             idle = if after > best + 0.01 { 0 } else { idle + 1 };
             best = after;
             (self.progress)("sets");
+            tracing::debug!(
+                "round {round}: {:?}",
+                self.best().map(|b| (b.set.clone(), b.log_evidence, b.cost))
+            );
             let front: Vec<Vec<usize>> = self
                 .ranked()
                 .iter()
                 .take(2)
                 .map(|f| f.set.clone())
                 .collect();
-            if idle >= 2 && front.iter().all(|s| done.contains(s)) {
+            let follow = |s: &Vec<usize>| s.len() < DEPTH && !done.contains(s);
+            if idle >= IDLE && !front.iter().any(follow) {
                 break;
             }
         }

@@ -67,6 +67,12 @@ pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
         .collect()
 }
 
+/// Weight of an additional motion (a free force's response) as effects are weighed: what the DOF's own
+/// coefficients leave of it \[m, rad\].
+pub fn weight_of(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
+    rms(&outside(&own_span(setting, fit), response))
+}
+
 /// What an additional motion (a free function's response) leaves that neither the coefficients nor
 /// the parameters of the named effects can take over: only that is unexplained.
 pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {

@@ -35,7 +35,7 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
                 "rad"
             }
         }
-        Variable::Rate | Variable::Speed => {
+        Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
             if setting.dof.index() < 3 {
                 "m/s"
             } else {

@@ -11,7 +11,10 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::Explanation;
-use crate::diagnose::bank::{Motion, Response, begin, joined, responses_by, whitened, without};
+use crate::diagnose::bank::{
+    ELSEWHERE, Motion, Promise, Response, begin, joined, responses_at, responses_by, whitened,
+    without,
+};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, FamilyFit, Joint};
 use crate::diagnose::fit::Fit;
@@ -68,10 +71,14 @@ impl Bank {
         let responses = responses_by(setting, fit, &|set, globals, starts| {
             function.motion(setting, set, globals, starts)
         });
+        Bank::filled(search, function, responses)
+    }
+
+    fn filled(search: &Search<'_>, function: &FamilyFit, responses: Vec<Response>) -> Bank {
         let padded = responses
             .par_iter()
             .map(|r| {
-                let w = whitened(setting, &search.weights, &r.column);
+                let w = whitened(search.setting, &search.weights, &r.column);
                 let rows = w.len() + function.family.knots.len();
                 w.resize_vertically(rows, 0.0)
             })
@@ -131,8 +138,7 @@ fn climb(
             .map(|r| (r.1.0.clone(), r.1.1.clone()))
             .collect();
         if now.0.set.len() < MOST {
-            jobs.extend(additions(search, bank, &now));
-            jobs.extend(joining(search.setting, &now.0, also));
+            jobs.extend(additions(search, bank, &now, also));
         }
         jobs.retain(|j| !tried.contains_key(&j.0));
         let effort = Effort {
@@ -236,33 +242,58 @@ fn removals(search: &Search<'_>, now: &Pair) -> Vec<Removal> {
         .collect()
 }
 
-/// The most promising additions.
+/// The most promising additions: from the bank's starting points, or with the numbers of `also`, where a period
+/// or a place once found is not found from every start.
 fn additions(
     search: &Search<'_>,
     bank: &Bank,
     (fit, function): &Pair,
+    also: &Fit,
 ) -> Vec<(Vec<usize>, Vec<f64>)> {
     let setting = search.setting;
+    let motion: Motion<'_> = &|set, globals, starts| function.motion(setting, set, globals, starts);
     let at = function.unknowns(fit);
     let view = Joint::new(setting, &search.weights, fit, function).view(&at);
-    view.promises(&bank.responses, &bank.padded, &fit.set)
+    let points = lacking(setting, fit, also);
+    let there = responses_at(setting, fit, &points, motion);
+    let there = Bank::filled(search, function, there);
+    let mut found = view.promises(&bank.responses, &bank.padded, &fit.set);
+    found.extend(view.promises(&there.responses, &there.padded, &fit.set));
+    likeliest(search, found)
         .into_iter()
-        .filter(|l| l[0].gain > LEAST_GAIN && !search.blind.contains(&l[0].candidate))
         .take(ADDED)
-        .map(|l| {
-            let motion: Motion<'_> =
-                &|set, globals, starts| function.motion(setting, set, globals, starts);
-            let point = begin(setting, fit, &bank.responses, &l[0], motion);
-            joined(setting, fit, l[0].candidate, &point)
+        .map(|p| {
+            let known = points
+                .iter()
+                .find(|k| p.start == ELSEWHERE && k.0 == p.candidate);
+            match known {
+                Some((candidate, point)) => joined(setting, fit, *candidate, point),
+                None => {
+                    let point = begin(setting, fit, &bank.responses, &p, motion);
+                    joined(setting, fit, p.candidate, &point)
+                }
+            }
         })
         .collect()
 }
 
-/// A fit with each effect of another one that it lacks, with the numbers it has there: a period or a place once
-/// found is not found from every start.
-pub(super) fn joining(setting: &Setting, fit: &Fit, other: &Fit) -> Vec<(Vec<usize>, Vec<f64>)> {
+/// The best promise of each candidate that is worth a fit, best first.
+pub(super) fn likeliest(search: &Search<'_>, mut found: Vec<Vec<Promise>>) -> Vec<Promise> {
+    found.sort_by(|a, b| b[0].gain.total_cmp(&a[0].gain));
+    let mut best: Vec<Promise> = Vec::new();
+    for p in found.into_iter().map(|l| l[0]) {
+        let new = best.iter().all(|b| b.candidate != p.candidate);
+        if new && p.gain > LEAST_GAIN && !search.blind.contains(&p.candidate) {
+            best.push(p);
+        }
+    }
+    best
+}
+
+/// Effects of another fit that this one lacks, with the numbers they have there.
+pub(super) fn lacking<'a>(setting: &Setting, fit: &Fit, other: &'a Fit) -> Vec<(usize, &'a [f64])> {
     (0..other.set.len())
         .filter(|m| !fit.set.contains(&other.set[*m]))
-        .map(|m| joined(setting, fit, other.set[m], other.member(setting, m)))
+        .map(|m| (other.set[m], other.member(setting, m)))
         .collect()
 }

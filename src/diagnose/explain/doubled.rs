@@ -5,9 +5,9 @@
 use rayon::prelude::*;
 
 use super::Explanation;
-use super::beside::{SURELY_THERE, joining, too_slow};
+use super::beside::{SURELY_THERE, lacking, likeliest, too_slow};
 use super::look::{BELIEVED, TWICE_PENALTY, twice};
-use crate::diagnose::bank::{View, joined, without};
+use crate::diagnose::bank::{ELSEWHERE, View, joined, motion, responses_at, whitened, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
@@ -20,8 +20,6 @@ const GROWN: usize = 2;
 const STEPS: usize = 6;
 /// Additions fitted per step.
 const ADDED: usize = 4;
-/// Half chi-square that one must promise.
-const LEAST_GAIN: f64 = 3.0;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
 /// A fit that would end this far above the present one's cost is not followed.
@@ -84,18 +82,26 @@ fn grown(
             .map(|m| without(setting, &now, m))
             .collect();
         let view = View::new(setting, &search.weights, &now);
-        let promises = view.promises(search.bank(), search.white(), &now.set);
-        jobs.extend(
-            promises
+        let points = lacking(setting, &now, also);
+        let there = responses_at(setting, &now, &points, &|set, globals, starts| {
+            motion(setting, set, globals, starts)
+        });
+        let white: Vec<_> = there
+            .par_iter()
+            .map(|r| whitened(setting, &search.weights, &r.column))
+            .collect();
+        let mut promises = view.promises(search.bank(), search.white(), &now.set);
+        promises.extend(view.promises(&there, &white, &now.set));
+        let likeliest = likeliest(search, promises).into_iter().take(ADDED);
+        jobs.extend(likeliest.map(|p| {
+            let known = points
                 .iter()
-                .filter(|l| l[0].gain > LEAST_GAIN && !search.blind.contains(&l[0].candidate))
-                .take(ADDED)
-                .map(|l| {
-                    let point = search.begin(&now, &l[0]);
-                    joined(setting, &now, l[0].candidate, &point)
-                }),
-        );
-        jobs.extend(joining(setting, &now, also));
+                .find(|k| p.start == ELSEWHERE && k.0 == p.candidate);
+            match known {
+                Some((candidate, point)) => joined(setting, &now, *candidate, point),
+                None => joined(setting, &now, p.candidate, &search.begin(&now, &p)),
+            }
+        }));
         let effort = Effort {
             limit: now.cost + TOO_FAR,
             ..search.weights.to_a_percent()
@@ -107,7 +113,10 @@ fn grown(
                     .fit_with(at, effort)
                     .ok()?;
                 fit.log_evidence -= TWICE_PENALTY;
-                let sound = fit.log_evidence.is_finite() && fit.confounded(setting).is_empty();
+                // Two equal stages are one another's twins: that confounds nothing.
+                let twins = |c: &usize| *c == candidate;
+                let sound =
+                    fit.log_evidence.is_finite() && fit.confounded(setting).iter().all(twins);
                 sound.then_some(fit)
             })
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))

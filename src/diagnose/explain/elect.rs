@@ -8,7 +8,7 @@ use crate::diagnose::bank::without;
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Variable};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{better_t, held_out, predicted, predicted_beside};
+use crate::diagnose::predict::{Prediction, better_t, held_out, predicted, predicted_beside};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
@@ -16,11 +16,16 @@ use crate::diagnose::setting::Track;
 const MISSED: f64 = 2.0;
 /// Log evidence below the best one from where on a function cuts nothing off the runs held out.
 const IN_THE_RACE: f64 = 50.0;
+/// Difference in log evidence below which the runs held out are asked.
+const HARDLY: f64 = 6.0;
 /// rms of the runs held out without a member over that with it up to which it is not needed.
 const AS_WELL: f64 = 1.02;
 /// An explanation that does with fewer effects because one law bends may be this much worse in log evidence:
 /// invent nothing.
 pub const SPARING: f64 = 4.0;
+
+/// Of the tolerance: weight of an effect that is worth to do without.
+const NOTABLE: f64 = 0.25;
 
 /// The most likely of those that do not miss the runs held out by far more than noise and than
 /// another one does. A force in time tells nothing of other runs and is not asked.
@@ -40,11 +45,19 @@ pub fn elect(
         .filter(|e| e.log_evidence > top - IN_THE_RACE)
         .collect();
     let known = covered(&near, held);
-    let missed: Vec<Option<f64>> = contenders
+    let asked: Vec<Option<Prediction>> = contenders
         .iter()
         .map(|e| match known.is_empty() && e.family.is_none() {
-            true => foretold(search, e, held),
-            false => foretold(search, e, &known),
+            true => prediction(search, e, held),
+            false => prediction(search, e, &known),
+        })
+        .collect();
+    let missed: Vec<Option<f64>> = contenders
+        .iter()
+        .zip(&asked)
+        .map(|(e, p)| match known.is_empty() && e.family.is_none() {
+            true => miss(e, p.as_ref(), held),
+            false => miss(e, p.as_ref(), &known),
         })
         .collect();
     let held = if known.is_empty() { held } else { &known };
@@ -60,10 +73,12 @@ pub fn elect(
     let bar = MISSED * least.max(noise.total_sd());
     for (e, m) in contenders.iter().zip(&missed) {
         tracing::debug!(
-            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}",
+            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}, weighs {:.5}, members {:.5?}",
             e.fit.set,
             e.kind(),
-            e.log_evidence
+            e.log_evidence,
+            e.family_weight,
+            e.weights
         );
     }
     let sound = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
@@ -71,34 +86,63 @@ pub fn elect(
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
         |e: &Explanation, m: &Option<f64>| sound(m) || (!missed.iter().any(sound) && e.unnamed());
-    let mut best: Option<Explanation> = None;
-    for (e, _) in contenders
+    let mut best: Option<(Explanation, Option<&Prediction>)> = None;
+    let several = contenders.len();
+    for ((e, _), p) in contenders
         .into_iter()
         .zip(&missed)
-        .filter(|(e, m)| !any || sound(e, m))
+        .zip(&asked)
+        .filter(|((e, m), _)| !any || sound(e, m))
     {
-        let better = best.as_ref().is_none_or(|b| {
-            e.log_evidence - sparing(search, b, &e) > b.log_evidence - sparing(search, &e, b)
+        let better = best.as_ref().is_none_or(|(b, foretells)| {
+            let gain =
+                e.log_evidence - sparing(search, b, &e) - b.log_evidence + sparing(search, &e, b);
+            match (p, foretells) {
+                // Where evidence hardly decides, what predicts surely better does.
+                (Some(own), Some(others)) if gain.abs() < HARDLY => {
+                    let t = own.better_than(others);
+                    if t.abs() > better_t(several) {
+                        t > 0.0
+                    } else {
+                        gain > 0.0
+                    }
+                }
+                _ => gain > 0.0,
+            }
         });
         if better {
-            best = Some(e);
+            best = Some((e, p.as_ref()));
         }
     }
-    best
+    tracing::debug!(
+        "elected {:?}, matters above {:.1e}",
+        best.as_ref().map(|(e, _)| (e.kind(), e.log_evidence)),
+        setting.tolerance
+    );
+    best.map(|(e, _)| e)
 }
 
 /// rms of the runs held out with all of an explanation; `None` where that cannot be asked: without such runs,
 /// and of a force in time, which says nothing of others.
 pub fn foretold(search: &Search<'_>, e: &Explanation, held: &[Track]) -> Option<f64> {
+    miss(e, prediction(search, e, held).as_ref(), held)
+}
+
+/// The runs held out predicted with all of an explanation.
+fn prediction(search: &Search<'_>, e: &Explanation, held: &[Track]) -> Option<Prediction> {
     let (setting, noise) = (search.setting, search.weights.noise);
-    let found = match (&e.family, &e.twice) {
-        (Some(f), _) if !f.family.lasts() => return None,
-        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise).map(|p| p.rms),
-        (None, Some((_, two))) => held_out(setting, held, two, noise),
-        (None, None) => held_out(setting, held, &e.fit, noise),
-    };
-    // A motion that runs off predicts nothing: that is a miss, not a question that was not asked.
-    (!held.is_empty()).then(|| found.filter(|m| m.is_finite()).unwrap_or(f64::INFINITY))
+    match (&e.family, &e.twice) {
+        (Some(f), _) => predicted_beside(setting, held, &e.fit, f, noise),
+        (None, Some((_, two))) => predicted(setting, held, two, noise),
+        (None, None) => predicted(setting, held, &e.fit, noise),
+    }
+}
+
+/// Its rms; a motion that runs off predicts nothing: that is a miss, not a question that was not asked.
+fn miss(e: &Explanation, p: Option<&Prediction>, held: &[Track]) -> Option<f64> {
+    let asked = !held.is_empty() && e.family.as_ref().is_none_or(|f| f.family.lasts());
+    let rms = p.map(|p| p.rms).filter(|m| m.is_finite());
+    asked.then(|| rms.unwrap_or(f64::INFINITY))
 }
 
 /// A force in time foretells nothing, but the effects named beside it do: those without which the runs held
@@ -178,8 +222,10 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
         return 0.0;
     }
     let fewer = heavy(best).saturating_sub(heavy(other)) as f64;
-    // A second stage and a small delay beside one stage do nearly the same: there evidence alone decides.
-    let bends = other.fit.set.len() < best.fit.set.len()
+    // A second stage and a small delay beside one stage do nearly the same: there evidence alone decides. So it does
+    // where what is done without hardly weighs: a tank has many such effects, and there is nothing to be invented.
+    let notable = |e: &Explanation| e.matters(NOTABLE * search.setting.tolerance).len();
+    let bends = notable(other) < notable(best)
         && other.bent().is_some()
         && (fewer > 0.0 || best.bent().is_none() && other.twice.is_none());
     fewer + if bends { SPARING } else { 0.0 }

@@ -29,10 +29,14 @@ const HEAVY_SHARE: f64 = 0.25;
 const HOPELESSLY_FAR: f64 = 60.0;
 /// Single effects bent in the place of a free force.
 const INSTEAD: usize = 8;
+/// Variables on which each of those may depend.
+const ALONE_WAYS: usize = 2;
+/// Sets of one and of two bent by themselves.
+const ALONE: usize = 4;
 /// Bent laws followed there.
 const SEEDS: usize = 3;
 /// Variables tried per mechanism that is bent early.
-const WAYS: usize = 2;
+pub const WAYS: usize = 2;
 /// Heavy members whose laws are bent, and of those the ones that may act twice.
 const BENT: usize = 3;
 /// See [`BENT`].
@@ -291,7 +295,7 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
             .collect();
         (own, heavy)
     }));
-    let mut found = bent(search, bases, SEEDS);
+    let mut found = bent(search, bases, WAYS, SEEDS);
     found.retain(|e| {
         let function = e.family.as_ref();
         function.is_some_and(|f| modest(setting, &e.fit, f))
@@ -299,9 +303,31 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
     found
 }
 
+/// Few effects of which one bends: what is named beside a free force may only imitate its law. The best of each
+/// mechanism as fitted, for a linear promise from so far off does not compare them.
+pub fn bent_alone(search: &Search<'_>) -> Vec<Explanation> {
+    let mut found: Vec<Explanation> = fewest(search, ALONE)
+        .into_iter()
+        .flat_map(|base| bent(search, vec![base], ALONE_WAYS, ALONE_WAYS))
+        .filter(|e| {
+            let function = e.family.as_ref();
+            function.is_some_and(|f| modest(search.setting, &e.fit, f))
+        })
+        .collect();
+    found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let mut seen = Vec::new();
+    found.retain(|e| {
+        let new = !seen.contains(&e.bent());
+        seen.push(e.bent());
+        new
+    });
+    found.truncate(SEEDS);
+    found
+}
+
 /// Sets with one of their laws bent: those of different mechanisms that promise most, each fitted far enough to
 /// go on from there.
-pub fn bent(search: &Search<'_>, bases: Vec<Base>, most: usize) -> Vec<Explanation> {
+pub fn bent(search: &Search<'_>, bases: Vec<Base>, ways: usize, most: usize) -> Vec<Explanation> {
     let setting = search.setting;
     let mut found: Vec<(f64, &Fit, FamilyFit)> = bases
         .par_iter()
@@ -318,12 +344,16 @@ pub fn bent(search: &Search<'_>, bases: Vec<Base>, most: usize) -> Vec<Explanati
         })
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // Of each mechanism two ways: which variable its law depends on shows when others have joined it.
-    let mut seen: Vec<Acts> = Vec::new();
+    // Of each mechanism some ways: which variable its law depends on shows when others have joined it.
+    let mut seen: Vec<(Acts, Variable)> = Vec::new();
     found.retain(|(_, _, f)| {
-        let before = seen.iter().filter(|s| **s == f.family.acts).count();
-        seen.push(f.family.acts);
-        before < WAYS
+        let way = (f.family.acts, f.family.variable);
+        let before = seen.iter().filter(|s| s.0 == way.0).count();
+        let new = !seen.contains(&way) && before < ways;
+        if new {
+            seen.push(way);
+        }
+        new
     });
     found.truncate(most);
     let effort = search.weights.to_a_percent();

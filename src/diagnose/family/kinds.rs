@@ -2,6 +2,8 @@
 
 use std::cell::RefCell;
 
+use hydroline_sim::effect::Stage;
+
 use super::{Acts, Family, Variable};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::setting::Setting;
@@ -19,11 +21,12 @@ struct Ranges(Vec<Vec<(Variable, f64, f64)>>, bool);
 
 impl Ranges {
     fn of(setting: &Setting, fit: &Fit) -> Ranges {
-        const PLAIN: [Variable; 8] = [
+        const PLAIN: [Variable; 9] = [
             Variable::Place,
             Variable::PlaceAgainst,
             Variable::Rate,
             Variable::Speed,
+            Variable::SpeedAgainst,
             Variable::Load,
             Variable::LoadSize,
             Variable::Time,
@@ -145,6 +148,7 @@ fn forces_over(setting: &Setting, ranges: &Ranges) -> Vec<Family> {
         (Variable::Place, 32),
         (Variable::PlaceAgainst, 32),
         (Variable::Rate, 24),
+        (Variable::SpeedAgainst, 24),
         (Variable::Load, 12),
         (Variable::Time, 16),
         (Variable::SinceEdge, 10),
@@ -183,7 +187,16 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
     let ranges = Ranges::of(setting, fit);
     candidates
         .iter()
-        .flat_map(|c| kinds.map(|(v, n)| ranges.family(Acts::Bends(*c), v, n)))
+        .flat_map(|c| {
+            // A thruster or a clock knows nothing of the tank: what acts at a place there is a force.
+            let stage = setting.vocabulary[*c].info.stage;
+            let placeless = matches!(stage, Stage::Timing | Stage::Thruster);
+            kinds
+                .iter()
+                .filter(move |(v, _)| !(placeless && *v == Variable::Place))
+                .map(|(v, n)| ranges.family(Acts::Bends(*c), *v, *n))
+                .collect::<Vec<_>>()
+        })
         .flatten()
         .collect()
 }

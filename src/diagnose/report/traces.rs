@@ -202,13 +202,13 @@ impl Regime {
         let value = |k: usize| -> f64 {
             match self.found.family.variable {
                 Variable::Place | Variable::PlaceAgainst => trace.before[k],
-                Variable::Rate | Variable::Speed => {
+                Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
                     let (a, b) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
                     let rate = (trace.before[b] - trace.before[a]) / (t[b] - t[a]).max(1e-9);
-                    if self.found.family.variable == Variable::Speed {
-                        rate.abs()
-                    } else {
+                    if self.found.family.variable == Variable::Rate {
                         rate
+                    } else {
+                        rate.abs()
                     }
                 }
                 Variable::Load => load_at(t[k]).map_or(0.0, |e| e.1),
