@@ -15,7 +15,7 @@ pub const ELSEWHERE: usize = usize::MAX;
 pub struct Response {
     /// Candidate.
     pub candidate: usize,
-    /// Which of its starting points.
+    /// Which of its starting points, or [`ELSEWHERE`].
     pub start: usize,
     /// \[m, rad\] per sample.
     pub column: DVector<f64>,
@@ -94,6 +94,17 @@ pub fn responses_by(setting: &Setting, fit: &Fit, motion: Motion<'_>) -> Vec<Res
         })
         .collect();
     responses_to(setting, fit, &points, motion)
+}
+
+/// Responses of one candidate at all of its starts.
+pub fn responses_of(setting: &Setting, fit: &Fit, candidate: usize) -> Vec<Response> {
+    let starts = setting.vocabulary[candidate].starts.iter().enumerate();
+    let points: Vec<(usize, usize, &[f64])> = starts
+        .map(|(s, point)| (candidate, s, point.as_slice()))
+        .collect();
+    responses_to(setting, fit, &points, &|set, globals, starts| {
+        motion(setting, set, globals, starts)
+    })
 }
 
 /// Responses of candidates at points of their parameters found elsewhere ([`ELSEWHERE`] for a start).

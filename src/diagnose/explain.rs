@@ -17,7 +17,7 @@ mod windows;
 
 use std::collections::BTreeMap;
 
-use super::bank::without;
+use super::bank::{joined, without};
 use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
@@ -27,7 +27,7 @@ use super::setting::Track;
 use super::weight::{weight_beyond, weight_of, weights};
 use beside::{beside, squeezed};
 use covered::covered;
-use doubled::{doubled, doubled_from};
+use doubled::{doubled, doubled_from, doubled_members};
 
 use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
 use look::{BELIEVED, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
@@ -266,11 +266,29 @@ pub fn explain(
             }
         }
     }
-    for seed in &laws {
+    // A force in time does anything, and says nothing of other runs: it is no bar for a law.
+    let says = |e: &&Explanation| !e.unnamed() || lasts(e);
+    // Two stages look like one and a delay: that foretells as well, and only the two tell it from there.
+    if best.simple()
+        && best
+            .matters(elect::NOTABLE * search.setting.tolerance)
+            .len()
+            > 1
+    {
         let bar = bar(&contenders, &best);
+        alone(search, &best);
+        contenders.extend(doubled_members(search, &best, bar));
+    }
+    for seed in &laws {
+        let all = contenders.iter().chain([&best]).filter(says);
+        let bar = all
+            .map(|c| c.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max);
         contenders.extend(grow(search, seed, &best.fit, bar));
     }
     contenders.extend(also.and_then(|e| again(search, e)));
+    // What the search ended for.
+    contenders.extend(search.instead.as_ref().and_then(|e| again(search, e)));
     let beaten = contenders.iter().any(|g| {
         g.log_evidence - sparing(search, &best, g) > best.log_evidence - sparing(search, g, &best)
     });
@@ -398,16 +416,17 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
     found
 }
 
-/// Log evidence of the best unnamed force of place, rate or load with what joins it, few effects or none.
-pub fn unnamed_from_nothing(search: &Search<'_>) -> f64 {
-    let (Some(best), Some(nothing)) = (search.best(), search.get(&[])) else {
-        return f64::NEG_INFINITY;
-    };
-    kinds(search, nothing, KINDS)
+/// The best unnamed force that lasts and matters, with what joins it from nothing on: fewer effects than the best
+/// set has.
+pub fn unnamed_from_nothing(search: &Search<'_>) -> Option<Explanation> {
+    let (best, nothing) = (search.best()?, search.get(&[])?);
+    kinds(search, nothing, KINDS + 1)
         .iter()
         .filter(|seed| seed.family.as_ref().is_some_and(|f| f.family.lasts()))
-        .map(|seed| beside(search, seed, best, best.log_evidence).log_evidence)
-        .fold(f64::NEG_INFINITY, f64::max)
+        .take(KINDS)
+        .map(|seed| beside(search, seed, best, best.log_evidence))
+        .filter(|e| e.fit.set.len() < best.set.len() && e.family_weight > search.setting.tolerance)
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
 
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
@@ -418,6 +437,24 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
         Some(m) if best.simple() => m > FORETELLS * at_best(search, best, &known),
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
+}
+
+/// Fits each heavy member of an explanation by itself, where that was not done.
+fn alone(search: &mut Search<'_>, found: &Explanation) {
+    let Some(nothing) = search.get(&[]).cloned() else {
+        return;
+    };
+    let jobs = found
+        .matters(search.setting.tolerance)
+        .into_iter()
+        .filter(|c| search.get(&[*c]).is_none())
+        .filter_map(|c| {
+            let member = found.fit.set.iter().position(|m| *m == c)?;
+            let numbers = found.fit.member(search.setting, member);
+            Some(joined(search.setting, &nothing, c, numbers))
+        })
+        .collect();
+    search.fit_all(jobs);
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].

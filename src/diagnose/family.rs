@@ -80,7 +80,7 @@ impl Variable {
         }
     }
 
-    /// Times in one run, in each or in all are one kind, and so are places.
+    /// Times in one run, in each or in all are one kind, and so are places, and rates and speeds.
     pub fn kind(self) -> Variable {
         match self {
             Variable::TimeIn(_) | Variable::Time => Variable::TimeEach,

@@ -11,6 +11,7 @@ use super::weights::Weights;
 use crate::identify::forward::ForwardError;
 use crate::identify::lm::descend;
 use crate::identify::noise::{Noise, Series, mask};
+use crate::identify::uncertainty::covariance;
 
 /// Runs predicted, and what was missed.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,12 +74,23 @@ pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
     let other = setting.with_tracks(tracks.to_vec());
     let globals = fit.globals(setting);
     let g = globals.len();
-    let covariance = fit.covariance().view((0, 0), (g, g)).into_owned();
+    // What the data leave open is no wider than its prior, as in the evidence.
+    let mut own = fit.hessian.clone();
+    let widths = fit
+        .set
+        .iter()
+        .flat_map(|c| setting.vocabulary[*c].widths.iter());
+    for (i, w) in widths.enumerate() {
+        own[(COEFFICIENTS + i, COEFFICIENTS + i)] += std::f64::consts::TAU / (w * w);
+    }
+    let covariance = covariance(&own).view((0, 0), (g, g)).into_owned();
     let (mut sum, mut count) = (0.0, 0.0);
     for (run, track) in other.tracks.iter().enumerate() {
         let start = (track.measured.first().copied().unwrap_or(0.0), 0.0);
         let (_, jacobian) = other.sensitivities(run, &fit.set, globals, start);
-        let starts = basis(&jacobian.columns(g, 2).into_owned());
+        // A driven run starts from rest: its rate takes nothing over.
+        let moves = track.edges.is_empty() || track.start_s > 0.0;
+        let starts = basis(&jacobian.columns(g, if moves { 2 } else { 1 }).into_owned());
         let columns: Vec<DVector<f64>> = (0..g)
             .map(|i| outside(&starts, &jacobian.column(i).into_owned()))
             .collect();

@@ -1,5 +1,6 @@
 //! Which effects were left out together: forward selection with removal and exchange, several sets at a time.
 
+mod elsewhere;
 mod noise;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -82,6 +83,8 @@ pub struct Search<'a> {
     ways: BTreeSet<Way>,
     /// Few effects of which one does not act by its law, found before the large sets.
     pub early: Vec<Explanation>,
+    /// The unnamed force for which the search ended.
+    pub instead: Option<Explanation>,
     /// The noise was found beside a free function: a set that lacks it would take structure for noise.
     noise_stands: bool,
     /// The least noise found on the way to the present one.
@@ -106,6 +109,7 @@ impl<'a> Search<'a> {
             hopeless: false,
             ways: BTreeSet::new(),
             early: Vec::new(),
+            instead: None,
             noise_stands: false,
             least_noise: None,
             looked_beside: None,
@@ -490,10 +494,16 @@ impl<'a> Search<'a> {
             let crowded = |f: &&Fit| f.set.len() >= CROWDED && f.cost > noise;
             if !asked && let Some(crowd) = self.best().filter(crowded) {
                 asked = true;
-                let (best, free) = (crowd.log_evidence, unnamed_from_nothing(self));
-                tracing::debug!("{:?} {best:.1}, an unnamed force {free:.1}", crowd.set);
+                let best = crowd.log_evidence;
+                let free = unnamed_from_nothing(self);
+                tracing::debug!(
+                    "{:?} {best:.1}, an unnamed force {:?}",
+                    crowd.set,
+                    free.as_ref().map(|e| (&e.fit.set, e.log_evidence))
+                );
                 (self.progress)("unnamed");
-                if free > best + PLAINLY {
+                if let Some(free) = free.filter(|e| e.log_evidence > best + PLAINLY) {
+                    self.instead = Some(free);
                     self.hopeless = true;
                     return;
                 }
@@ -554,6 +564,11 @@ impl<'a> Search<'a> {
             if idle >= IDLE && !front.iter().any(follow) {
                 break;
             }
+        }
+        let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
+        if self.best().is_some_and(|f| f.cost > noise) && self.imitates_unnamed() {
+            self.hopeless = true;
+            return;
         }
         self.exchange();
     }
@@ -627,6 +642,7 @@ impl<'a> Search<'a> {
             self.extend(std::slice::from_ref(&best.set), WIDTH, LEAST_GAIN);
             self.replace(&best);
             self.rejoin(&best);
+            self.elsewhere(&best);
             (self.progress)("exchange");
             if self.best().is_some_and(|b| b.set == best.set) {
                 break;

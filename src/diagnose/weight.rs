@@ -73,7 +73,7 @@ pub fn weight_of(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
     rms(&outside(&own_span(setting, fit), response))
 }
 
-/// What an additional motion (a free function's response) leaves that neither the coefficients nor
+/// What an additional motion (the response to a bent law) leaves that neither the coefficients nor
 /// the parameters of the named effects can take over: only that is unexplained.
 pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f64 {
     let globals = fit.globals(setting);

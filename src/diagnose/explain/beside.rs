@@ -24,7 +24,7 @@ use crate::diagnose::setting::Setting;
 /// Steps at most.
 const STEPS: usize = 9;
 /// Additions fitted per step.
-const ADDED: usize = 4;
+const ADDED: usize = 5;
 /// Half chi-square that an addition must promise.
 const LEAST_GAIN: f64 = 3.0;
 /// Half chi-square of a member's size above which taking it out is not tried.
@@ -277,12 +277,14 @@ fn additions(
         .collect()
 }
 
-/// The best promise of each candidate that is worth a fit, best first.
+/// The best promise of each candidate that is worth a fit, best first: from the starts, and with numbers from
+/// elsewhere.
 pub(super) fn likeliest(search: &Search<'_>, mut found: Vec<Vec<Promise>>) -> Vec<Promise> {
     found.sort_by(|a, b| b[0].gain.total_cmp(&a[0].gain));
     let mut best: Vec<Promise> = Vec::new();
     for p in found.into_iter().map(|l| l[0]) {
-        let new = best.iter().all(|b| b.candidate != p.candidate);
+        let way = |p: &Promise| (p.candidate, p.start == ELSEWHERE);
+        let new = best.iter().all(|b| way(b) != way(&p));
         if new && p.gain > LEAST_GAIN && !search.blind.contains(&p.candidate) {
             best.push(p);
         }

@@ -19,7 +19,7 @@ const GROWN: usize = 2;
 /// Steps at most.
 const STEPS: usize = 6;
 /// Additions fitted per step.
-const ADDED: usize = 4;
+const ADDED: usize = 5;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
 /// A fit that would end this far above the present one's cost is not followed.
@@ -47,6 +47,21 @@ pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
         .into_iter()
         .take(GROWN)
         .filter_map(|(candidate, two)| grown(search, candidate, two, also, bar))
+        .collect()
+}
+
+/// Each heavy member of an explanation doubled from itself alone on, with what joins it.
+pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Vec<Explanation> {
+    found
+        .matters(search.setting.tolerance)
+        .into_iter()
+        .filter_map(|candidate| {
+            let fit = search.get(&[candidate])?;
+            let view = View::new(search.setting, &search.weights, fit);
+            let two = twice(search, fit, &view, 0)?;
+            (two.log_evidence > fit.log_evidence + BELIEVED)
+                .then(|| grown(search, candidate, two, &found.fit, bar))?
+        })
         .collect()
 }
 

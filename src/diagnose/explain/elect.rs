@@ -25,10 +25,11 @@ const AS_WELL: f64 = 1.02;
 pub const SPARING: f64 = 4.0;
 
 /// Of the tolerance: weight of an effect that is worth to do without.
-const NOTABLE: f64 = 0.25;
+pub(super) const NOTABLE: f64 = 0.25;
 
 /// The most likely of those that do not miss the runs held out by far more than noise and than
-/// another one does. A force in time tells nothing of other runs and is not asked.
+/// another one does; of those that are hardly less likely, the one that surely predicts better. A force in time
+/// tells nothing of other runs and is not asked.
 pub fn elect(
     search: &Search<'_>,
     contenders: Vec<Explanation>,
@@ -86,40 +87,43 @@ pub fn elect(
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
         |e: &Explanation, m: &Option<f64>| sound(m) || (!missed.iter().any(sound) && e.unnamed());
-    let mut best: Option<(Explanation, Option<&Prediction>)> = None;
-    let several = contenders.len();
-    for ((e, _), p) in contenders
+    let mut eligible: Vec<(Explanation, Option<Prediction>)> = contenders
         .into_iter()
         .zip(&missed)
-        .zip(&asked)
+        .zip(asked)
         .filter(|((e, m), _)| !any || sound(e, m))
-    {
-        let better = best.as_ref().is_none_or(|(b, foretells)| {
-            let gain =
-                e.log_evidence - sparing(search, b, &e) - b.log_evidence + sparing(search, &e, b);
-            match (p, foretells) {
-                // Where evidence hardly decides, what predicts surely better does.
-                (Some(own), Some(others)) if gain.abs() < HARDLY => {
-                    let t = own.better_than(others);
-                    if t.abs() > better_t(several) {
-                        t > 0.0
-                    } else {
-                        gain > 0.0
-                    }
-                }
-                _ => gain > 0.0,
-            }
-        });
-        if better {
-            best = Some((e, p.as_ref()));
+        .map(|((e, _), p)| (e, p))
+        .collect();
+    let gain = |e: &Explanation, b: &Explanation| {
+        e.log_evidence - sparing(search, b, e) - b.log_evidence + sparing(search, e, b)
+    };
+    let likeliest = (1..eligible.len()).fold(0, |best, k| {
+        match gain(&eligible[k].0, &eligible[best].0) > 0.0 {
+            true => k,
+            false => best,
         }
-    }
+    });
+    // Where evidence hardly decides, what surely predicts better does.
+    let (first, foretells) = eligible.get(likeliest)?;
+    let near: Vec<(usize, f64)> = eligible
+        .iter()
+        .enumerate()
+        .filter(|(k, (e, _))| *k != likeliest && gain(e, first).abs() < HARDLY)
+        .filter_map(|(k, (_, p))| Some((k, p.as_ref()?.better_than(foretells.as_ref()?))))
+        .collect();
+    let bar = better_t(near.len());
+    let chosen = near
+        .iter()
+        .filter(|(_, t)| *t > bar)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or(likeliest, |(k, _)| *k);
+    let best = eligible.swap_remove(chosen).0;
     tracing::debug!(
         "elected {:?}, matters above {:.1e}",
-        best.as_ref().map(|(e, _)| (e.kind(), e.log_evidence)),
+        (best.kind(), best.log_evidence),
         setting.tolerance
     );
-    best.map(|(e, _)| e)
+    Some(best)
 }
 
 /// rms of the runs held out with all of an explanation; `None` where that cannot be asked: without such runs,
@@ -214,7 +218,7 @@ pub fn by_prediction(search: &Search<'_>, from: &Fit, held: &[Track]) -> Option<
 
 /// What an explanation may be worse in log evidence than another one: by one for every effect of practical
 /// size that it does without (of some forty, one to three are: rarer than sizes spread evenly over decades
-/// have it), and by [`SPARING`] where it does without them because a law bends.
+/// have it), and by [`SPARING`] where it does without notable ones because a law bends.
 pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> f64 {
     let heavy = |e: &Explanation| e.matters(search.setting.tolerance).len();
     let unnamed = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;

@@ -271,6 +271,7 @@ impl Search<'_> {
         self.fits.clear();
         self.ways.clear();
         self.hopeless = false;
+        self.instead = None;
         self.looked_beside = None;
         self.nothing();
         true

@@ -1,0 +1,61 @@
+//! A period or a place has minima of its own: those of a set's members are looked for once more, all else as it is.
+
+use super::Search;
+use crate::diagnose::bank::{Promise, View, joined, responses_of, whitened, without};
+use crate::diagnose::fit::Fit;
+
+/// Other starts fitted per member.
+const TRIED: usize = 3;
+/// Of a parameter's range: what another start differs by in one of those that are no size.
+const APART: f64 = 0.12;
+
+impl Search<'_> {
+    /// Fits a set again from other periods and places of each member, those that promise most; the lowest stays.
+    pub(super) fn elsewhere(&mut self, best: &Fit) {
+        let setting = self.setting;
+        let mut jobs = Vec::new();
+        for (member, candidate) in best.set.iter().enumerate() {
+            let c = &setting.vocabulary[*candidate];
+            if c.info.parameters.len() < 2 {
+                continue;
+            }
+            let mut known: Vec<Vec<f64>> = vec![best.member(setting, member).to_vec()];
+            let apart = |a: &[f64], b: &[f64]| {
+                let ranges = c.flat.iter().map(|(low, high)| (high - low).max(1e-300));
+                let moved = a.iter().zip(b).zip(ranges);
+                moved
+                    .skip(1)
+                    .any(|((a, b), range)| (a - b).abs() > APART * range)
+            };
+            let (set, at) = without(setting, best, member);
+            let gap = Fit {
+                set,
+                at,
+                ..best.clone()
+            };
+            let there = responses_of(setting, &gap, *candidate);
+            let white: Vec<_> = there
+                .iter()
+                .map(|r| whitened(setting, &self.weights, &r.column))
+                .collect();
+            let view = View::new(setting, &self.weights, &gap);
+            let found: Vec<Promise> = view
+                .promises(&there, &white, &gap.set)
+                .into_iter()
+                .flatten()
+                .collect();
+            for p in found {
+                let start = &c.starts[p.start];
+                if known.len() > TRIED || !known.iter().all(|k| apart(start, k)) {
+                    continue;
+                }
+                known.push(start.clone());
+                let mut point = start.clone();
+                let (low, high) = c.bounds[0];
+                point[0] = (point[0] * p.amplitude).clamp(low, high);
+                jobs.push(joined(setting, &gap, *candidate, &point));
+            }
+        }
+        self.fit(jobs);
+    }
+}
