@@ -1,11 +1,12 @@
-//! Cost of a diagnosis: growth with the number of runs and of effects looked at.
+//! Cost of a diagnosis: growth with the number of runs, of effects looked at and of effects at work.
 
 #![allow(clippy::unwrap_used)]
 
 use hydroline::diagnose::search::Search;
 use hydroline::diagnose::setting::Setting;
+use hydroline::diagnose::{Source, diagnose};
 use hydroline::identify::data::{Command, Run, Sample};
-use hydroline_rigs::{Dof, Rig};
+use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
 
@@ -47,6 +48,55 @@ fn run(rig: &Rig, k: usize) -> Run {
         });
     }
     made
+}
+
+/// A rig with so many effects at work that the diagnosed one does not know of.
+fn at_work(rig: &Rig, effects: usize) -> Rig {
+    let all: [(&str, &[(&str, f64)]); 4] = [
+        ("thruster_lag", &[("lag_s", 0.3)]),
+        (
+            "tether_spring",
+            &[("stiffness_npm", 0.8), ("slack_m", 0.15)],
+        ),
+        ("coulomb_friction", &[("f_n", 0.05)]),
+        ("command_latency", &[("delay_s", 0.02)]),
+    ];
+    let mut made = rig.clone();
+    for (effect, numbers) in all.into_iter().take(effects) {
+        let numbers = numbers
+            .iter()
+            .map(|(n, v)| ((*n).to_owned(), ParameterValue::Number(*v)));
+        made.physics.push(PhysicsEntry {
+            effect: effect.to_owned(),
+            parameters: numbers.collect(),
+        });
+    }
+    made
+}
+
+/// Singles, pairs, the beam and exchange over four runs, by number of effects at work.
+#[divan::bench(args = [0, 1, 2, 4], sample_count = 1, sample_size = 1)]
+fn search_by_effects_at_work(effects: usize) -> usize {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let tank = at_work(&rig, effects);
+    let runs: Vec<Run> = (0..4).map(|k| run(&tank, k)).collect();
+    let setting = Setting::new(&runs, &rig, Dof::Surge).unwrap();
+    searched(&setting)
+}
+
+/// The whole diagnosis of one DOF, three runs and one held out, by number of effects at work.
+#[divan::bench(args = [0, 1, 2, 4], sample_count = 1, sample_size = 1)]
+fn diagnosis_by_effects_at_work(effects: usize) -> usize {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let tank = at_work(&rig, effects);
+    let sources: Vec<Source> = (0..4)
+        .map(|k| Source {
+            run: run(&tank, k),
+            faults: Vec::new(),
+        })
+        .collect();
+    let made = diagnose(&sources[..3], &sources[3..], &rig, &|_| {}).unwrap();
+    made.verdict.sets_looked_at
 }
 
 /// All singles and pairs and the beam, by number of runs.

@@ -208,6 +208,18 @@ pub fn score(all: &[Judged]) -> Score {
         )
     });
     lines.push(alone(
+        "  or <= 1.2 of the observer's own",
+        "",
+        Rate::of(
+            all.iter()
+                .filter(|j| j.word == Word::Named)
+                .filter_map(|j| {
+                    let [_, after, noise] = j.held_out?;
+                    Some(after <= 1.2 * noise.max(j.held_ideal_m?))
+                }),
+        ),
+    ));
+    lines.push(alone(
         "paper's two runs: the right set",
         "all",
         passed("paper_set"),
