@@ -25,6 +25,8 @@ pub mod scale;
 pub mod search;
 pub mod setting;
 mod source;
+#[cfg(test)]
+mod testing;
 pub mod verdict;
 pub mod weight;
 pub mod weights;

@@ -307,6 +307,33 @@ pub fn left_out(setting: &Setting, weights: &Weights, fit: &Fit) -> Option<f64> 
 mod tests {
     use super::*;
 
+    /// What the runs fitted leave open widens what the run held out may show; what they know well does not.
+    #[test]
+    fn a_prediction_may_miss_by_its_own_covariance() {
+        use crate::diagnose::search::Search;
+        use crate::diagnose::testing::{NOISE_M, setting, surge};
+        let setting = setting(&[surge(0, &[])]);
+        let held = [Track::of(&surge(2, &[]), setting.dof).unwrap()];
+        let mut search = Search::new(&setting, &|_| {});
+        search.nothing();
+        let fit = search.finished(&[]).unwrap();
+        let noise = Noise::white(NOISE_M);
+        let may = expected(&setting, &held, &fit, noise);
+        let missed = held_out(&setting, &held, &fit, noise).unwrap();
+        assert!(
+            may > NOISE_M && missed < 2.0 * may && may < 20.0 * NOISE_M,
+            "{missed} of {may}"
+        );
+        let sharper = Fit {
+            hessian: &fit.hessian * 100.0,
+            ..fit.clone()
+        };
+        let spread = |v: f64| v * v - NOISE_M * NOISE_M;
+        let ratio = spread(may) / spread(expected(&setting, &held, &sharper, noise));
+        assert!((ratio / 100.0 - 1.0).abs() < 1e-3, "{ratio}");
+        assert_eq!(expected(&setting, &[], &fit, noise), NOISE_M);
+    }
+
     /// Errors that come and go in long waves: a tenth more of them proves nothing, twice as many do.
     #[test]
     fn a_prediction_is_better_when_its_errors_differ_by_more_than_they_vary() {

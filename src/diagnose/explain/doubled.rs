@@ -154,3 +154,48 @@ fn grown(
         ..Explanation::plain(search, &once)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::bank::motion;
+    use crate::diagnose::explain::Explanation;
+    use crate::diagnose::setting::COEFFICIENTS;
+    use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
+
+    /// Derivatives to two equal time constants are the same column: that was taken for a confounded set, and
+    /// nothing joined two equal stages.
+    #[test]
+    fn two_equal_stages_confound_nothing() {
+        let runs = [surge(0, &[]), surge(1, &[])];
+        let mut made = setting(&runs);
+        let lag = candidate(&made, "thruster_lag");
+        let force = candidate(&made, "constant_force");
+        let (set, numbers) = ([lag, lag, force], [0.3, 0.3, 0.15]);
+        let mut globals = made.coefficients().to_vec();
+        assert_eq!(globals.len(), COEFFICIENTS);
+        globals.extend(numbers);
+        let moved = motion(&made, &set, &globals, &[(0.0, 0.0); 2]);
+        let mut first = 0;
+        for track in &mut made.tracks {
+            for (k, m) in track.measured.iter_mut().enumerate() {
+                let wave = (1.7 * k as f64).sin() + (2.9 * k as f64).cos();
+                *m = moved[first + k] + NOISE_M * wave;
+            }
+            first += track.measured.len();
+        }
+        let mut search = Search::new(&made, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[lag]).unwrap();
+        let heavy = Explanation {
+            weights: vec![1.0],
+            ..Explanation::plain(&search, &single)
+        };
+        let found = doubled_members(&search, &heavy, f64::NEG_INFINITY);
+        let two = found.first().and_then(|e| e.twice.as_ref()).unwrap();
+        assert_eq!(two.1.set, set.to_vec(), "{:?}", two.1.set);
+        assert!(two.1.confounded(&made).contains(&lag), "they are not equal");
+        assert!(two.1.cost < 2.0 * search.weights.samples() as f64);
+    }
+}

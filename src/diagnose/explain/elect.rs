@@ -97,26 +97,11 @@ pub fn elect(
     let gain = |e: &Explanation, b: &Explanation| {
         e.log_evidence - sparing(search, b, e) - b.log_evidence + sparing(search, e, b)
     };
-    let likeliest = (1..eligible.len()).fold(0, |best, k| {
-        match gain(&eligible[k].0, &eligible[best].0) > 0.0 {
-            true => k,
-            false => best,
-        }
-    });
-    // Where evidence hardly decides, what surely predicts better does.
-    let (first, foretells) = eligible.get(likeliest)?;
-    let near: Vec<(usize, f64)> = eligible
-        .iter()
-        .enumerate()
-        .filter(|(k, (e, _))| *k != likeliest && gain(e, first).abs() < HARDLY)
-        .filter_map(|(k, (_, p))| Some((k, p.as_ref()?.better_than(foretells.as_ref()?))))
-        .collect();
-    let bar = better_t(near.len());
-    let chosen = near
-        .iter()
-        .filter(|(_, t)| *t > bar)
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .map_or(likeliest, |(k, _)| *k);
+    let chosen = choose(
+        eligible.len(),
+        |k, b| gain(&eligible[k].0, &eligible[b].0),
+        |k, b| Some(eligible[k].1.as_ref()?.better_than(eligible[b].1.as_ref()?)),
+    )?;
     let best = eligible.swap_remove(chosen).0;
     tracing::debug!(
         "elected {:?}, matters above {:.1e}",
@@ -124,6 +109,25 @@ pub fn elect(
         setting.tolerance
     );
     Some(best)
+}
+
+/// The likeliest of so many; where others are hardly less likely, the one of those that surely predicts better.
+///
+/// `gain(k, b)` = log evidence of k over b; `better(k, b)` = t of k's prediction over that of b, where both were asked.
+fn choose(
+    many: usize,
+    gain: impl Fn(usize, usize) -> f64,
+    better: impl Fn(usize, usize) -> Option<f64>,
+) -> Option<usize> {
+    let likeliest = (0..many).reduce(|best, k| if gain(k, best) > 0.0 { k } else { best })?;
+    let near: Vec<(usize, f64)> = (0..many)
+        .filter(|k| *k != likeliest && gain(*k, likeliest).abs() < HARDLY)
+        .filter_map(|k| Some((k, better(k, likeliest)?)))
+        .collect();
+    let bar = better_t(near.len());
+    let surely = near.iter().filter(|(_, t)| *t > bar);
+    let chosen = surely.max_by(|a, b| a.1.total_cmp(&b.1));
+    Some(chosen.map_or(likeliest, |(k, _)| *k))
 }
 
 /// rms of the runs held out with all of an explanation; `None` where that cannot be asked: without such runs,
@@ -233,4 +237,34 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
         && other.bent().is_some()
         && (fewer > 0.0 || best.bent().is_none() && other.twice.is_none());
     fewer + if bends { SPARING } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the order they come in: the likeliest, or one hardly less likely that surely predicts better;
+    /// never one that is far less likely.
+    #[test]
+    fn an_election_does_not_depend_on_the_order_of_its_candidates() {
+        let evidence = [100.0, 94.5, 89.0];
+        // Each predicts surely better than those before it.
+        let t = |k: usize, b: usize| 5.0 * (k as f64 - b as f64);
+        for order in [
+            [0, 1, 2],
+            [0, 2, 1],
+            [1, 0, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [2, 1, 0],
+        ] {
+            let gain = |k: usize, b: usize| evidence[order[k]] - evidence[order[b]];
+            let better = |k: usize, b: usize| Some(t(order[k], order[b]));
+            let won = choose(3, gain, better).unwrap();
+            assert_eq!(order[won], 1, "{order:?}");
+            assert_eq!(order[choose(3, gain, |_, _| None).unwrap()], 0);
+            assert_eq!(order[choose(3, gain, |_, _| Some(1.0)).unwrap()], 0);
+        }
+        assert_eq!(choose(0, |_, _| 0.0, |_, _| None), None);
+    }
 }

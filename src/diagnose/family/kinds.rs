@@ -200,3 +200,27 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
         .flatten()
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::search::Search;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    #[test]
+    fn a_thruster_does_not_bend_by_place_and_a_drag_may() {
+        let setting = setting(&[surge(0, &[]), surge(1, &[])]);
+        let mut search = Search::new(&setting, &|_| {});
+        search.nothing();
+        let nothing = search.get(&[]).unwrap();
+        let by_place = |id: &str| {
+            let candidates = [candidate(&setting, id)];
+            let all = bends(&setting, nothing, &candidates);
+            assert!(all.len() > 3, "{id}");
+            all.iter().any(|f| f.variable == Variable::Place)
+        };
+        assert!(!by_place("thruster_lag") && !by_place("thrust_asymmetry"));
+        assert!(by_place("current") && by_place("tether_spring"));
+        assert_eq!(Variable::SpeedAgainst.kind(), Variable::Rate);
+    }
+}

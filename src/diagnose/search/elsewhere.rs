@@ -59,3 +59,43 @@ impl Search<'_> {
         self.fit(jobs);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fit::Posed;
+    use crate::diagnose::search::Search;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// A seiche that came to the wrong period stays there until it is looked for elsewhere.
+    #[test]
+    fn a_period_that_is_a_minimum_of_its_own_is_left() {
+        let sway: &[(&str, f64)] = &[("amp_mps", 0.004), ("period_s", 4.0), ("phase_rad", 0.5)];
+        let runs = [surge(0, &[("seiche", sway)]), surge(1, &[("seiche", sway)])];
+        let setting = setting(&runs);
+        let mut search = Search::new(&setting, &|_| {});
+        search.nothing();
+        let seiche = candidate(&setting, "seiche");
+        let nothing = search.get(&[]).unwrap().clone();
+        let period = |fit: &Fit| fit.member(&setting, 0)[1];
+        let set = vec![seiche];
+        let from = |period_s: f64| {
+            let at = joined(&setting, &nothing, seiche, &[0.002, period_s, 0.0]).1;
+            Posed::new(&setting, &search.weights, &set).fit(at).unwrap()
+        };
+        let others = [2.2, 2.7, 6.5, 9.0, 13.0, 18.0].map(from);
+        let stuck = others
+            .into_iter()
+            .max_by(|a, b| a.cost.total_cmp(&b.cost))
+            .unwrap();
+        search.fits.insert(set.clone(), stuck.clone());
+        search.elsewhere(&stuck);
+        let found = search.finished(&set).unwrap();
+        assert!(found.cost < 0.2 * stuck.cost);
+        assert!(
+            (period(&found) / 4.0 - 1.0).abs() < 0.01,
+            "{}",
+            period(&found)
+        );
+    }
+}

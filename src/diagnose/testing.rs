@@ -1,0 +1,69 @@
+//! Runs made in memory for the tests of the diagnosis.
+
+use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
+use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::trajectory::Trajectory;
+
+use super::setting::Setting;
+use crate::identify::data::{Command, Run, Sample};
+
+/// rms of the roughness that stands for noise \[m\].
+pub const NOISE_M: f64 = 1.5e-4;
+
+/// Evenly spread over +-1, the same at every call.
+fn rough(i: u32) -> f64 {
+    f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 2001) / 1000.0 - 1.0
+}
+
+/// A surge run of 16 s at 12.5 Hz of the built-in rig with these effects at work; `k` varies the commands.
+pub fn surge(k: usize, effects: &[(&str, &[(&str, f64)])]) -> Run {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    rig.physics.extend(effects.iter().map(|(effect, numbers)| {
+        PhysicsEntry {
+            effect: (*effect).to_owned(),
+            parameters: numbers
+                .iter()
+                .map(|(n, v)| ((*n).to_owned(), ParameterValue::Number(*v)))
+                .collect(),
+        }
+    }));
+    let model = Model::from_rig(&rig).unwrap();
+    let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.01).unwrap();
+    let mut made = Run {
+        name: format!("run{k}"),
+        ..Run::default()
+    };
+    let step_s = k as f64;
+    for (t_s, load) in [
+        (0.0, 4.0 + 2.0 * k as f64),
+        (5.0 + step_s, -6.0),
+        (11.0, 0.0),
+    ] {
+        let wrench = [load, 0.0, 0.0, 0.0, 0.0, 0.0];
+        path.command(t_s, wrench).unwrap();
+        made.commands.push(Command { t_s, wrench });
+    }
+    for i in 0..200u32 {
+        let t_s = 0.006 + 0.08 * f64::from(i);
+        let mut values = [f64::NAN; 12];
+        let noise = NOISE_M * 3.0_f64.sqrt() * rough(i + 1000 * k as u32);
+        values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + noise;
+        made.samples.push(Sample {
+            t_s,
+            values,
+            covariance: None,
+        });
+    }
+    made
+}
+
+/// What is diagnosed of such runs.
+pub fn setting(runs: &[Run]) -> Setting {
+    Setting::new(runs, &Rig::builtin("lshpi").unwrap(), Dof::Surge).unwrap()
+}
+
+/// Index of an effect among the candidates.
+pub fn candidate(setting: &Setting, id: &str) -> usize {
+    let found = setting.vocabulary.iter().position(|c| c.info.id == id);
+    found.unwrap()
+}
