@@ -179,6 +179,16 @@ fn point(p: &ParameterInfo, share: f64) -> f64 {
     }
 }
 
+/// The share of the plausible range at which a value lies, as [`point`] has it.
+pub fn share(p: &ParameterInfo, value: f64) -> f64 {
+    let (low, high) = p.plausible;
+    if low > 0.0 && high >= 4.0 * low {
+        (value.max(1e-12) / low).ln() / (high / low).ln()
+    } else {
+        (value - low) / (high - low).max(1e-300)
+    }
+}
+
 /// Radical inverse: evenly filling points without a seed (Halton 1960).
 fn radical(mut k: usize, base: usize) -> f64 {
     let (mut value, mut digit) = (0.0, 1.0 / base as f64);

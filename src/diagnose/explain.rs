@@ -420,11 +420,13 @@ pub fn early(search: &Search<'_>) -> Vec<Explanation> {
 /// set has.
 pub fn unnamed_from_nothing(search: &Search<'_>) -> Option<Explanation> {
     let (best, nothing) = (search.best()?, search.get(&[])?);
+    let place = |e: &Explanation| matches!(e.kind(), Some((_, Variable::Place)));
     kinds(search, nothing, KINDS + 1)
         .iter()
         .filter(|seed| seed.family.as_ref().is_some_and(|f| f.family.lasts()))
-        .take(KINDS)
-        .map(|seed| beside(search, seed, best, best.log_evidence))
+        .enumerate()
+        .filter(|(k, seed)| *k < KINDS || place(seed))
+        .map(|(_, seed)| beside(search, seed, best, best.log_evidence))
         .filter(|e| e.fit.set.len() < best.set.len() && e.family_weight > search.setting.tolerance)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
@@ -454,7 +456,10 @@ fn alone(search: &mut Search<'_>, found: &Explanation) {
             Some(joined(search.setting, &nothing, c, numbers))
         })
         .collect();
+    // What does nothing by itself is no blind spot beside others.
+    let blind = search.blind.clone();
     search.fit_all(jobs);
+    search.blind = blind;
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].

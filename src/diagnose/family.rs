@@ -80,7 +80,7 @@ impl Variable {
         }
     }
 
-    /// Times in one run, in each or in all are one kind, and so are places, and rates and speeds.
+    /// Times in one run, in each or in all are one kind, and so are places; a force against the motion is one of its rate.
     pub fn kind(self) -> Variable {
         match self {
             Variable::TimeIn(_) | Variable::Time => Variable::TimeEach,

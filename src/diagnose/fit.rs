@@ -514,7 +514,7 @@ impl Linearised for Posed<'_> {
     }
 }
 /// Whether a parameter is an angle whose plausible range is the whole circle.
-fn is_phase(p: &ParameterInfo) -> bool {
+pub fn is_phase(p: &ParameterInfo) -> bool {
     use std::f64::consts::PI;
     p.unit == "rad" && p.plausible == (-PI, PI)
 }

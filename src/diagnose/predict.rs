@@ -69,7 +69,7 @@ impl Prediction {
 }
 
 /// rms that the errors of held-out tracks have where the set is right: the noise's, and what the covariance of its
-/// numbers makes of them in motions that the runs fitted did not show, each run's start free \[m, rad\].
+/// numbers makes of them in motions that the runs fitted did not show, each run from where it begins \[m, rad\].
 pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) -> f64 {
     let other = setting.with_tracks(tracks.to_vec());
     let globals = fit.globals(setting);

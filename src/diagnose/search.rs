@@ -566,9 +566,13 @@ impl<'a> Search<'a> {
             }
         }
         let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
-        if self.best().is_some_and(|f| f.cost > noise) && self.imitates_unnamed() {
-            self.hopeless = true;
-            return;
+        if let Some(best) = self.best().filter(|f| f.cost > noise).cloned() {
+            // A wrong period leaves what a free force would take up.
+            self.elsewhere(&best);
+            if self.imitates_unnamed() {
+                self.hopeless = true;
+                return;
+            }
         }
         self.exchange();
     }
@@ -644,7 +648,8 @@ impl<'a> Search<'a> {
             self.rejoin(&best);
             self.elsewhere(&best);
             (self.progress)("exchange");
-            if self.best().is_some_and(|b| b.set == best.set) {
+            let same = |b: &Fit| b.set == best.set && b.cost > best.cost - OTHER_MINIMUM;
+            if self.best().is_some_and(same) {
                 break;
             }
         }

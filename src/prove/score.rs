@@ -212,10 +212,10 @@ pub fn score(all: &[Judged]) -> Score {
         "",
         Rate::of(
             all.iter()
-                .filter(|j| j.word == Word::Named)
+                .filter(|j| j.passed.iter().any(|p| p.0 == "held_out"))
                 .filter_map(|j| {
                     let [_, after, noise] = j.held_out?;
-                    Some(after <= 1.2 * noise.max(j.held_ideal_m?))
+                    Some(after <= 1.2 * noise.max(j.held_ideal_m.unwrap_or(noise)))
                 }),
         ),
     ));

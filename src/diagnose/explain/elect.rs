@@ -12,7 +12,8 @@ use crate::diagnose::predict::{Prediction, better_t, held_out, predicted, predic
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
-/// rms of the runs held out over the least one, and over noise, above which an explanation is none.
+/// rms of the runs held out over the least one, and over noise, above which an explanation is none; its square
+/// where even the least is above that.
 const MISSED: f64 = 2.0;
 /// Log evidence below the best one from where on a function cuts nothing off the runs held out.
 const IN_THE_RACE: f64 = 50.0;
@@ -71,7 +72,10 @@ pub fn elect(
         .flatten()
         .copied()
         .fold(f64::INFINITY, f64::min);
-    let bar = MISSED * least.max(noise.total_sd());
+    // Where none comes near the noise they differ by what lies outside of what the runs fitted showed.
+    let near_noise = least < MISSED * noise.total_sd();
+    let slack = if near_noise { MISSED } else { MISSED * MISSED };
+    let bar = slack * least.max(noise.total_sd());
     for (e, m) in contenders.iter().zip(&missed) {
         tracing::debug!(
             "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}, weighs {:.5}, members {:.5?}",
@@ -111,7 +115,7 @@ pub fn elect(
     Some(best)
 }
 
-/// The likeliest of so many; where others are hardly less likely, the one of those that surely predicts better.
+/// The likeliest of so many: the one whose least gain over another is largest; where others are hardly less likely, the one of those that surely predicts better.
 ///
 /// `gain(k, b)` = log evidence of k over b; `better(k, b)` = t of k's prediction over that of b, where both were asked.
 fn choose(
@@ -119,7 +123,12 @@ fn choose(
     gain: impl Fn(usize, usize) -> f64,
     better: impl Fn(usize, usize) -> Option<f64>,
 ) -> Option<usize> {
-    let likeliest = (0..many).reduce(|best, k| if gain(k, best) > 0.0 { k } else { best })?;
+    // What is allowed for fewer effects is allowed pair by pair, so that three may beat each other in turn.
+    let worst = |k: usize| {
+        let others = (0..many).filter(|b| *b != k);
+        others.map(|b| gain(k, b)).fold(f64::INFINITY, f64::min)
+    };
+    let likeliest = (0..many).reduce(|best, k| if worst(k) > worst(best) { k } else { best })?;
     let near: Vec<(usize, f64)> = (0..many)
         .filter(|k| *k != likeliest && gain(*k, likeliest).abs() < HARDLY)
         .filter_map(|k| Some((k, better(k, likeliest)?)))
@@ -266,5 +275,12 @@ mod tests {
             assert_eq!(order[choose(3, gain, |_, _| Some(1.0)).unwrap()], 0);
         }
         assert_eq!(choose(0, |_, _| 0.0, |_, _| None), None);
+        assert_eq!(choose(1, |_, _| 0.0, |_, _| None), Some(0));
+        // Three that beat each other in turn: the first loses to the last by least.
+        let cycle = [[0.0, 1.0, -0.5], [-1.0, 0.0, 0.7], [0.5, -0.7, 0.0]];
+        for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            let gain = |k: usize, b: usize| cycle[order[k]][order[b]];
+            assert_eq!(order[choose(3, gain, |_, _| None).unwrap()], 0, "{order:?}");
+        }
     }
 }

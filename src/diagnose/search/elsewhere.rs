@@ -1,13 +1,25 @@
 //! A period or a place has minima of its own: those of a set's members are looked for once more, all else as it is.
 
 use super::Search;
-use crate::diagnose::bank::{Promise, View, joined, responses_of, whitened, without};
-use crate::diagnose::fit::Fit;
+use crate::diagnose::bank::{
+    Promise, View, begin, joined, motion, responses_of, whitened, without,
+};
+use crate::diagnose::candidate::{Candidate, share};
+use crate::diagnose::fit::{Fit, is_phase};
 
 /// Other starts fitted per member.
 const TRIED: usize = 3;
-/// Of a parameter's range: what another start differs by in one of those that are no size.
-const APART: f64 = 0.12;
+/// Of a parameter's plausible range: what another start differs by in one of those that are no size.
+const APART: f64 = 0.1;
+
+/// Whether two starts differ in a period or a place; a phase follows by itself.
+fn apart(c: &Candidate, a: &[f64], b: &[f64]) -> bool {
+    let numbers = c.info.parameters.iter().zip(a.iter().zip(b));
+    numbers
+        .skip(1)
+        .filter(|(p, _)| !is_phase(p))
+        .any(|(p, (a, b))| (share(p, *a) - share(p, *b)).abs() > APART)
+}
 
 impl Search<'_> {
     /// Fits a set again from other periods and places of each member, those that promise most; the lowest stays.
@@ -20,13 +32,6 @@ impl Search<'_> {
                 continue;
             }
             let mut known: Vec<Vec<f64>> = vec![best.member(setting, member).to_vec()];
-            let apart = |a: &[f64], b: &[f64]| {
-                let ranges = c.flat.iter().map(|(low, high)| (high - low).max(1e-300));
-                let moved = a.iter().zip(b).zip(ranges);
-                moved
-                    .skip(1)
-                    .any(|((a, b), range)| (a - b).abs() > APART * range)
-            };
             let (set, at) = without(setting, best, member);
             let gap = Fit {
                 set,
@@ -46,13 +51,13 @@ impl Search<'_> {
                 .collect();
             for p in found {
                 let start = &c.starts[p.start];
-                if known.len() > TRIED || !known.iter().all(|k| apart(start, k)) {
+                if known.len() > TRIED || !known.iter().all(|k| apart(c, start, k)) {
                     continue;
                 }
                 known.push(start.clone());
-                let mut point = start.clone();
-                let (low, high) = c.bounds[0];
-                point[0] = (point[0] * p.amplitude).clamp(low, high);
+                let point = begin(setting, &gap, &there, &p, &|set, globals, starts| {
+                    motion(setting, set, globals, starts)
+                });
                 jobs.push(joined(setting, &gap, *candidate, &point));
             }
         }
