@@ -88,20 +88,14 @@ pub fn responses(setting: &Setting, fit: &Fit) -> Vec<Response> {
 pub fn responses_by(setting: &Setting, fit: &Fit, motion: Motion<'_>) -> Vec<Response> {
     let points: Vec<(usize, usize, &[f64])> = (0..setting.vocabulary.len())
         .filter(|c| !fit.set.contains(c))
-        .flat_map(|c| {
-            let starts = setting.vocabulary[c].starts.iter().enumerate();
-            starts.map(move |(s, point)| (c, s, point.as_slice()))
-        })
+        .flat_map(|c| starts_of(setting, c))
         .collect();
     responses_to(setting, fit, &points, motion)
 }
 
 /// Responses of one candidate at all of its starts.
 pub fn responses_of(setting: &Setting, fit: &Fit, candidate: usize) -> Vec<Response> {
-    let starts = setting.vocabulary[candidate].starts.iter().enumerate();
-    let points: Vec<(usize, usize, &[f64])> = starts
-        .map(|(s, point)| (candidate, s, point.as_slice()))
-        .collect();
+    let points: Vec<(usize, usize, &[f64])> = starts_of(setting, candidate).collect();
     responses_to(setting, fit, &points, &|set, globals, starts| {
         motion(setting, set, globals, starts)
     })
@@ -119,7 +113,13 @@ pub fn responses_at(
     responses_to(setting, fit, &points, motion)
 }
 
-/// Candidate, number of the start, the parameters there.
+/// A candidate's starts: itself, number of the start, the parameters there.
+fn starts_of(setting: &Setting, candidate: usize) -> impl Iterator<Item = (usize, usize, &[f64])> {
+    let starts = setting.vocabulary[candidate].starts.iter().enumerate();
+    starts.map(move |(s, point)| (candidate, s, point.as_slice()))
+}
+
+/// Responses at `points`: candidate, number of the start, the parameters there.
 fn responses_to(
     setting: &Setting,
     fit: &Fit,

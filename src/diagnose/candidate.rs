@@ -169,10 +169,15 @@ fn flat(p: &ParameterInfo) -> (f64, f64) {
     (p.plausible.0.min(nothing), p.plausible.1.max(nothing))
 }
 
-/// A share of the plausible range, by ratio where the range spans one sign and a factor of four.
+/// Whether shares of the plausible range go by ratio: it has one sign and spans a factor of four.
+fn by_ratio((low, high): (f64, f64)) -> bool {
+    low > 0.0 && high >= 4.0 * low
+}
+
+/// A share of the plausible range.
 fn point(p: &ParameterInfo, share: f64) -> f64 {
     let (low, high) = p.plausible;
-    if low > 0.0 && high >= 4.0 * low {
+    if by_ratio(p.plausible) {
         low * (high / low).powf(share)
     } else {
         low + (high - low) * share
@@ -182,7 +187,7 @@ fn point(p: &ParameterInfo, share: f64) -> f64 {
 /// The share of the plausible range at which a value lies, as [`point`] has it.
 pub fn share(p: &ParameterInfo, value: f64) -> f64 {
     let (low, high) = p.plausible;
-    if low > 0.0 && high >= 4.0 * low {
+    if by_ratio(p.plausible) {
         (value.max(1e-12) / low).ln() / (high / low).ln()
     } else {
         (value - low) / (high - low).max(1e-300)

@@ -118,6 +118,22 @@ impl Fit {
             .collect()
     }
 
+    /// Widths of the priors of the set's parameters.
+    fn widths<'a>(&'a self, setting: &'a Setting) -> impl Iterator<Item = f64> + 'a {
+        let of = |c: &usize| setting.vocabulary[*c].widths.iter().copied();
+        self.set.iter().flat_map(of)
+    }
+
+    /// Second derivatives under which what the data leave open is no wider than its prior.
+    pub fn hessian_within_priors(&self, setting: &Setting) -> DMatrix<f64> {
+        let mut h = self.hessian.clone();
+        for (i, w) in self.widths(setting).enumerate() {
+            let k = COEFFICIENTS + i;
+            h[(k, k)] += std::f64::consts::TAU / (w * w);
+        }
+        h
+    }
+
     /// Covariance of all unknowns.
     pub fn covariance(&self) -> DMatrix<f64> {
         covariance(&self.hessian)
@@ -362,16 +378,8 @@ impl<'a> Posed<'a> {
     pub fn log_evidence(&self, fit: &Fit) -> f64 {
         // The Hessian may hold more unknowns behind these (a free function's, with their prior).
         let n = fit.hessian.nrows();
-        let widths: Vec<f64> = self
-            .set
-            .iter()
-            .flat_map(|c| self.setting.vocabulary[*c].widths.iter().copied())
-            .collect();
-        let mut h = fit.hessian.clone();
-        for (i, w) in widths.iter().enumerate() {
-            let k = COEFFICIENTS + i;
-            h[(k, k)] += std::f64::consts::TAU / (w * w);
-        }
+        let widths: Vec<f64> = fit.widths(self.setting).collect();
+        let h = fit.hessian_within_priors(self.setting);
         let scale: Vec<f64> = (0..n).map(|i| h[(i, i)].sqrt().max(1e-150)).collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| {
             h[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-13 } else { 0.0 }

@@ -75,15 +75,8 @@ pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
     let globals = fit.globals(setting);
     let g = globals.len();
     // What the data leave open is no wider than its prior, as in the evidence.
-    let mut own = fit.hessian.clone();
-    let widths = fit
-        .set
-        .iter()
-        .flat_map(|c| setting.vocabulary[*c].widths.iter());
-    for (i, w) in widths.enumerate() {
-        own[(COEFFICIENTS + i, COEFFICIENTS + i)] += std::f64::consts::TAU / (w * w);
-    }
-    let covariance = covariance(&own).view((0, 0), (g, g)).into_owned();
+    let covariance = covariance(&fit.hessian_within_priors(setting));
+    let covariance = covariance.view((0, 0), (g, g)).into_owned();
     let (mut sum, mut count) = (0.0, 0.0);
     for (run, track) in other.tracks.iter().enumerate() {
         let start = (track.measured.first().copied().unwrap_or(0.0), 0.0);

@@ -482,6 +482,7 @@ impl<'a> Search<'a> {
         let mut best = f64::NEG_INFINITY;
         let mut idle = 0;
         let mut asked = false;
+        let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
         for round in 0..2 * DEPTH {
             let look_around = round >= 2 && round % 2 == 0;
             if look_around
@@ -490,7 +491,6 @@ impl<'a> Search<'a> {
                 self.hopeless = true;
                 return;
             }
-            let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
             let crowded = |f: &&Fit| f.set.len() >= CROWDED && f.cost > noise;
             if !asked && let Some(crowd) = self.best().filter(crowded) {
                 asked = true;
@@ -565,7 +565,6 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        let noise = MORE_THAN_NOISE * self.weights.samples() as f64;
         if let Some(best) = self.best().filter(|f| f.cost > noise).cloned() {
             // A wrong period leaves what a free force would take up.
             self.elsewhere(&best);

@@ -263,18 +263,17 @@ fn additions(
         .into_iter()
         .take(ADDED)
         .map(|p| {
-            let known = points
-                .iter()
-                .find(|k| p.start == ELSEWHERE && k.0 == p.candidate);
-            match known {
-                Some((candidate, point)) => joined(setting, fit, *candidate, point),
-                None => {
-                    let point = begin(setting, fit, &bank.responses, &p, motion);
-                    joined(setting, fit, p.candidate, &point)
-                }
-            }
+            let point = known(&points, &p)
+                .unwrap_or_else(|| begin(setting, fit, &bank.responses, &p, motion));
+            joined(setting, fit, p.candidate, &point)
         })
         .collect()
+}
+
+/// The numbers from elsewhere of a promise that was made for them.
+pub(super) fn known(points: &[(usize, &[f64])], promise: &Promise) -> Option<Vec<f64>> {
+    let same = |k: &&(usize, &[f64])| promise.start == ELSEWHERE && k.0 == promise.candidate;
+    points.iter().find(same).map(|k| k.1.to_vec())
 }
 
 /// The best promise of each candidate that is worth a fit, best first: from the starts, and with numbers from

@@ -5,9 +5,9 @@
 use rayon::prelude::*;
 
 use super::Explanation;
-use super::beside::{SURELY_THERE, lacking, likeliest, too_slow};
+use super::beside::{SURELY_THERE, known, lacking, likeliest, too_slow};
 use super::look::{BELIEVED, TWICE_PENALTY, twice};
-use crate::diagnose::bank::{ELSEWHERE, View, joined, motion, responses_at, whitened, without};
+use crate::diagnose::bank::{View, joined, motion, responses_at, whitened, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
@@ -109,13 +109,8 @@ fn grown(
         promises.extend(view.promises(&there, &white, &now.set));
         let likeliest = likeliest(search, promises).into_iter().take(ADDED);
         jobs.extend(likeliest.map(|p| {
-            let known = points
-                .iter()
-                .find(|k| p.start == ELSEWHERE && k.0 == p.candidate);
-            match known {
-                Some((candidate, point)) => joined(setting, &now, *candidate, point),
-                None => joined(setting, &now, p.candidate, &search.begin(&now, &p)),
-            }
+            let point = known(&points, &p).unwrap_or_else(|| search.begin(&now, &p));
+            joined(setting, &now, p.candidate, &point)
         }));
         let effort = Effort {
             limit: now.cost + TOO_FAR,

@@ -47,21 +47,16 @@ pub fn elect(
         .filter(|e| e.log_evidence > top - IN_THE_RACE)
         .collect();
     let known = covered(&near, held);
-    let asked: Vec<Option<Prediction>> = contenders
+    let (asked, missed): (Vec<Option<Prediction>>, Vec<Option<f64>>) = contenders
         .iter()
-        .map(|e| match known.is_empty() && e.family.is_none() {
-            true => prediction(search, e, held),
-            false => prediction(search, e, &known),
+        .map(|e| {
+            let plain = known.is_empty() && e.family.is_none();
+            let held = if plain { held } else { &known };
+            let p = prediction(search, e, held);
+            let missed = miss(e, p.as_ref(), held);
+            (p, missed)
         })
-        .collect();
-    let missed: Vec<Option<f64>> = contenders
-        .iter()
-        .zip(&asked)
-        .map(|(e, p)| match known.is_empty() && e.family.is_none() {
-            true => miss(e, p.as_ref(), held),
-            false => miss(e, p.as_ref(), &known),
-        })
-        .collect();
+        .unzip();
     let held = if known.is_empty() { held } else { &known };
     let nothing = search
         .get(&[])
