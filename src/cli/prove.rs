@@ -30,7 +30,7 @@ pub struct Args {
     /// Seed of all cases
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// One case by its id, with its whole verdict and its key (as one JSON object)
+    /// One case by its id (image-N: of the image level), with its whole verdict and its key (as one JSON object)
     #[arg(long, value_name = "ID", conflicts_with_all = ["cases", "category"])]
     only: Option<String>,
     /// This many image-level cases instead: six effects and none in turn
@@ -105,7 +105,28 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
+    let case = images::make(args.seed, index).map_err(sorted)?;
+    let (judged, found) = images::judge(&case).map_err(sorted)?;
+    let object = serde_json::json!({
+        "id": format!("image-{index}"),
+        "seed": args.seed,
+        "verdict": found.as_ref().map(|f| f.verdict()),
+        "judged": judged,
+    });
+    let text = if args.json {
+        serde_json::to_string(&object)
+    } else {
+        serde_json::to_string_pretty(&object)
+    };
+    outln!("{}", text.map_err(CliError::run)?);
+    Ok(Outcome::Done)
+}
+
 fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
+    if let Some(index) = id.strip_prefix("image-").and_then(|n| n.parse().ok()) {
+        return only_image(args, index);
+    }
     let (category, index) = parse(id).map_err(sorted)?;
     let case = make(args.seed, category, index).map_err(sorted)?;
     let judged = judge(&case, !args.no_ideal).map_err(sorted)?;

@@ -248,8 +248,19 @@ pub struct View {
 impl View {
     /// Of a fit.
     pub fn new(setting: &Setting, weights: &Weights, fit: &Fit) -> View {
+        View::but(setting, weights, fit, 0..0)
+    }
+
+    /// The same with some unknowns as they are: they may not move either way.
+    pub fn but(
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        held: std::ops::Range<usize>,
+    ) -> View {
         let posed = Posed::new(setting, weights, &fit.set);
-        let basis = basis(&posed.jacobian(&fit.at));
+        let jacobian = posed.jacobian(&fit.at);
+        let basis = basis(&jacobian.remove_columns(held.start, held.len()));
         let residual = weights.stack(fit.residuals(setting));
         View {
             residual: outside(&basis, &residual),

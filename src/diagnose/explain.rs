@@ -21,6 +21,7 @@ use super::bank::{joined, without};
 use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
+use super::posterior::ALIKE;
 use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
@@ -30,7 +31,7 @@ use covered::covered;
 use doubled::{doubled, doubled_from, doubled_members};
 
 use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
-use look::{BELIEVED, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
+use look::{BELIEVED, TWICE_PENALTY, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
 
 pub use forward::forward;
 pub use look::{Care, look};
@@ -65,6 +66,8 @@ const WORTH_A_CLIMB: f64 = 2.0;
 const OUT_OF_REACH: f64 = 200.0;
 /// The same below any explanation, of a law that bends with all that joins it: a better prior mends less.
 const LAW_OUT_OF_REACH: f64 = 50.0;
+/// Sets with one effect swapped of which one may stand for election beside the best.
+const SWAPPED: usize = 4;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
@@ -295,10 +298,18 @@ pub fn explain(
     if !beaten {
         best = reduce(search, best, &mut tried);
     }
+    if best.simple() {
+        contenders.extend(swapped(search, &best.fit, held));
+    }
     contenders.push(best);
     for contender in &mut contenders {
         needed_at_all(search, contender);
     }
+    let mut forceless: Vec<Explanation> = contenders
+        .iter()
+        .filter(|e| !e.unnamed())
+        .cloned()
+        .collect();
     let mut best = elect(search, contenders, held)?;
     if best.unnamed()
         && search.stopped_early()
@@ -316,6 +327,7 @@ pub fn explain(
                 seen.log_evidence,
                 best.log_evidence
             );
+            forceless.extend((!seen.unnamed()).then(|| seen.clone()));
             best = elect(search, vec![best, seen], held)?;
         }
     }
@@ -344,20 +356,20 @@ pub fn explain(
         }
     }
     best = held_to_account(search, best, held);
+    // A free force too light to matter is no reason to speak of something unnamed, nor to take from
+    // the named effects what they explain: the best explanation without one stands.
+    if best.unnamed() && best.family_weight <= search.setting.tolerance {
+        forceless.extend(tried.into_values().filter(|e| !e.unnamed()));
+        forceless.push(Explanation::plain(search, &first));
+        for e in &mut forceless {
+            needed_at_all(search, e);
+        }
+        best = elect(search, forceless, held)?;
+    }
     if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
         && let Some(family) = &mut best.family
     {
         family.gain = best.log_evidence - plain.log_evidence;
-    }
-    // A free force too light to matter is no reason to speak of something unnamed, nor to take from
-    // the named effects what they explain: the best explanation without one stands.
-    if best.unnamed() && best.family_weight <= search.setting.tolerance {
-        let named = tried
-            .into_values()
-            .filter(|e| !e.unnamed())
-            .chain([Explanation::plain(search, &first)])
-            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
-        return named;
     }
     Some(best)
 }
@@ -431,6 +443,27 @@ pub fn unnamed_from_nothing(search: &Search<'_>) -> Option<Explanation> {
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
 
+/// Of the sets that are the best but for one effect, and hardly less likely, the one that predicts best: of two
+/// delays either may be what stands beside a stage, and only one of them predicts as a second stage would.
+fn swapped(search: &Search<'_>, best: &Fit, held: &[Track]) -> Option<Explanation> {
+    let near = |f: &&Fit| {
+        let shared = f.set.iter().filter(|c| best.set.contains(c)).count();
+        f.set.len() == best.set.len()
+            && shared + 1 == best.set.len()
+            && f.log_evidence > best.log_evidence - ALIKE
+    };
+    let noise = search.weights.noise;
+    let missed = |f: &Fit| held_out(search.setting, held, f, noise);
+    let ranked = search.ranked();
+    ranked
+        .into_iter()
+        .filter(near)
+        .take(SWAPPED)
+        .filter_map(|f| Some((missed(f)?, f)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, f)| Explanation::plain(search, f))
+}
+
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
 /// vocabulary's: it misses the runs held out or, where there are none, has two that matter; or a function.
 fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
@@ -476,8 +509,13 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
     if found.bent().is_none() {
         return;
     }
+    // A second stage has paid for being chosen, and what it was grown from gained more.
+    let bar = match found.twice {
+        Some(_) => BELIEVED - TWICE_PENALTY,
+        None => BELIEVED,
+    };
     if let Some(plain) = search.alone(&found.fit)
-        && plain.log_evidence + BELIEVED > found.log_evidence
+        && plain.log_evidence + bar > found.log_evidence
     {
         tracing::debug!(
             "{:?} does without a bend: {:.1} for {:.1}",

@@ -14,11 +14,13 @@ pub mod findings;
 pub mod fit;
 pub mod geometry;
 pub mod haze;
+pub mod known;
 pub mod model;
 pub mod observe;
 pub mod picture;
 pub mod prior;
 pub mod search;
 mod start;
+mod wobble;
 
 pub use findings::{Findings, ImageError, level};

@@ -22,6 +22,8 @@ const STEPS: usize = 6;
 const ADDED: usize = 5;
 /// Log evidence that a step must gain.
 const STEP_GAIN: f64 = 0.1;
+/// Share by which two equal stages may differ.
+const EQUAL: f64 = 0.02;
 /// A fit that would end this far above the present one's cost is not followed.
 const TOO_FAR: f64 = 40.0;
 
@@ -96,7 +98,12 @@ fn grown(
             .filter(|m| now.set[*m] != candidate && sizes[*m] < SURELY_THERE)
             .map(|m| without(setting, &now, m))
             .collect();
-        let view = View::new(setting, &search.weights, &now);
+        let view = View::but(
+            setting,
+            &search.weights,
+            &now,
+            equal(search, candidate, &now),
+        );
         let points = lacking(setting, &now, also);
         let there = responses_at(setting, &now, &points, &|set, globals, starts| {
             motion(setting, set, globals, starts)
@@ -131,6 +138,12 @@ fn grown(
             })
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
             .filter(|f| f.log_evidence > now.log_evidence + STEP_GAIN);
+        tracing::trace!(
+            "doubled {candidate} {:?} {:.1} -> {:?}",
+            now.set,
+            now.log_evidence,
+            best.as_ref().map(|b| (&b.set, b.log_evidence))
+        );
         let Some(better) = best else { break };
         let gained = better.log_evidence - now.log_evidence;
         now = better;
@@ -150,27 +163,40 @@ fn grown(
     })
 }
 
+/// Unknowns of the copy where both stages are equal. Their difference then spreads the response, and cannot spread
+/// it less: taken as free to go either way it would seem to do what a delay beside them does.
+fn equal(search: &Search<'_>, candidate: usize, two: &Fit) -> std::ops::Range<usize> {
+    let setting = search.setting;
+    let Some(copy) = two.set.iter().position(|c| *c == candidate) else {
+        return 0..0;
+    };
+    let first = setting.places(&two.set)[copy];
+    let n = setting.vocabulary[candidate].info.parameters.len();
+    let same = |k: usize| {
+        let (a, b) = (two.at[k], two.at[k + n]);
+        (a - b).abs() < EQUAL * a.abs().max(b.abs())
+    };
+    if two.at.len() >= first + 2 * n && (first..first + n).all(same) {
+        first..first + n
+    } else {
+        0..0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::diagnose::bank::motion;
     use crate::diagnose::explain::Explanation;
-    use crate::diagnose::setting::COEFFICIENTS;
+    use crate::diagnose::setting::{COEFFICIENTS, Setting};
     use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
 
-    /// Derivatives to two equal time constants are the same column: that was taken for a confounded set, and
-    /// nothing joined two equal stages.
-    #[test]
-    fn two_equal_stages_confound_nothing() {
-        let runs = [surge(0, &[]), surge(1, &[])];
-        let mut made = setting(&runs);
-        let lag = candidate(&made, "thruster_lag");
-        let force = candidate(&made, "constant_force");
-        let (set, numbers) = ([lag, lag, force], [0.3, 0.3, 0.15]);
+    /// The runs of two motions under this set and these numbers, with noise.
+    fn tracked(made: &mut Setting, set: &[usize], numbers: &[f64]) {
         let mut globals = made.coefficients().to_vec();
         assert_eq!(globals.len(), COEFFICIENTS);
         globals.extend(numbers);
-        let moved = motion(&made, &set, &globals, &[(0.0, 0.0); 2]);
+        let moved = motion(made, set, &globals, &[(0.0, 0.0); 2]);
         let mut first = 0;
         for track in &mut made.tracks {
             for (k, m) in track.measured.iter_mut().enumerate() {
@@ -179,7 +205,12 @@ mod tests {
             }
             first += track.measured.len();
         }
-        let mut search = Search::new(&made, &|_| {});
+    }
+
+    /// What the lag alone, doubled, ends in.
+    fn lag_doubled(made: &Setting) -> (Fit, Vec<usize>, f64) {
+        let lag = candidate(made, "thruster_lag");
+        let mut search = Search::new(made, &|_| {});
         search.nothing();
         search.singles();
         let single = search.finished(&[lag]).unwrap();
@@ -188,9 +219,37 @@ mod tests {
             ..Explanation::plain(&search, &single)
         };
         let found = doubled_members(&search, &heavy, f64::NEG_INFINITY);
-        let two = found.first().and_then(|e| e.twice.as_ref()).unwrap();
-        assert_eq!(two.1.set, set.to_vec(), "{:?}", two.1.set);
-        assert!(two.1.confounded(&made).contains(&lag), "they are not equal");
-        assert!(two.1.cost < 2.0 * search.weights.samples() as f64);
+        let two = found.into_iter().next().and_then(|e| e.twice).unwrap().1;
+        let equal = two.confounded(made);
+        (two, equal, search.weights.samples() as f64)
+    }
+
+    /// Derivatives to two equal time constants are the same column: that was taken for a confounded set, and
+    /// nothing joined two equal stages.
+    #[test]
+    fn two_equal_stages_confound_nothing() {
+        let mut made = setting(&[surge(0, &[]), surge(1, &[])]);
+        let lag = candidate(&made, "thruster_lag");
+        let force = candidate(&made, "constant_force");
+        let set = [lag, lag, force];
+        tracked(&mut made, &set, &[0.3, 0.3, 0.15]);
+        let (two, equal, samples) = lag_doubled(&made);
+        assert_eq!(two.set, set.to_vec());
+        assert!(equal.contains(&lag), "they are not equal");
+        assert!(two.cost < 2.0 * samples);
+    }
+
+    /// The difference of two equal stages can only grow: taken as free it did in the linear view what a delay
+    /// does, and none was ever promised beside them.
+    #[test]
+    fn a_delay_joins_two_equal_stages() {
+        let mut made = setting(&[surge(0, &[]), surge(1, &[])]);
+        let lag = candidate(&made, "thruster_lag");
+        let late = candidate(&made, "command_latency");
+        tracked(&mut made, &[late, lag, lag], &[0.08, 0.3, 0.3]);
+        let (two, _, samples) = lag_doubled(&made);
+        assert_eq!(two.set.len(), 3, "{:?}", two.set);
+        assert_eq!(two.set.iter().filter(|c| **c == lag).count(), 2);
+        assert!(two.cost < 2.0 * samples, "{}", two.cost);
     }
 }

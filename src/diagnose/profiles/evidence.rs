@@ -27,6 +27,21 @@ pub fn half_log_det(l: &Cholesky<f64, Dyn>) -> f64 {
         .sum()
 }
 
+/// L⁻¹ of a factor L: the inverse's entries are dot products of its columns.
+pub fn inverse_factor(l: &Cholesky<f64, Dyn>) -> Option<DMatrix<f64>> {
+    let lower = l.l_dirty();
+    let n = lower.nrows();
+    let mut out = DMatrix::identity(n, n);
+    for j in 0..n {
+        // Nothing stands above the diagonal.
+        let rest = lower.view((j, j), (n - j, n - j));
+        if !rest.solve_lower_triangular_mut(&mut out.view_mut((j, j), (n - j, 1))) {
+            return None;
+        }
+    }
+    Some(out)
+}
+
 impl Quadratic {
     /// Most probable point, log evidence and posterior precision's factor under a prior with this
     /// precision; `half_log_k` = half the log determinant of the prior's covariance.
@@ -46,6 +61,15 @@ impl Quadratic {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+
+    /// Dot products of the columns of L⁻¹ are the inverse.
+    #[test]
+    fn the_inverse_from_its_factor() {
+        let root = DMatrix::from_fn(5, 5, |i, j| ((3 * i + 7 * j) as f64).sin());
+        let l = Cholesky::new(&root * root.transpose() + DMatrix::identity(5, 5)).unwrap();
+        let r = inverse_factor(&l).unwrap();
+        assert!((r.tr_mul(&r) - l.inverse()).amax() < 1e-12);
+    }
 
     /// One number measured once: evidence is the density of the measurement, N(y; 0, s² + k).
     #[test]

@@ -7,7 +7,7 @@ use super::model::Kind;
 use super::observe::{self, ImageRun};
 use super::picture;
 use super::prior::Motion;
-use super::search::{ASTRAY_PX, Searched, search, visibility};
+use super::search::{ANY_PX, ASTRAY_PX, Searched, search, visibility};
 use crate::diagnose::Diagnosis;
 use crate::diagnose::verdict::{
     Alternative, BeforeAfter, Effect, FitTable, Law, Test, Value, Verdict, Where, Word,
@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Frames looked at in all.
-pub const FRAMES: usize = 26;
+pub const FRAMES: usize = 52;
 /// Fewest frames that say anything.
 const LEAST_FRAMES: usize = 5;
 /// Channels of a pose.
@@ -73,6 +73,10 @@ pub struct Findings {
     pub entries: Vec<PhysicsEntry>,
     /// Log odds of the best explanation over nothing.
     pub log_odds: f64,
+    /// log posterior without effects \[nat\].
+    pub score_of_nothing: f64,
+    /// Rows by which haze was allowed to pull the stripe \[px\].
+    pub pull_px: f64,
     /// Fit and prediction \[px\].
     pub fit: FitTable,
     /// Other explanations.
@@ -165,7 +169,10 @@ pub fn explain(
         .effects
         .iter()
         .enumerate()
-        .map(|(k, e)| effect(&problem, &candidates, &found, best, k, *e))
+        .map(|(k, e)| Effect {
+            or: instead(&candidates, best, &tied, *e),
+            ..effect(&problem, &candidates, &found, best, k, *e)
+        })
         .collect();
     let mut entries: Vec<PhysicsEntry> = best
         .effects
@@ -253,6 +260,8 @@ pub fn explain(
         equivalent,
         entries,
         log_odds: top - zero,
+        score_of_nothing: zero,
+        pull_px: problem.pull_px,
         fit,
         alternatives: found
             .all
@@ -287,9 +296,24 @@ pub fn explain(
     })
 }
 
-fn problem<'a>(runs: &'a [ImageRun], rig: &'a Rig, base: Base) -> Result<Problem<'a>, ImageError> {
+pub(super) fn problem<'a>(
+    runs: &'a [ImageRun],
+    rig: &'a Rig,
+    base: Base,
+) -> Result<Problem<'a>, ImageError> {
     let motions: Result<Vec<Motion>, SimError> = runs.iter().map(|r| Motion::new(r, rig)).collect();
     Ok(Problem::new(rig, base, runs, motions?))
+}
+
+/// Effects that do as well in the place of the best's effect `e`, all others as they are.
+fn instead(candidates: &[Candidate], best: &Fitted, tied: &[&Fitted], e: usize) -> Vec<String> {
+    let rest = || best.effects.iter().filter(|o| **o != e);
+    tied.iter()
+        .filter(|t| t.effects.len() == best.effects.len() && !t.effects.contains(&e))
+        .filter(|t| rest().all(|r| t.effects.contains(r)))
+        .filter_map(|t| t.effects.iter().find(|o| !best.effects.contains(o)))
+        .map(|o| candidates[*o].info.id.to_owned())
+        .collect()
 }
 
 /// What matters most about an effect: its heaviest channel in units of the tolerance.
@@ -341,7 +365,7 @@ fn effect(
             // with, nothing is.
             let mut begin = best.state.clone();
             begin.numbers.remove(k);
-            begin.floors = [60.0, 5.0, 60.0];
+            begin.floors = ANY_PX;
             let fit = problem.fit(candidates, &rest, begin, Free::All);
             fit.map_or([f64::NAN; 6], |f| shift(&best.state, &f.state))
         }

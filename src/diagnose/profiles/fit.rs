@@ -5,15 +5,16 @@
 //! with the noise it needs itself.
 
 use super::candidate::{Base, Candidate};
-use super::evidence::{Quadratic, precision};
+use super::evidence::{Quadratic, half_log_det, inverse_factor, precision};
 use super::geometry::{Geometry, Placed};
 use super::model::{Belongs, Kind, Rays, Shared, Widths, belongs, kinds, residuals};
 use super::observe::{ImageRun, Seen};
-use super::prior::{FIRST, Motion, Wobbles};
+use super::prior::{FIRST, Motion, Wobble, Wobbles};
+use super::wobble;
 use hydroline_calib::Pose;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectInfo;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 
 /// Poses are fitted in mm and mrad.
 const UNIT: f64 = 1e-3;
@@ -26,13 +27,6 @@ const EARLY: usize = 3;
 const ROUNDS: usize = 3;
 /// Change of the log posterior below which a fit has settled.
 const SETTLED: f64 = 0.02;
-/// Wobbles move by this factor at a time, within these bounds.
-const FACTOR: f64 = 3.0;
-/// Moves at most of one number in one step of the fit.
-const MOVES: usize = 6;
-const SD: [f64; 2] = [3e-6, 0.3];
-const TAU_S: [f64; 2] = [0.2, 10.0];
-const DRIVE: [f64; 2] = [1e-12, 1e-2];
 
 /// What all fits of a diagnosis work on.
 pub struct Problem<'a> {
@@ -565,58 +559,72 @@ impl Work<'_, '_> {
         linear.quadratic.solved(&p, half)
     }
 
-    /// The wobbles by evidence, one move each; the solution with them.
+    /// The wobbles by evidence, DOF by DOF; the solution with them.
     fn choose(&mut self, linear: &Linear) -> Option<Solved> {
-        let solve = |wobbles: &Wobbles| self.solve(linear, wobbles);
         let mut wobbles = self.state.wobbles;
-        let mut rounds_start = wobbles;
-        let mut best = solve(&wobbles)?;
-        for round in 0..6 * ROUNDS {
-            let d = round % 6;
-            if d == 0 {
-                if round > 0 && wobbles == rounds_start {
-                    break;
+        for _ in 0..ROUNDS {
+            let before = wobbles;
+            for d in 0..wobbles.len() {
+                let driven = self.problem.motions.iter().any(|m| m.driven[d]);
+                if let Some(alone) = self.alone(linear, &wobbles, d) {
+                    wobbles[d] = wobble::chosen(wobbles[d], driven, &|w| alone.value(w));
                 }
-                rounds_start = wobbles;
             }
-            let driven = self.problem.motions.iter().any(|m| m.driven[d]);
-            for part in 0..if driven { 3 } else { 2 } {
-                for factor in [FACTOR, 1.0 / FACTOR] {
-                    let mut moves = 0;
-                    while moves < MOVES {
-                        let mut tried = wobbles;
-                        let w = &mut tried[d];
-                        let (value, [low, high]) = match part {
-                            0 => (&mut w.sd, SD),
-                            1 => (&mut w.tau_s, TAU_S),
-                            _ => (&mut w.drive, DRIVE),
-                        };
-                        *value = (*value * factor).clamp(low, high);
-                        if tried == wobbles {
-                            break;
-                        }
-                        match solve(&tried).filter(|s| s.1 > best.1 + 0.01) {
-                            Some(solved) => (wobbles, best) = (tried, solved),
-                            None => break,
-                        }
-                        moves += 1;
-                    }
-                    if moves > 0 {
-                        break;
-                    }
-                }
+            if wobbles == before {
+                break;
             }
         }
-        self.state.wobbles = wobbles;
-        Some(best)
+        match self.solve(linear, &wobbles) {
+            Some(solved) => {
+                self.state.wobbles = wobbles;
+                Some(solved)
+            }
+            // Digits did not suffice there.
+            None => self.solve(linear, &self.state.wobbles),
+        }
+    }
+
+    /// Evidence as a function of one DOF's wobble, all else integrated out.
+    fn alone(&self, linear: &Linear, wobbles: &Wobbles, dof: usize) -> Option<Alone<'_>> {
+        let (p, _) = self.prior(wobbles)?;
+        let frames = self.frames();
+        let own: Vec<usize> = (0..frames).map(|i| 6 * i + dof).collect();
+        let rest: Vec<usize> = (0..self.size())
+            .filter(|k| *k >= 6 * frames || k % 6 != dof)
+            .collect();
+        let q = &linear.quadratic;
+        let of = |rows: &[usize], columns: &[usize], with: &DMatrix<f64>| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
+                with[(rows[i], columns[j])]
+            })
+        };
+        // Schur's complement of the rest: A_dd - A_dr (A_rr + P_rr)^-1 A_rd.
+        let l = Cholesky::new(of(&rest, &rest, &(&q.a + p)))?;
+        let l = l.l_dirty();
+        let w = l.solve_lower_triangular(&of(&rest, &own, &q.a))?;
+        let u = l.solve_lower_triangular(&DVector::from_iterator(
+            rest.len(),
+            rest.iter().map(|k| q.b[*k]),
+        ))?;
+        let b = DVector::from_iterator(own.len(), own.iter().map(|k| q.b[*k]));
+        Some(Alone {
+            motions: &self.problem.motions,
+            dof,
+            a: of(&own, &own, &q.a) - w.tr_mul(&w),
+            b: b - w.tr_mul(&u),
+        })
     }
 
     /// Floors: what the residuals scatter beyond the measurements' own sds, by as many of them as
     /// the fit has not used up (MacKay 1992). Returns the largest change, as a share.
     fn spread(&mut self, linear: &Linear, l: &nalgebra::Cholesky<f64, nalgebra::Dyn>) -> f64 {
-        let covariance = l.inverse();
-        let n = covariance.nrows();
+        let Some(root) = inverse_factor(l) else {
+            return f64::INFINITY;
+        };
+        let n = root.nrows();
         let tail = 6 * self.frames();
+        let end = root.columns(tail, n - tail);
+        let end_block = end.tr_mul(&end);
         let mut sums = [[0.0; 4]; 3];
         let mut index = 0;
         let mut last = (usize::MAX, usize::MAX);
@@ -628,10 +636,14 @@ impl Work<'_, '_> {
                     frame += 1;
                 }
                 last = (left.run, left.frame);
-                let places: Vec<usize> = (6 * frame..6 * frame + 6).chain(tail..n).collect();
-                block = DMatrix::from_fn(places.len(), places.len(), |i, j| {
-                    covariance[(places[i], places[j])]
-                });
+                let own = root.columns(6 * frame, 6);
+                let t = n - tail;
+                block = DMatrix::zeros(6 + t, 6 + t);
+                block.view_mut((0, 0), (6, 6)).copy_from(&own.tr_mul(&own));
+                let cross = own.tr_mul(&end);
+                block.view_mut((0, 6), (6, t)).copy_from(&cross);
+                block.view_mut((6, 0), (t, 6)).copy_from(&cross.transpose());
+                block.view_mut((6, 6), (t, t)).copy_from(&end_block);
             }
             if left.off_px.is_finite() && *w > 1e-6 {
                 let unsure = row.dot(&(&block * row));
@@ -720,9 +732,9 @@ impl Work<'_, '_> {
         } else {
             0
         };
-        let covariance = l.inverse();
-        let from = covariance.nrows() - n;
-        let block = covariance.view((from, from), (n, n)).into_owned();
+        let root = inverse_factor(l)?;
+        let numbers = root.columns(root.ncols() - n, n);
+        let block = numbers.tr_mul(&numbers);
         let mut place = 0;
         let sds = self
             .chosen
@@ -751,6 +763,33 @@ impl Work<'_, '_> {
             masked: block.try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n)),
             left: linear.left,
         })
+    }
+}
+
+/// One DOF's part of a quadratic log likelihood, the rest integrated out.
+struct Alone<'a> {
+    motions: &'a [Motion],
+    dof: usize,
+    a: DMatrix<f64>,
+    b: DVector<f64>,
+}
+
+impl Alone<'_> {
+    /// log evidence with this wobble, up to what no wobble of this DOF changes.
+    fn value(&self, wobble: &Wobble) -> Option<f64> {
+        let mut with = self.a.clone();
+        let (mut half, mut first) = (0.0, 0);
+        for motion in self.motions {
+            let (own, own_half) = precision(motion.covariance(self.dof, wobble) / (UNIT * UNIT))?;
+            let n = motion.frames();
+            let mut block = with.view_mut((first, first), (n, n));
+            block += own;
+            half += own_half;
+            first += n;
+        }
+        let l = Cholesky::new(with)?;
+        let value = 0.5 * self.b.dot(&l.solve(&self.b)) - half_log_det(&l) - half;
+        value.is_finite().then_some(value)
     }
 }
 
@@ -788,6 +827,23 @@ fn along_the_valley(pose: &[f64; 6], by: &[f64; 6], lever_m: f64) -> [f64; 6] {
 }
 
 impl Fitted {
+    /// Says to the log where the fit ended.
+    pub(super) fn told(&self, what: &str) {
+        tracing::debug!(
+            effects = ?self.effects,
+            log_evidence = self.log_evidence,
+            simpler = self.simpler,
+            rms_px = ?Kind::ALL.map(|k| self.rms_px(k)),
+            floors_px = ?self.state.floors,
+            wobble_sds = ?self.state.wobbles.map(|w| w.sd),
+            wobble_tau_s = ?self.state.wobbles.map(|w| w.tau_s),
+            wobble_drives = ?self.state.wobbles.map(|w| w.drive),
+            shared = ?self.state.shared,
+            numbers = ?self.state.numbers,
+            "{what}"
+        );
+    }
+
     /// rms of what is left of one kind, strays aside \[px\].
     pub fn rms_px(&self, kind: Kind) -> f64 {
         let own = self
@@ -796,5 +852,66 @@ impl Fitted {
             .filter(|l| l.kind == kind && l.off_px.abs() < 6.0 * l.sd_px);
         let (sum, n) = own.fold((0.0, 0usize), |(s, n), l| (s + l.off_px.powi(2), n + 1));
         (sum / n.max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::candidate::vocabulary;
+    use super::super::start;
+    use super::*;
+    use crate::prove::images::make;
+
+    /// Two runs, driven in surge alone: with the rest integrated out each DOF's wobble is worth what it is worth
+    /// in the whole problem.
+    #[test]
+    fn one_dof_alone_is_worth_what_it_is_in_the_whole() {
+        let case = make(2, 6).unwrap();
+        let base = Base::new(&case.rig).unwrap();
+        let candidates = vocabulary(&base);
+        let motions = case
+            .runs
+            .iter()
+            .map(|r| Motion::new(r, &case.rig).unwrap())
+            .collect();
+        let problem = Problem::new(&case.rig, base, &case.runs, motions);
+        let chosen = vec![&candidates[3]];
+        let numbers = vec![candidates[3].neutral.clone()];
+        let g = problem.geometry(&chosen, &numbers).unwrap();
+        let poses = start::poses(&case.rig, &g, &case.runs, &problem.motions, false).unwrap();
+        let state = State {
+            numbers,
+            ..problem.first(poses)
+        };
+        let work = Work {
+            problem: &problem,
+            chosen,
+            free: Free::All,
+            state,
+        };
+        let linear = work.linear().unwrap();
+        for dof in [0, 2, 4] {
+            assert_eq!(problem.motions[0].driven[dof], dof == 0);
+            let value = |sd: f64, tau_s: f64| {
+                let mut wobbles = FIRST;
+                let wobble = Wobble {
+                    sd,
+                    tau_s,
+                    drive: 3e-8,
+                };
+                wobbles[dof] = wobble;
+                let alone = work.alone(&linear, &FIRST, dof).unwrap();
+                let whole = work.solve(&linear, &wobbles).unwrap().1;
+                (alone.value(&wobble).unwrap(), whole)
+            };
+            let (a, b) = (value(1e-3, 0.7), value(2e-2, 5.0));
+            let (alone, whole) = (a.0 - b.0, a.1 - b.1);
+            assert!(whole.abs() > 1.0, "{dof}: nothing is asked");
+            assert!(
+                (alone - whole).abs() < 1e-3 * whole.abs().max(1.0),
+                "{dof}: {alone} {whole}"
+            );
+        }
     }
 }

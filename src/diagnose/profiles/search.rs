@@ -17,6 +17,12 @@ pub const ESTABLISHED: f64 = 6.0;
 pub const TIED: f64 = 4.6;
 /// Rows left by more than this, and starting points other than the rig's own are tried \[px\].
 pub(super) const ASTRAY_PX: f64 = 0.15;
+/// Ends of tops left by more than this lie on the wrong sides \[px\].
+const DISPLACED_PX: f64 = 0.3;
+/// Times that poses are found anew at most.
+const REPOSED: usize = 3;
+/// Spread by kind with which a fit begins that is far off: no measurement passes for stray \[px\].
+pub(super) const ANY_PX: [f64; 3] = [60.0, 5.0, 60.0];
 /// Log posterior within which explanations are compared from equal starts.
 const CLOSE: f64 = 40.0;
 /// log evidence that an effect more must promise.
@@ -215,6 +221,7 @@ pub fn search(
         }
         extend(problem, candidates, &beam, &singles, &mut all, progress);
     }
+    exchange(problem, candidates, &mut all, progress);
     for _ in 0..2 {
         prune(problem, candidates, &mut all);
         sort(&mut all);
@@ -226,7 +233,65 @@ pub fn search(
     if let Some(again) = all.iter().find(|f| f.effects.is_empty()) {
         nothing = again.clone();
     }
+    for f in all.iter().take(2 * BEAM) {
+        f.told("explanation");
+    }
     Some(Searched { nothing, all })
+}
+
+/// Tries in place of the best explanation's effects another one each, and each alone, from the poses
+/// that the best ended in: an effect whose own fit began where the rig's camera puts the vehicle may
+/// have stopped far from its best, and two others together imitate it.
+fn exchange(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    all: &mut Vec<Fitted>,
+    progress: &(dyn Fn(&str) + Sync),
+) {
+    for _ in 0..DEEPEST {
+        sort(all);
+        let Some(best) = all.first().filter(|b| b.effects.len() > 1).cloned() else {
+            return;
+        };
+        progress("in place of what was found");
+        let others = || (0..candidates.len()).filter(|k| !best.effects.contains(k));
+        let instead = (0..best.effects.len()).flat_map(|place| {
+            let best = &best;
+            others().map(move |k| {
+                let (mut effects, mut begin) = (best.effects.clone(), unsure(&best.state));
+                (effects[place], begin.numbers[place]) = (k, candidates[k].neutral.clone());
+                (effects, begin)
+            })
+        });
+        let alone = (0..candidates.len()).map(|k| {
+            let numbers = vec![candidates[k].neutral.clone()];
+            let begin = State {
+                numbers,
+                ..unsure(&best.state)
+            };
+            (vec![k], begin)
+        });
+        let tries: Vec<(Vec<usize>, State)> = instead.chain(alone).collect();
+        let found: Vec<Fitted> = tries
+            .into_par_iter()
+            .filter_map(|(effects, begin)| problem.fit(candidates, &effects, begin, Free::All))
+            .map(|f| settled(problem, candidates, f, &best))
+            .collect();
+        keep_better(found, all);
+        sort(all);
+        if all.first().is_some_and(|b| b.effects == best.effects) {
+            return;
+        }
+    }
+}
+
+/// A state at which nothing passes for stray and any wobble may come.
+fn unsure(state: &State) -> State {
+    State {
+        wobbles: FIRST,
+        floors: ANY_PX,
+        ..state.clone()
+    }
 }
 
 /// Takes effects out again one by one, starting where the larger set ended: a set found late may
@@ -278,8 +343,6 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
                 tries.push((to.clone(), state));
             }
         }
-        let quiet = quieted(&to.state);
-        tries.push((to.clone(), quiet));
     }
     let found: Vec<Fitted> = tries
         .into_par_iter()
@@ -322,30 +385,70 @@ fn extend(
                     return None;
                 }
             }
-            // The wobbles of nothing make up for the very effect that is looked for: quiet ones too.
+            // The wobbles of nothing make up for the very effect that is looked for: new ones too.
             let single = f.effects.is_empty();
-            let quiet = single.then(|| quieted(&begin));
             let anew = single.then(|| State {
                 wobbles: FIRST,
                 ..begin.clone()
             });
             let fits = std::iter::once(begin)
-                .chain(quiet)
                 .chain(anew)
                 .filter_map(|b| problem.fit(candidates, &effects, b, Free::All));
-            fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+            let best = fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+            Some(if single {
+                settled(problem, candidates, best, f)
+            } else {
+                best
+            })
         })
         .collect();
     keep_better(found, all);
 }
 
-/// A state with nearly no wobble: what is needed grows back, what was only in the way does not.
-fn quieted(state: &State) -> State {
-    let mut quiet = state.clone();
-    for w in &mut quiet.wobbles {
-        (w.sd, w.drive) = (0.03 * w.sd, 0.01 * w.drive);
+/// The same explanation from poses found anew under its numbers.
+fn reposed(problem: &Problem<'_>, candidates: &[Candidate], fit: &Fitted) -> Option<Fitted> {
+    let chosen: Vec<&Candidate> = fit.effects.iter().map(|k| &candidates[*k]).collect();
+    let numbers = fit.state.numbers.clone();
+    let g = problem.geometry(&chosen, &numbers)?;
+    let poses = start::poses(problem.rig, &g, problem.runs, &problem.motions, false)?;
+    let begin = State {
+        numbers,
+        ..problem.first(poses)
+    };
+    problem.fit(candidates, &fit.effects, begin, Free::All)
+}
+
+/// A fit that leaves rows or ends of tops far off has numbers that are about right and frames that lie
+/// on the wrong side of a step; and one that is better than `than` may still have single frames on the
+/// other flank of a hexagon, where a wobble makes up for them. Poses found anew under its numbers lead on.
+fn settled(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    first: Fitted,
+    than: &Fitted,
+) -> Fitted {
+    let displaced = |f: &Fitted| {
+        f.rms_px(Kind::Row) > ASTRAY_PX
+            || f.state.floors[Kind::End as usize] > DISPLACED_PX
+            || Searched::score(f) > Searched::score(than) + TIED
+    };
+    let mut best = first;
+    for _ in 0..REPOSED {
+        if !displaced(&best) {
+            break;
+        }
+        match reposed(problem, candidates, &best) {
+            Some(again) if again.log_evidence > best.log_evidence => {
+                let little = again.log_evidence < best.log_evidence + TIED;
+                best = again;
+                if little {
+                    break;
+                }
+            }
+            _ => break,
+        }
     }
-    quiet
+    best
 }
 
 /// The better of two fits of a set stays; whether anything became better by what counts.

@@ -25,7 +25,7 @@ pub const NONE: &str = "none";
 /// Plans of the two runs.
 const PLANS: [&str; 2] = ["reversals", "two-tone"];
 /// Frames of each run.
-const FRAMES: usize = 13;
+const FRAMES: usize = 26;
 /// Least size \[sd of the pose\].
 const LEAST_SDS: f64 = 3.0;
 /// Largest command of the plans \[N\].

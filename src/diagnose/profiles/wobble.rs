@@ -1,0 +1,132 @@
+//! The wobble of one DOF that the data are most evidence for.
+//!
+//! The same path is a quick wobble about the rig's motion or a slow force on the vehicle: each is a
+//! maximum of its own, which no change of one number leaves. So the search starts from each kind.
+
+use super::prior::Wobble;
+
+/// Numbers of a wobble move by this factor at a time, within these bounds.
+const FACTOR: f64 = 3.0;
+/// Standard deviation of a position \[m\] or an angle \[rad\].
+const SD: [f64; 2] = [3e-6, 0.3];
+/// Correlation time \[s\].
+const TAU_S: [f64; 2] = [0.2, 10.0];
+/// Intensity of acceleration \[m²/s³\], of angles \[rad²/s³\].
+const DRIVE: [f64; 2] = [1e-12, 1e-2];
+/// Gain of log evidence that a move is worth.
+const LEAST: f64 = 0.01;
+/// Rounds through the numbers at most.
+const ROUNDS: usize = 12;
+/// Starts: nearly no wobble and what a tank does to a vehicle; a small and a wide wobble, no force.
+const STARTS: [Wobble; 3] = [
+    Wobble {
+        sd: 1e-5,
+        tau_s: 2.0,
+        drive: 1e-7,
+    },
+    Wobble {
+        sd: 3e-4,
+        tau_s: 2.0,
+        drive: 1e-11,
+    },
+    Wobble {
+        sd: 1e-2,
+        tau_s: 2.0,
+        drive: 1e-11,
+    },
+];
+
+/// The best by `value` from the present one and from each kind; the present one where none is
+/// better. `driven`: whether the DOF has a force at all.
+pub fn chosen(present: Wobble, driven: bool, value: &dyn Fn(&Wobble) -> Option<f64>) -> Wobble {
+    let mut best = (present, value(&present));
+    let starts = std::iter::once(present).chain(STARTS.map(|s| Wobble {
+        drive: if driven { s.drive } else { present.drive },
+        ..s
+    }));
+    for start in starts {
+        let (wobble, found) = climbed(start, driven, value);
+        if found > best.1.map(|b| b + LEAST) {
+            best = (wobble, found);
+        }
+    }
+    best.0
+}
+
+/// Number by number, up and down by a factor, until nothing gains.
+fn climbed(
+    start: Wobble,
+    driven: bool,
+    value: &dyn Fn(&Wobble) -> Option<f64>,
+) -> (Wobble, Option<f64>) {
+    let (mut wobble, mut best) = (start, value(&start));
+    for _ in 0..ROUNDS {
+        let before = wobble;
+        for part in 0..if driven { 3 } else { 2 } {
+            for factor in [FACTOR, 1.0 / FACTOR] {
+                let mut moved = false;
+                loop {
+                    let mut tried = wobble;
+                    let (number, [low, high]) = match part {
+                        0 => (&mut tried.sd, SD),
+                        1 => (&mut tried.tau_s, TAU_S),
+                        _ => (&mut tried.drive, DRIVE),
+                    };
+                    *number = (*number * factor).clamp(low, high);
+                    if tried == wobble {
+                        break;
+                    }
+                    let found = value(&tried);
+                    if found <= best.map(|b| b + LEAST) {
+                        break;
+                    }
+                    (wobble, best, moved) = (tried, found, true);
+                }
+                if moved {
+                    break;
+                }
+            }
+        }
+        if wobble == before {
+            break;
+        }
+    }
+    (wobble, best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two maxima, a wide wobble and a force: whichever the present one is at, the higher is found.
+    #[test]
+    fn leaves_the_lower_of_two_maxima() {
+        let value = |force_nats: f64| {
+            move |w: &Wobble| {
+                let near = |a: f64, b: f64| (a / b).ln().powi(2);
+                let wide = 40.0 - near(w.sd, 1e-2) - 0.1 * near(w.tau_s, 1.0);
+                let force = force_nats - near(w.drive, 1e-6) - near(w.sd.max(1e-5), 1e-5);
+                Some(wide.max(force))
+            }
+        };
+        let wide = Wobble {
+            sd: 1e-2,
+            tau_s: 1.0,
+            drive: 1e-11,
+        };
+        let force = Wobble {
+            sd: 1e-5,
+            tau_s: 1.0,
+            drive: 1e-6,
+        };
+        for present in [wide, force] {
+            assert!(chosen(present, true, &value(100.0)).drive > 1e-7);
+            assert!(chosen(present, true, &value(0.0)).sd > 1e-3);
+            // A DOF without a force has only the wobble.
+            assert!(chosen(present, false, &value(0.0)).sd > 1e-3);
+        }
+        // What cannot be better stays as it is.
+        assert_eq!(chosen(wide, true, &|_| Some(1.0)), wide);
+        assert_eq!(chosen(wide, true, &|_| None), wide);
+    }
+}
