@@ -105,6 +105,16 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+fn printed(args: &Args, object: &serde_json::Value) -> Result<(), CliError> {
+    let text = if args.json {
+        serde_json::to_string(object)
+    } else {
+        serde_json::to_string_pretty(object)
+    };
+    outln!("{}", text.map_err(CliError::run)?);
+    Ok(())
+}
+
 fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = images::make(args.seed, index).map_err(sorted)?;
     let (judged, found) = images::judge(&case).map_err(sorted)?;
@@ -114,12 +124,7 @@ fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
         "verdict": found.as_ref().map(|f| f.verdict()),
         "judged": judged,
     });
-    let text = if args.json {
-        serde_json::to_string(&object)
-    } else {
-        serde_json::to_string_pretty(&object)
-    };
-    outln!("{}", text.map_err(CliError::run)?);
+    printed(args, &object)?;
     Ok(Outcome::Done)
 }
 
@@ -144,12 +149,7 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
         "key": key,
         "judged": judged,
     });
-    let text = if args.json {
-        serde_json::to_string(&object)
-    } else {
-        serde_json::to_string_pretty(&object)
-    };
-    outln!("{}", text.map_err(CliError::run)?);
+    printed(args, &object)?;
     eprintln!(
         "{}",
         complaint(&judged).unwrap_or_else(|| format!("{id}: all right"))

@@ -305,12 +305,7 @@ pub fn explain(
     for contender in &mut contenders {
         needed_at_all(search, contender);
     }
-    let mut forceless: Vec<Explanation> = contenders
-        .iter()
-        .filter(|e| !e.unnamed())
-        .cloned()
-        .collect();
-    let mut best = elect(search, contenders, held)?;
+    let mut best = elect(search, &contenders, held)?;
     if best.unnamed()
         && search.stopped_early()
         && best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64
@@ -327,8 +322,8 @@ pub fn explain(
                 seen.log_evidence,
                 best.log_evidence
             );
-            forceless.extend((!seen.unnamed()).then(|| seen.clone()));
-            best = elect(search, vec![best, seen], held)?;
+            best = elect(search, &[best, seen.clone()], held)?;
+            contenders.push(seen);
         }
     }
     if best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64
@@ -359,12 +354,13 @@ pub fn explain(
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands.
     if best.unnamed() && best.family_weight <= search.setting.tolerance {
-        forceless.extend(tried.into_values().filter(|e| !e.unnamed()));
-        forceless.push(Explanation::plain(search, &first));
-        for e in &mut forceless {
+        contenders.extend(tried.into_values());
+        contenders.push(Explanation::plain(search, &first));
+        contenders.retain(|e| !e.unnamed());
+        for e in &mut contenders {
             needed_at_all(search, e);
         }
-        best = elect(search, forceless, held)?;
+        best = elect(search, &contenders, held)?;
     }
     if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
         && let Some(family) = &mut best.family

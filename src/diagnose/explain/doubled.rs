@@ -186,8 +186,6 @@ fn equal(search: &Search<'_>, candidate: usize, two: &Fit) -> std::ops::Range<us
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::motion;
-    use crate::diagnose::explain::Explanation;
     use crate::diagnose::setting::{COEFFICIENTS, Setting};
     use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
 

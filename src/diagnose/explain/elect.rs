@@ -33,7 +33,7 @@ pub(super) const NOTABLE: f64 = 0.25;
 /// tells nothing of other runs and is not asked.
 pub fn elect(
     search: &Search<'_>,
-    contenders: Vec<Explanation>,
+    contenders: &[Explanation],
     held: &[Track],
 ) -> Option<Explanation> {
     let setting = search.setting;
@@ -86,8 +86,8 @@ pub fn elect(
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
         |e: &Explanation, m: &Option<f64>| sound(m) || (!missed.iter().any(sound) && e.unnamed());
-    let mut eligible: Vec<(Explanation, Option<Prediction>)> = contenders
-        .into_iter()
+    let eligible: Vec<(&Explanation, Option<Prediction>)> = contenders
+        .iter()
         .zip(&missed)
         .zip(asked)
         .filter(|((e, m), _)| !any || sound(e, m))
@@ -98,16 +98,16 @@ pub fn elect(
     };
     let chosen = choose(
         eligible.len(),
-        |k, b| gain(&eligible[k].0, &eligible[b].0),
+        |k, b| gain(eligible[k].0, eligible[b].0),
         |k, b| Some(eligible[k].1.as_ref()?.better_than(eligible[b].1.as_ref()?)),
     )?;
-    let best = eligible.swap_remove(chosen).0;
+    let best = eligible[chosen].0;
     tracing::debug!(
         "elected {:?}, matters above {:.1e}",
         (best.kind(), best.log_evidence),
         setting.tolerance
     );
-    Some(best)
+    Some(best.clone())
 }
 
 /// The likeliest of so many: the one whose least gain over another is largest; where others are hardly less likely, the one of those that surely predicts better.

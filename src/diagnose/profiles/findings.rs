@@ -135,11 +135,7 @@ pub fn explain(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Findings, ImageError> {
-    let runs: Vec<ImageRun> = runs
-        .iter()
-        .filter(|r| r.frames.len() > 1)
-        .cloned()
-        .collect();
+    let runs = moving(runs);
     let frames: usize = runs.iter().map(|r| r.frames.len()).sum();
     if frames < LEAST_FRAMES {
         let all = runs.iter().map(|r| r.in_log).sum();
@@ -294,6 +290,14 @@ pub fn explain(
         sets_looked_at: found.all.len(),
         effects,
     })
+}
+
+/// Runs of more than one frame: one alone has no motion.
+pub(super) fn moving(runs: &[ImageRun]) -> Vec<ImageRun> {
+    runs.iter()
+        .filter(|r| r.frames.len() > 1)
+        .cloned()
+        .collect()
 }
 
 pub(super) fn problem<'a>(

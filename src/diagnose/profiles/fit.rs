@@ -9,15 +9,16 @@ use super::evidence::{Quadratic, half_log_det, inverse_factor, precision};
 use super::geometry::{Geometry, Placed};
 use super::model::{Belongs, Kind, Rays, Shared, Widths, belongs, kinds, residuals};
 use super::observe::{ImageRun, Seen};
-use super::prior::{FIRST, Motion, Wobble, Wobbles};
-use super::wobble;
+use super::prior::{FIRST, Motion, Wobbles};
+use super::start;
+use super::wobble::{self, Alone};
 use hydroline_calib::Pose;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectInfo;
-use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 /// Poses are fitted in mm and mrad.
-const UNIT: f64 = 1e-3;
+pub(super) const UNIT: f64 = 1e-3;
 const ITERATIONS: usize = 40;
 /// Times that the wobbles are chosen at most.
 const CHOICES: usize = 14;
@@ -138,6 +139,21 @@ impl<'a> Problem<'a> {
             wobbles: FIRST,
             floors: Kind::ALL.map(|k| k.floors().1),
         }
+    }
+
+    /// A state with these numbers at the poses that they give the frames; see [`start::poses`] for `roughly`.
+    pub fn placed(
+        &self,
+        effects: &[&Candidate],
+        numbers: Vec<Vec<f64>>,
+        roughly: bool,
+    ) -> Option<State> {
+        let g = self.geometry(effects, &numbers)?;
+        let poses = start::poses(self.rig, &g, self.runs, &self.motions, roughly)?;
+        Some(State {
+            numbers,
+            ..self.first(poses)
+        })
     }
 
     /// The geometry with these effects.
@@ -273,7 +289,7 @@ struct Linear {
     rows: Vec<DVector<f64>>,
 }
 
-type Solved = (DVector<f64>, f64, nalgebra::Cholesky<f64, nalgebra::Dyn>);
+type Solved = (DVector<f64>, f64, Cholesky<f64, Dyn>);
 
 struct Work<'p, 'a> {
     problem: &'p Problem<'a>,
@@ -566,7 +582,9 @@ impl Work<'_, '_> {
             let before = wobbles;
             for d in 0..wobbles.len() {
                 let driven = self.problem.motions.iter().any(|m| m.driven[d]);
-                if let Some(alone) = self.alone(linear, &wobbles, d) {
+                let (prior, _) = self.prior(&wobbles)?;
+                if let Some(alone) = Alone::of(&linear.quadratic, &prior, &self.problem.motions, d)
+                {
                     wobbles[d] = wobble::chosen(wobbles[d], driven, &|w| alone.value(w));
                 }
             }
@@ -584,40 +602,9 @@ impl Work<'_, '_> {
         }
     }
 
-    /// Evidence as a function of one DOF's wobble, all else integrated out.
-    fn alone(&self, linear: &Linear, wobbles: &Wobbles, dof: usize) -> Option<Alone<'_>> {
-        let (p, _) = self.prior(wobbles)?;
-        let frames = self.frames();
-        let own: Vec<usize> = (0..frames).map(|i| 6 * i + dof).collect();
-        let rest: Vec<usize> = (0..self.size())
-            .filter(|k| *k >= 6 * frames || k % 6 != dof)
-            .collect();
-        let q = &linear.quadratic;
-        let of = |rows: &[usize], columns: &[usize], with: &DMatrix<f64>| {
-            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
-                with[(rows[i], columns[j])]
-            })
-        };
-        // Schur's complement of the rest: A_dd - A_dr (A_rr + P_rr)^-1 A_rd.
-        let l = Cholesky::new(of(&rest, &rest, &(&q.a + p)))?;
-        let l = l.l_dirty();
-        let w = l.solve_lower_triangular(&of(&rest, &own, &q.a))?;
-        let u = l.solve_lower_triangular(&DVector::from_iterator(
-            rest.len(),
-            rest.iter().map(|k| q.b[*k]),
-        ))?;
-        let b = DVector::from_iterator(own.len(), own.iter().map(|k| q.b[*k]));
-        Some(Alone {
-            motions: &self.problem.motions,
-            dof,
-            a: of(&own, &own, &q.a) - w.tr_mul(&w),
-            b: b - w.tr_mul(&u),
-        })
-    }
-
     /// Floors: what the residuals scatter beyond the measurements' own sds, by as many of them as
     /// the fit has not used up (MacKay 1992). Returns the largest change, as a share.
-    fn spread(&mut self, linear: &Linear, l: &nalgebra::Cholesky<f64, nalgebra::Dyn>) -> f64 {
+    fn spread(&mut self, linear: &Linear, l: &Cholesky<f64, Dyn>) -> f64 {
         let Some(root) = inverse_factor(l) else {
             return f64::INFINITY;
         };
@@ -707,8 +694,8 @@ impl Work<'_, '_> {
                 let v = DMatrix::from_fn(out.len(), out.len(), |i, j| covariance[(out[i], out[j])]);
                 let m = DVector::from_iterator(out.len(), out.iter().map(|k| x[from + k]));
                 // Both densities at the neutral point; the prior's is (2π)^(-n/2).
-                if let Some(l) = nalgebra::Cholesky::new(v) {
-                    logs.push(-0.5 * m.dot(&l.solve(&m)) - super::evidence::half_log_det(&l));
+                if let Some(l) = Cholesky::new(v) {
+                    logs.push(-0.5 * m.dot(&l.solve(&m)) - half_log_det(&l));
                 }
             }
             let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -724,7 +711,7 @@ impl Work<'_, '_> {
         self,
         linear: Linear,
         log_evidence: f64,
-        l: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
+        l: &Cholesky<f64, Dyn>,
         effects: &[usize],
     ) -> Option<Fitted> {
         let n = if self.free == Free::All {
@@ -763,33 +750,6 @@ impl Work<'_, '_> {
             masked: block.try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n)),
             left: linear.left,
         })
-    }
-}
-
-/// One DOF's part of a quadratic log likelihood, the rest integrated out.
-struct Alone<'a> {
-    motions: &'a [Motion],
-    dof: usize,
-    a: DMatrix<f64>,
-    b: DVector<f64>,
-}
-
-impl Alone<'_> {
-    /// log evidence with this wobble, up to what no wobble of this DOF changes.
-    fn value(&self, wobble: &Wobble) -> Option<f64> {
-        let mut with = self.a.clone();
-        let (mut half, mut first) = (0.0, 0);
-        for motion in self.motions {
-            let (own, own_half) = precision(motion.covariance(self.dof, wobble) / (UNIT * UNIT))?;
-            let n = motion.frames();
-            let mut block = with.view_mut((first, first), (n, n));
-            block += own;
-            half += own_half;
-            first += n;
-        }
-        let l = Cholesky::new(with)?;
-        let value = 0.5 * self.b.dot(&l.solve(&self.b)) - half_log_det(&l) - half;
-        value.is_finite().then_some(value)
     }
 }
 
@@ -859,7 +819,7 @@ impl Fitted {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::super::candidate::vocabulary;
-    use super::super::start;
+    use super::super::prior::Wobble;
     use super::*;
     use crate::prove::images::make;
 
@@ -878,12 +838,7 @@ mod tests {
         let problem = Problem::new(&case.rig, base, &case.runs, motions);
         let chosen = vec![&candidates[3]];
         let numbers = vec![candidates[3].neutral.clone()];
-        let g = problem.geometry(&chosen, &numbers).unwrap();
-        let poses = start::poses(&case.rig, &g, &case.runs, &problem.motions, false).unwrap();
-        let state = State {
-            numbers,
-            ..problem.first(poses)
-        };
+        let state = problem.placed(&chosen, numbers, false).unwrap();
         let work = Work {
             problem: &problem,
             chosen,
@@ -901,7 +856,9 @@ mod tests {
                     drive: 3e-8,
                 };
                 wobbles[dof] = wobble;
-                let alone = work.alone(&linear, &FIRST, dof).unwrap();
+                let (prior, _) = work.prior(&FIRST).unwrap();
+                let motions = &problem.motions;
+                let alone = Alone::of(&linear.quadratic, &prior, motions, dof).unwrap();
                 let whole = work.solve(&linear, &wobbles).unwrap().1;
                 (alone.value(&wobble).unwrap(), whole)
             };

@@ -5,11 +5,10 @@
 //! that failed from frames that cannot show more.
 
 use super::candidate::{Base, vocabulary};
-use super::findings::{Findings, ImageError, problem};
-use super::fit::{Free, State};
+use super::findings::{Findings, ImageError, moving, problem};
+use super::fit::Free;
 use super::observe::ImageRun;
 use super::search::Searched;
-use super::start;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use hydroline_sim::effect::{CheckedEffect, check};
 
@@ -25,11 +24,7 @@ pub fn score(
     truth: &PhysicsEntry,
     found: &Findings,
 ) -> Result<Option<f64>, ImageError> {
-    let runs: Vec<ImageRun> = runs
-        .iter()
-        .filter(|r| r.frames.len() > 1)
-        .cloned()
-        .collect();
+    let runs = moving(runs);
     let base = Base::new(rig)?;
     let candidates = vocabulary(&base);
     let known: Vec<CheckedEffect> = check(std::slice::from_ref(truth))?;
@@ -41,13 +36,7 @@ pub fn score(
     };
     let mut problem = problem(&runs, rig, base)?;
     problem.pull_px = found.pull_px;
-    let begin = problem
-        .geometry(&[&candidates[k]], &numbers)
-        .and_then(|g| start::poses(rig, &g, &runs, &problem.motions, false))
-        .map(|poses| State {
-            numbers,
-            ..problem.first(poses)
-        });
+    let begin = problem.placed(&[&candidates[k]], numbers, false);
     Ok(begin
         .and_then(|b| problem.fit(&candidates, &[k], b, Free::All))
         .inspect(|f| f.told("truth"))

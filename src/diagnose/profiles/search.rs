@@ -4,7 +4,6 @@ use super::candidate::Candidate;
 use super::fit::{Fitted, Free, Problem, State};
 use super::model::Kind;
 use super::prior::FIRST;
-use super::start;
 use hydroline_sim::effect::CheckedEffect;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -129,12 +128,9 @@ pub fn search(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Option<Searched> {
     progress("image level: nothing left out");
-    let poses = |effects: &[&Candidate], numbers: &[Vec<f64>], rough: bool| {
-        let g = problem.geometry(effects, numbers)?;
-        start::poses(problem.rig, &g, problem.runs, &problem.motions, rough)
-    };
-    let own = poses(&[], &[], false).map(|p| problem.first(p));
-    let nothing = own.and_then(|s| problem.fit(candidates, &[], s, Free::All));
+    let nothing = problem
+        .placed(&[], Vec::new(), false)
+        .and_then(|s| problem.fit(candidates, &[], s, Free::All));
     // Where the rig's own camera hardly explains a frame, the poses it gives are no place to
     // start from: those under each effect at its typical size are.
     let astray = nothing
@@ -152,11 +148,7 @@ pub fn search(
                 .map(|p| 0.5 * (p.plausible.0 + p.plausible.1))
                 .collect();
             for start in [typical, middle].into_iter().filter(|s| *s != c.neutral) {
-                let numbers = vec![start];
-                let begin = poses(&[c], &numbers, true).map(|p| State {
-                    numbers,
-                    ..problem.first(p)
-                });
+                let begin = problem.placed(&[c], vec![start], true);
                 if let Some(f) = begin.and_then(|s| problem.fit(candidates, &[k], s, Free::All)) {
                     others.push((k, f));
                 }
@@ -408,13 +400,7 @@ fn extend(
 /// The same explanation from poses found anew under its numbers.
 fn reposed(problem: &Problem<'_>, candidates: &[Candidate], fit: &Fitted) -> Option<Fitted> {
     let chosen: Vec<&Candidate> = fit.effects.iter().map(|k| &candidates[*k]).collect();
-    let numbers = fit.state.numbers.clone();
-    let g = problem.geometry(&chosen, &numbers)?;
-    let poses = start::poses(problem.rig, &g, problem.runs, &problem.motions, false)?;
-    let begin = State {
-        numbers,
-        ..problem.first(poses)
-    };
+    let begin = problem.placed(&chosen, fit.state.numbers.clone(), false)?;
     problem.fit(candidates, &fit.effects, begin, Free::All)
 }
 

@@ -3,7 +3,10 @@
 //! The same path is a quick wobble about the rig's motion or a slow force on the vehicle: each is a
 //! maximum of its own, which no change of one number leaves. So the search starts from each kind.
 
-use super::prior::Wobble;
+use super::evidence::{Quadratic, half_log_det, precision};
+use super::fit::UNIT;
+use super::prior::{Motion, Wobble};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Numbers of a wobble move by this factor at a time, within these bounds.
 const FACTOR: f64 = 3.0;
@@ -36,18 +39,73 @@ const STARTS: [Wobble; 3] = [
     },
 ];
 
+/// One DOF's part of a quadratic log likelihood, all else integrated out.
+pub struct Alone<'a> {
+    motions: &'a [Motion],
+    dof: usize,
+    a: DMatrix<f64>,
+    b: DVector<f64>,
+}
+
+impl<'a> Alone<'a> {
+    /// Of a likelihood whose unknowns are the frames' poses, run by run, and then whatever else; `prior` = precision
+    /// of all of them, that of the DOF itself not used.
+    pub fn of(
+        q: &Quadratic,
+        prior: &DMatrix<f64>,
+        motions: &'a [Motion],
+        dof: usize,
+    ) -> Option<Self> {
+        let frames: usize = motions.iter().map(Motion::frames).sum();
+        let own: Vec<usize> = (0..frames).map(|i| 6 * i + dof).collect();
+        let rest: Vec<usize> = (0..q.b.len())
+            .filter(|k| *k >= 6 * frames || k % 6 != dof)
+            .collect();
+        let of = |rows: &[usize], columns: &[usize], with: &DMatrix<f64>| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
+                with[(rows[i], columns[j])]
+            })
+        };
+        // Schur's complement of the rest: A_dd - A_dr (A_rr + P_rr)^-1 A_rd.
+        let l = Cholesky::new(of(&rest, &rest, &(&q.a + prior)))?;
+        let l = l.l_dirty();
+        let w = l.solve_lower_triangular(&of(&rest, &own, &q.a))?;
+        let u = l.solve_lower_triangular(&q.b.select_rows(&rest))?;
+        Some(Alone {
+            motions,
+            dof,
+            a: of(&own, &own, &q.a) - w.tr_mul(&w),
+            b: q.b.select_rows(&own) - w.tr_mul(&u),
+        })
+    }
+
+    /// log evidence with this wobble, up to what no wobble of this DOF changes.
+    pub fn value(&self, wobble: &Wobble) -> Option<f64> {
+        let mut with = self.a.clone();
+        let (mut half, mut first) = (0.0, 0);
+        for motion in self.motions {
+            let (own, own_half) = precision(motion.covariance(self.dof, wobble) / (UNIT * UNIT))?;
+            let n = motion.frames();
+            let mut block = with.view_mut((first, first), (n, n));
+            block += own;
+            half += own_half;
+            first += n;
+        }
+        let l = Cholesky::new(with)?;
+        let value = 0.5 * self.b.dot(&l.solve(&self.b)) - half_log_det(&l) - half;
+        value.is_finite().then_some(value)
+    }
+}
+
 /// The best by `value` from the present one and from each kind; the present one where none is
 /// better. `driven`: whether the DOF has a force at all.
 pub fn chosen(present: Wobble, driven: bool, value: &dyn Fn(&Wobble) -> Option<f64>) -> Wobble {
-    let mut best = (present, value(&present));
-    let starts = std::iter::once(present).chain(STARTS.map(|s| Wobble {
-        drive: if driven { s.drive } else { present.drive },
-        ..s
-    }));
-    for start in starts {
-        let (wobble, found) = climbed(start, driven, value);
-        if found > best.1.map(|b| b + LEAST) {
-            best = (wobble, found);
+    let mut best = climbed(present, driven, value);
+    for start in STARTS {
+        let drive = if driven { start.drive } else { present.drive };
+        let found = climbed(Wobble { drive, ..start }, driven, value);
+        if found.1 > best.1.map(|b| b + LEAST) {
+            best = found;
         }
     }
     best.0
