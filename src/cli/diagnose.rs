@@ -148,7 +148,9 @@ fn command() -> String {
 
 /// What a rung is judged by.
 fn rms_of(rung: &Rung) -> &BTreeMap<String, f64> {
-    if rung.held_out.is_empty() {
+    if !rung.held_out_in_windows.is_empty() {
+        &rung.held_out_in_windows
+    } else if rung.held_out.is_empty() {
         &rung.train
     } else {
         &rung.held_out
@@ -223,8 +225,13 @@ fn print(v: &Verdict) {
         for (channel, after) in rms_of(&pair[1]) {
             let before = rms_of(&pair[0]).get(channel).copied().unwrap_or(f64::NAN);
             outln!(
-                "  + {}: {channel} {before:.3e} -> {after:.3e}",
-                pair[1].effect
+                "  + {}: {channel} {before:.3e} -> {after:.3e}{}",
+                pair[1].effect,
+                if pair[1].held_out_in_windows.is_empty() {
+                    ""
+                } else {
+                    " (in windows)"
+                }
             );
         }
     }

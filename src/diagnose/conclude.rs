@@ -353,6 +353,9 @@ fn one(
         chose,
     );
     let mut rivals = Rivals::of(&search, &written, &shares, &telling);
+    if found.by_prediction && !setting.is_restored() {
+        rivals = rivals.in_windows();
+    }
     verdict.notes.extend(rivals.undecided());
     alternatives(verdict, &search, &post, &rivals, &written, &telling);
     if !found.unnamed() {

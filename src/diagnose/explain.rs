@@ -37,6 +37,7 @@ pub use forward::forward;
 pub use look::{Care, look};
 pub use needs::needs;
 pub use recheck::{Recheck, recheck};
+pub use windows::{Windows, pieces};
 
 /// Kinds of functions looked at beside nothing and beside the heaviest effect.
 const KINDS: usize = 2;
@@ -58,7 +59,9 @@ const MISSES: f64 = 2.0;
 const FORETELLS: f64 = 1.2;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
 const FAR_FROM_NOISE: f64 = 0.75;
-/// The same below which it does.
+/// rms of the runs held out over the noise above which a free force foretells nothing.
+const FAR_FROM_FORETOLD: f64 = 4.0;
+/// Half chi-square per sample below which a function explains all there is.
 const ALL_BUT_NOISE: f64 = 0.6;
 /// Log evidence that another prior of a function must gain for its set to be searched again.
 const WORTH_A_CLIMB: f64 = 2.0;
@@ -71,6 +74,8 @@ const SWAPPED: usize = 4;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
+/// Weight of a bend over the tolerance up to which it bends nothing.
+const SLIGHT: f64 = 0.05;
 
 /// A set, and what is left beside it.
 #[derive(Debug, Clone)]
@@ -326,12 +331,19 @@ pub fn explain(
             contenders.push(seen);
         }
     }
-    if best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64
+    // A free force takes up whatever the runs fitted leave over: that they come out as noise says nothing where the
+    // runs held out do not.
+    let noise = search.weights.noise;
+    let takes_up = best.unnamed()
+        && best.family_weight > search.setting.tolerance
+        && foretold(search, &best, &covered(&[&best], held))
+            .is_some_and(|f| f > FAR_FROM_FORETOLD * noise.total_sd());
+    let far = best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64;
+    if (takes_up || far)
         && let Some(sparse) = by_prediction(search, &first, held)
     {
         // Far from the noise likelihoods compare errors of laws: what predicts decides, and a function
         // must predict clearly better than named effects alone.
-        let noise = search.weights.noise;
         // Where the function knows nothing of what was held out, nothing was asked: all of it is.
         let known = covered(&[&best], held);
         let held = if known.is_empty() { held } else { &known };
@@ -346,17 +358,27 @@ pub fn explain(
             "by prediction {:?}: {named:.2e}, with a function {free:?}",
             sparse.fit.set
         );
-        if free.is_none_or(|f| f > CLEARLY * named) {
+        // One that explains the runs fitted goes only where names do better, and matter.
+        let as_well = free.is_none_or(|f| f.is_nan() || f > CLEARLY * named);
+        let better = free.is_some_and(|f| f.is_nan() || f > named)
+            && !sparse.matters(search.setting.tolerance).is_empty();
+        if (far && as_well) || (takes_up && better) {
             return Some(sparse);
         }
     }
     best = held_to_account(search, best, held);
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands.
-    if best.unnamed() && best.family_weight <= search.setting.tolerance {
+    // Nor is a bend a reason to call a law inexact that hardly bends it: small effects that no set holds leave as much.
+    let slight = |e: &Explanation| {
+        let bar = if e.unnamed() { 1.0 } else { SLIGHT };
+        e.family.is_some() && e.family_weight <= bar * search.setting.tolerance
+    };
+    if slight(&best) {
         contenders.extend(tried.into_values());
         contenders.push(Explanation::plain(search, &first));
-        contenders.retain(|e| !e.unnamed());
+        let unnamed = best.unnamed();
+        contenders.retain(|e| !(slight(e) || unnamed && e.unnamed()));
         for e in &mut contenders {
             needed_at_all(search, e);
         }

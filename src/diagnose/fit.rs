@@ -230,10 +230,11 @@ impl<'a> Posed<'a> {
                 });
             };
             any(first, 2.0 * spread);
-            any(0.0, 3.0 * spread);
+            let cut = !track.edges.is_empty() && track.starts_under_way(setting.tolerance);
+            let rate = if cut { track.rate_at_start() } else { None };
+            any(rate.unwrap_or(0.0), 3.0 * spread);
             priors.push((0.0, 0.0, 0.0));
-            // Without commands it is a decay: the start is what moves it; a run cut to a window moves at its start.
-            let rest = if track.edges.is_empty() || track.start_s > 0.0 {
+            let rest = if track.starts_under_way(setting.tolerance) {
                 0.0
             } else {
                 DRIFT_S / setting.tolerance

@@ -45,8 +45,10 @@ impl Prediction {
     /// of each run, whose errors are correlated within but hardly between them (Diebold and Mariano 1995).
     pub fn better_than(&self, other: &Prediction) -> f64 {
         let mut differences = Vec::new();
+        // Runs cut into windows are parts already.
+        let parts = if self.missed.len() < PARTS { PARTS } else { 1 };
         for (own, others) in self.missed.iter().zip(&other.missed) {
-            let length = own.len().div_ceil(PARTS).max(1);
+            let length = own.len().div_ceil(parts).max(1);
             for (a, b) in own.chunks(length).zip(others.chunks(length)) {
                 let both: Vec<f64> = a
                     .iter()
@@ -82,7 +84,7 @@ pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
         let start = (track.measured.first().copied().unwrap_or(0.0), 0.0);
         let (_, jacobian) = other.sensitivities(run, &fit.set, globals, start);
         // A driven run starts from rest: its rate takes nothing over.
-        let moves = track.edges.is_empty() || track.start_s > 0.0;
+        let moves = track.starts_under_way(setting.tolerance);
         let starts = basis(&jacobian.columns(g, if moves { 2 } else { 1 }).into_owned());
         let columns: Vec<DVector<f64>> = (0..g)
             .map(|i| outside(&starts, &jacobian.column(i).into_owned()))

@@ -123,6 +123,39 @@ impl Track {
         (self.at(t_s + 0.2) - self.at(t_s - 0.2)) / 0.4
     }
 
+    /// Whether the state at the start has a rate of its own: a decay, a window cut out of a run, or a log that
+    /// begins under way, farther in 0.2 s than two tolerances \[m, rad\]. Any other driven run starts from rest.
+    pub fn starts_under_way(&self, tolerance: f64) -> bool {
+        self.edges.is_empty()
+            || self.start_s > 0.0
+            || self
+                .rate_at_start()
+                .is_some_and(|rate| 0.2 * rate.abs() > 2.0 * tolerance)
+    }
+
+    /// Rate at the first stamp \[m/s, rad/s\]: of the parabola through three medians of three samples each within
+    /// the first quarter of a second, so that neither an outlier nor an acceleration from rest looks like a rate. `None`
+    /// with fewer than three samples there.
+    pub fn rate_at_start(&self) -> Option<f64> {
+        let first_s = *self.times_s.first()?;
+        let point = |after_s: f64| -> Option<(f64, f64)> {
+            let k = self
+                .times_s
+                .partition_point(|t| *t < first_s + after_s)
+                .max(1);
+            let mut three: Vec<f64> = self.measured.get(k - 1..k + 2)?.to_vec();
+            three.sort_by(f64::total_cmp);
+            Some((self.times_s[k] - first_s, three[1]))
+        };
+        let [(a, at_a), (b, at_b), (c, at_c)] = [point(0.0)?, point(0.1)?, point(0.2)?];
+        (a < b && b < c).then(|| {
+            // Derivative at 0 of Lagrange's interpolation.
+            -(at_a * (b + c) / ((a - b) * (a - c))
+                + at_b * (a + c) / ((b - a) * (b - c))
+                + at_c * (a + b) / ((c - a) * (c - b)))
+        })
+    }
+
     /// Last stamp \[s\].
     pub fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
@@ -240,6 +273,11 @@ impl Setting {
                 rig.tolerance.attitude_rad
             },
         })
+    }
+
+    /// Whether something takes the vehicle back to its place (roll, pitch): elsewhere every small force adds up.
+    pub fn is_restored(&self) -> bool {
+        matches!(self.dof, Dof::Roll | Dof::Pitch)
     }
 
     /// The same model with other runs.
@@ -459,7 +497,28 @@ impl Setting {
 
 #[cfg(test)]
 mod tests {
-    use super::averaged;
+    use super::{Track, averaged};
+    use crate::diagnose::testing::surge;
+    use hydroline_rigs::Dof;
+
+    /// A table cut in the middle of a motion, its time counted from the cut, was fitted as if it began at rest.
+    #[test]
+    fn a_log_that_begins_under_way_is_told_from_one_that_begins_at_rest() {
+        let rest = Track::of(&surge(2, &[]), Dof::Surge).unwrap();
+        assert!(!rest.starts_under_way(0.002));
+        let mut outlier = rest.clone();
+        outlier.measured[0] += 0.05;
+        assert!(!outlier.starts_under_way(0.002));
+        let cut = Track {
+            times_s: rest.times_s[60..].iter().map(|t| t - 4.8).collect(),
+            measured: rest.measured[60..].to_vec(),
+            ..rest.clone()
+        };
+        assert!(cut.start_s == 0.0 && cut.starts_under_way(0.002));
+        let rate = (rest.measured[61] - rest.measured[58]) / 0.24;
+        let found = cut.rate_at_start().unwrap();
+        assert!((found / rate - 1.0).abs() < 0.2, "{found} {rate}");
+    }
 
     #[test]
     fn dense_commands_keep_their_impulse_and_sparse_ones_stay() {

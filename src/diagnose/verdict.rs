@@ -224,6 +224,11 @@ pub struct Rung {
     pub train: BTreeMap<String, f64>,
     /// The same on runs held out \[SI\].
     pub held_out: BTreeMap<String, f64>,
+    /// The same on these cut into tenths, each from a state of its own \[SI\]: what a law misses there and then, without
+    /// what has added up since the start. Only where no law is exact and nothing holds the vehicle in its place; there
+    /// it orders the rungs.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub held_out_in_windows: BTreeMap<String, f64>,
 }
 
 /// A force or change that nothing in the vocabulary explains.

@@ -6,10 +6,11 @@ use rayon::prelude::*;
 
 use super::tables::rms;
 use crate::diagnose::bank::{joined, without};
+use crate::diagnose::explain::{Windows, pieces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
 use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::diagnose::setting::{COEFFICIENTS, Track};
 use crate::diagnose::verdict::{Alternative, Rung};
 
 /// Members asked, heaviest first.
@@ -46,6 +47,8 @@ pub struct Rivals<'a> {
     search: &'a Search<'a>,
     first: &'a Fit,
     held: &'a [Track],
+    /// The runs fitted in windows and the runs held out cut into them, where these are what effects are judged by.
+    windows: Option<(Windows, Vec<Track>)>,
     /// Heavy members (candidates), heaviest first.
     heavy: Vec<usize>,
     made: BTreeMap<Vec<usize>, Rival>,
@@ -72,6 +75,7 @@ impl<'a> Rivals<'a> {
             search,
             first,
             held,
+            windows: None,
             heavy: heavy.into_iter().map(|h| h.1).collect(),
             made: BTreeMap::new(),
         };
@@ -118,6 +122,13 @@ impl<'a> Rivals<'a> {
         rivals
     }
 
+    /// The ladder by what each effect gains in windows of the runs held out: where no law is exact, and nothing takes the
+    /// vehicle back to its place, a small force adds up to more than a large one that changes its sign.
+    pub fn in_windows(mut self) -> Self {
+        self.windows = Some((Windows::of(self.search), pieces(self.held)));
+        self
+    }
+
     /// Those of the first set's members that are in `keep`, and where their fit begins.
     fn part(&self, keep: &[usize]) -> (Vec<usize>, Vec<f64>) {
         let mut now = self.first.clone();
@@ -157,13 +168,37 @@ impl<'a> Rivals<'a> {
         self.made.extend(made);
     }
 
+    /// The runs held out, predicted as effects are judged here: whole, or in windows with what was fitted in windows.
+    fn predicts(&self, fit: &Fit) -> Option<Prediction> {
+        let (setting, noise) = (self.search.setting, self.search.weights.noise);
+        let Some((windows, pieces)) = &self.windows else {
+            return predicted(setting, self.held, fit, noise);
+        };
+        // A fit of whole runs may have run off; the numbers of the first set had not.
+        let mut begins = vec![fit.globals(setting).to_vec()];
+        if fit.set.iter().all(|c| self.first.set.contains(c)) {
+            let (set, at) = self.part(&fit.set);
+            begins.push(at[..COEFFICIENTS + setting.parameters(&set)].to_vec());
+        }
+        let fit = begins
+            .iter()
+            .filter_map(|b| windows.fit(&fit.set, b))
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        predicted(setting, pieces, &fit, noise)
+    }
+
+    /// rms of windows of the runs held out \[m, rad\]; `None` where effects are not judged by them.
+    fn rms_in_windows(&self, r: &Rival) -> Option<f64> {
+        self.windows.as_ref()?;
+        self.predicts(&r.fit).map(|p| p.rms)
+    }
+
     /// Kin that, in the place of a member, predict the runs held out as well: which of the two laws it is
     /// these data leave open, whatever their likelihoods say where no law reaches the noise.
     pub fn undecided(&self) -> Vec<String> {
         let search = self.search;
         let id = |c: usize| search.setting.vocabulary[c].info.id;
-        let Some(best) = predicted(search.setting, self.held, self.first, search.weights.noise)
-        else {
+        let Some(best) = self.predicts(self.first) else {
             return Vec::new();
         };
         let own = best.rms;
@@ -172,7 +207,14 @@ impl<'a> Rivals<'a> {
         }
         self.made
             .values()
-            .filter_map(|r| Some((r.in_place?, r.missed.as_ref()?)))
+            .filter_map(|r| {
+                let in_place = r.in_place?;
+                let missed = match &self.windows {
+                    Some(_) => self.predicts(&r.fit)?,
+                    None => r.missed.clone()?,
+                };
+                Some((in_place, missed))
+            })
             // As good, or worse by no more than the errors vary.
             .filter(|(_, missed)| {
                 missed.rms < AS_GOOD * own
@@ -225,24 +267,25 @@ impl<'a> Rivals<'a> {
         let channel = search.setting.channel();
         let no_runs = self.held.is_empty();
         // A prediction that failed is no prediction, not a good fit.
-        let miss = |r: &Rival| match r.held {
+        let by_windows = self.windows.is_some();
+        let miss = |r: &Rival, there: Option<f64>| match if by_windows { there } else { r.held } {
             Some(held) => held,
             None if no_runs => rms(search, &r.fit),
             None => f64::INFINITY,
         };
-        let rung = |effect: &str, r: &Rival| Rung {
-            effect: effect.to_owned(),
-            train: BTreeMap::from([(channel.to_owned(), rms(search, &r.fit))]),
-            held_out: r
-                .held
-                .map(|v| (channel.to_owned(), v))
-                .into_iter()
-                .collect(),
+        let rung = |effect: &str, r: &Rival, there: Option<f64>| {
+            let of = |v: Option<f64>| v.map(|v| (channel.to_owned(), v)).into_iter().collect();
+            Rung {
+                effect: effect.to_owned(),
+                train: of(Some(rms(search, &r.fit))),
+                held_out: of(r.held),
+                held_out_in_windows: of(there),
+            }
         };
         let mut rungs: Vec<Rung> = self
             .made
             .get(&Vec::new())
-            .map(|r| rung("", r))
+            .map(|r| rung("", r, self.rms_in_windows(r)))
             .into_iter()
             .collect();
         let mut now: Vec<usize> = Vec::new();
@@ -261,11 +304,12 @@ impl<'a> Rivals<'a> {
                 .iter()
                 .filter_map(|c| {
                     let (set, _) = self.part(&grown(*c));
-                    Some((*c, self.made.get(&set)?))
+                    let rival = self.made.get(&set)?;
+                    Some((*c, rival, self.rms_in_windows(rival)))
                 })
-                .min_by(|a, b| miss(a.1).total_cmp(&miss(b.1)));
-            let Some((c, r)) = best else { break };
-            rungs.push(rung(search.setting.vocabulary[c].info.id, r));
+                .min_by(|a, b| miss(a.1, a.2).total_cmp(&miss(b.1, b.2)));
+            let Some((c, r, there)) = best else { break };
+            rungs.push(rung(search.setting.vocabulary[c].info.id, r, there));
             now.push(c);
             left.retain(|l| *l != c);
         }

@@ -18,6 +18,8 @@ pub const BY_THE_OTHERS: &str =
     "each run predicted by coefficients fitted to the others, the explanation chosen with all";
 /// How they were else; the runs' names follow.
 pub const HELD_OUT: &str = "runs held out";
+/// Share of a coefficient by which the runs must differ from the rig for it to be said: a rig file is some 20 % off.
+const FAR_OFF: f64 = 0.5;
 /// Groups told of as alternatives, and of those the ones that are asked to predict.
 const TOLD: (usize, usize) = (12, 6);
 
@@ -244,6 +246,25 @@ pub fn coefficients(
                 };
                 verdict.parameters.after.insert(k.key().to_owned(), value);
             }
+        }
+    }
+    // A model is also wrong where its own numbers are.
+    for (k, own) in Coefficient::of(setting.dof)
+        .iter()
+        .zip(setting.coefficients())
+    {
+        let Some(found) = verdict.parameters.after.get(k.key()) else {
+            continue;
+        };
+        let off = (found.value - own).abs();
+        if own != 0.0 && off > FAR_OFF * own.abs() && found.sd.is_some_and(|sd| off > 5.0 * sd) {
+            verdict.notes.push(format!(
+                "{}: the rig has {own:.4}, these runs say {:.4} (sd {:.2e}), {:.2} times as much",
+                k.key(),
+                found.value,
+                found.sd.unwrap_or(f64::NAN),
+                found.value / own
+            ));
         }
     }
 }

@@ -6,12 +6,12 @@
 use std::collections::BTreeSet;
 
 use super::Explanation;
-use super::windows::Windows;
+use super::windows::{Windows, pieces};
 use crate::diagnose::bank::without;
 use crate::diagnose::fit::Fit;
 use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
 use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::diagnose::setting::{COEFFICIENTS, Track};
 
 /// Most effects.
 const MOST: usize = 6;
@@ -23,22 +23,87 @@ const WHOLE: usize = 6;
 const PAIRED: (usize, usize) = (3, 5);
 /// rms of the runs held out with two effects more over that with one from which two are taken at once.
 const BOTH: f64 = 0.7;
-/// rms of the runs held out with an effect over that without it from which it is worth its place.
-const WORTH: f64 = 0.97;
+/// rms of the runs held out with an effect over that without it from which it is worth its place: it takes away nearly
+/// half of the squared error. Where no law is exact, mending a law with another one gains a tenth or two.
+const WORTH: f64 = 0.75;
+/// The same over whole runs, of what was judged in windows.
+const WORTH_ON_THE_WHOLE: f64 = 0.97;
 /// Without a member over with it, up to which it is not.
 const AS_WELL: f64 = 1.01;
 
 /// A fit with what it predicts.
 type Judged = (Fit, Prediction);
 
+/// What predictions are asked of.
+struct Judge {
+    windows: Windows,
+    /// Runs held out, or windows of them.
+    held: Vec<Track>,
+    /// Runs held out, whole.
+    whole: Vec<Track>,
+    /// Sets are fitted and predict in windows: what nothing takes back to its place runs off over a whole run, by
+    /// what adds up and not by what is large.
+    in_windows: bool,
+}
+
+impl Judge {
+    /// What a set predicts that was fitted in windows.
+    fn judge(&self, search: &mut Search<'_>, fit: &Fit) -> Option<Judged> {
+        let fit = if self.in_windows {
+            fit.clone()
+        } else {
+            search.fit_all(vec![self.windows.whole(search, fit)]);
+            search.get(&fit.set)?.clone()
+        };
+        let made = predicted(search.setting, &self.held, &fit, search.weights.noise)?;
+        made.rms.is_finite().then_some((fit, made))
+    }
+
+    /// Whether a set predicts better than another, in windows and on the whole: what only mends a law for a second, and
+    /// over a run is worth nothing, is not missing.
+    fn worth(&self, search: &Search<'_>, new: &Judged, old: &Judged) -> bool {
+        let better = |new: &Prediction, old: &Prediction, share: f64| {
+            new.rms < share * old.rms && new.better_than(old) > BETTER_T
+        };
+        let whole = |fit: &Fit| predicted(search.setting, &self.whole, fit, search.weights.noise);
+        better(&new.1, &old.1, WORTH)
+            && (!self.in_windows
+                || whole(&new.0)
+                    .zip(whole(&old.0))
+                    .is_some_and(|(new, old)| better(&new, &old, WORTH_ON_THE_WHOLE)))
+    }
+
+    /// Of sets fitted in windows the one that predicts best, with its fit in windows.
+    fn best(&self, search: &mut Search<'_>, grown: &[Fit]) -> Option<(Judged, Fit)> {
+        let few = &grown[..grown.len().min(WHOLE)];
+        if !self.in_windows {
+            let jobs = few.iter().map(|f| self.windows.whole(search, f)).collect();
+            search.fit_all(jobs);
+        }
+        few.iter()
+            .filter_map(|f| Some((self.judge(search, f)?, f.clone())))
+            .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
+    }
+}
+
 /// The set that predicts, grown from nothing; `None` where nothing can be predicted.
 pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
-    let windows = Windows::of(search);
+    let in_windows = !search.setting.is_restored();
+    let judge = Judge {
+        windows: Windows::of(search),
+        held: if in_windows {
+            pieces(held)
+        } else {
+            held.to_vec()
+        },
+        whole: held.to_vec(),
+        in_windows,
+    };
+    let windows = &judge.windows;
     let nothing = search.finished(&[])?;
     let mut seen = windows.fit(&[], nothing.globals(search.setting))?;
     search.fit_all(vec![windows.whole(search, &seen)]);
-    let nothing = search.finished(&[])?;
-    let mut now = judge(search, held, nothing)?;
+    let mut now = judge.judge(search, &seen)?;
     while now.0.set.len() < MOST {
         let blind = |c: usize| search.blind.contains(&c);
         let singles = windows.grow(&seen, blind, ADDED);
@@ -51,8 +116,10 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
         pairs.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut seen_pairs = BTreeSet::new();
         pairs.retain(|f| seen_pairs.insert(f.set.clone()));
-        let single = best(search, held, &windows, &singles).filter(|s| worth(&s.0, &now));
-        let pair = best(search, held, &windows, &pairs).filter(|s| worth(&s.0, &now));
+        let single = judge.best(search, &singles);
+        let single = single.filter(|s| judge.worth(search, &s.0, &now));
+        let pair = judge.best(search, &pairs);
+        let pair = pair.filter(|s| judge.worth(search, &s.0, &now));
         // One effect may do a little of the work of two that hide each other.
         let next = match (single, pair) {
             (Some(s), Some(p)) if p.0.1.rms < BOTH * s.0.1.rms => Some(p),
@@ -67,7 +134,7 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             now.1.rms
         );
         let grown = better.0.set.clone();
-        now = thinned(search, held, better);
+        now = thinned(search, &judge, better);
         seen = if now.0.set == grown {
             from
         } else if let Some(fit) = windows.fit(&now.0.set, now.0.globals(search.setting)) {
@@ -76,54 +143,30 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             break;
         };
     }
-    let fit = search.finished(&now.0.set).unwrap_or(now.0);
+    search.fit_all(vec![windows.whole(search, &seen)]);
+    let whole = search.finished(&now.0.set);
+    let fit = whole.or((!in_windows).then_some(now.0))?;
     Some(Explanation {
         by_prediction: true,
         ..Explanation::plain(search, &fit)
     })
 }
 
-fn judge(search: &Search<'_>, held: &[Track], fit: Fit) -> Option<Judged> {
-    let made = predicted(search.setting, held, &fit, search.weights.noise)?;
-    made.rms.is_finite().then_some((fit, made))
-}
-
-fn worth(new: &Judged, old: &Judged) -> bool {
-    new.1.rms < WORTH * old.1.rms && new.1.better_than(&old.1) > BETTER_T
-}
-
-/// Of sets fitted in windows the one that, fitted to the whole runs, predicts best, with its fit in windows.
-fn best(
-    search: &mut Search<'_>,
-    held: &[Track],
-    windows: &Windows,
-    grown: &[Fit],
-) -> Option<(Judged, Fit)> {
-    let jobs = grown
-        .iter()
-        .take(WHOLE)
-        .map(|f| windows.whole(search, f))
-        .collect();
-    search.fit_all(jobs);
-    grown
-        .iter()
-        .take(WHOLE)
-        .filter_map(|f| Some((judge(search, held, search.get(&f.set)?.clone())?, f.clone())))
-        .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
-}
-
 /// Members taken out as long as the runs are predicted as well without them: one that came early may do
 /// nothing beside those that came later.
-fn thinned(search: &mut Search<'_>, held: &[Track], mut now: Judged) -> Judged {
+fn thinned(search: &mut Search<'_>, judge: &Judge, mut now: Judged) -> Judged {
     while now.0.set.len() > 1 {
         let jobs: Vec<(Vec<usize>, Vec<f64>)> = (0..now.0.set.len())
             .map(|m| without(search.setting, &now.0, m))
             .collect();
-        let sets: Vec<Vec<usize>> = jobs.iter().map(|j| j.0.clone()).collect();
-        search.fit_all(jobs);
-        let smaller = sets
-            .iter()
-            .filter_map(|s| judge(search, held, search.get(s)?.clone()))
+        let mut judged: Vec<Judged> = Vec::new();
+        for (set, at) in jobs {
+            let globals = &at[..COEFFICIENTS + search.setting.parameters(&set)];
+            let fit = judge.windows.fit(&set, globals);
+            judged.extend(fit.and_then(|f| judge.judge(search, &f)));
+        }
+        let smaller = judged
+            .into_iter()
             .min_by(|a, b| a.1.rms.total_cmp(&b.1.rms))
             .filter(|s| s.1.rms <= AS_WELL * now.1.rms);
         match smaller {

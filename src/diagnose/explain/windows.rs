@@ -4,6 +4,8 @@
 //! fit finds back. Over a second or two nothing runs off: there the set's numbers are found that a
 //! fit of the whole runs begins with.
 
+use std::ops::Range;
+
 use nalgebra::DVector;
 use rayon::prelude::*;
 
@@ -27,29 +29,46 @@ pub struct Windows {
     weights: Weights,
 }
 
+/// Samples of each window of a run.
+fn ranges(track: &Track) -> impl Iterator<Item = Range<usize>> {
+    let n = track.times_s.len();
+    let length = n.div_ceil(WINDOWS).max(SAMPLES);
+    (0..n)
+        .step_by(length)
+        .map(move |first| first..(first + length).min(n))
+        .filter(|r| r.len() >= SAMPLES / 2)
+}
+
+/// A window of a run, which begins under way.
+fn piece(track: &Track, range: Range<usize>) -> Track {
+    Track {
+        start_s: if range.start == 0 {
+            track.start_s
+        } else {
+            track.times_s[range.start]
+        },
+        times_s: track.times_s[range.clone()].to_vec(),
+        measured: track.measured[range].to_vec(),
+        ..track.clone()
+    }
+}
+
+/// Runs cut into windows.
+pub fn pieces(tracks: &[Track]) -> Vec<Track> {
+    tracks
+        .iter()
+        .flat_map(|t| ranges(t).map(|r| piece(t, r)))
+        .collect()
+}
+
 impl Windows {
     /// Of a search's runs.
     pub fn of(search: &Search<'_>) -> Windows {
         let (mut tracks, mut used) = (Vec::new(), Vec::new());
         for (track, counts) in search.setting.tracks.iter().zip(&search.weights.used) {
-            let n = track.times_s.len();
-            let length = n.div_ceil(WINDOWS).max(SAMPLES);
-            for first in (0..n).step_by(length) {
-                let last = (first + length).min(n);
-                if last - first < SAMPLES / 2 {
-                    continue;
-                }
-                tracks.push(Track {
-                    times_s: track.times_s[first..last].to_vec(),
-                    measured: track.measured[first..last].to_vec(),
-                    start_s: if first == 0 {
-                        track.start_s
-                    } else {
-                        track.times_s[first]
-                    },
-                    ..track.clone()
-                });
-                used.push(counts[first..last].to_vec());
+            for range in ranges(track) {
+                used.push(counts[range.clone()].to_vec());
+                tracks.push(piece(track, range));
             }
         }
         let noise = Noise::white(search.weights.noise.total_sd());

@@ -199,19 +199,29 @@ pub(super) fn ladder(page: &mut String, v: &Verdict) {
     if v.ladder.len() < 2 {
         return;
     }
-    page.push_str("<h2>What each effect gains</h2><p>One after the other, each time the one that improves the prediction most, all refitted together.</p><table><tr><th></th><th>fitted rms</th><th>held-out rms</th></tr>\n");
+    page.push_str("<h2>What each effect gains</h2><p>One after the other, each time the one that improves the prediction most, all refitted together.</p><table><tr><th></th><th>fitted rms</th><th>held-out rms</th>");
+    let windows = v.ladder.iter().any(|r| !r.held_out_in_windows.is_empty());
+    if windows {
+        page.push_str("<th>held-out rms in windows, a tenth of a run each</th>");
+    }
+    page.push_str("</tr>\n");
     for rung in &v.ladder {
         let name = if rung.effect.is_empty() {
             "the vehicle alone".to_owned()
         } else {
             format!("+ {}", rung.effect)
         };
+        let last = if windows {
+            format!("<td>{}</td>", escape(&amounts(&rung.held_out_in_windows)))
+        } else {
+            String::new()
+        };
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td>{last}</tr>",
             escape(&name),
             escape(&amounts(&rung.train)),
-            escape(&amounts(&rung.held_out))
+            escape(&amounts(&rung.held_out)),
         );
     }
     page.push_str("</table>\n");
