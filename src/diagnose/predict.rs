@@ -81,10 +81,12 @@ pub fn expected(setting: &Setting, tracks: &[Track], fit: &Fit, noise: Noise) ->
     let covariance = covariance.view((0, 0), (g, g)).into_owned();
     let (mut sum, mut count) = (0.0, 0.0);
     for (run, track) in other.tracks.iter().enumerate() {
-        let start = (track.measured.first().copied().unwrap_or(0.0), 0.0);
-        let (_, jacobian) = other.sensitivities(run, &fit.set, globals, start);
         // A driven run starts from rest: its rate takes nothing over.
         let moves = track.starts_under_way(setting.tolerance);
+        let rate = if moves { track.rate_at_start() } else { None };
+        let position = track.measured.first().copied().unwrap_or(0.0);
+        let start = (position, rate.unwrap_or(0.0));
+        let (_, jacobian) = other.sensitivities(run, &fit.set, globals, start);
         let starts = basis(&jacobian.columns(g, if moves { 2 } else { 1 }).into_owned());
         let columns: Vec<DVector<f64>> = (0..g)
             .map(|i| outside(&starts, &jacobian.column(i).into_owned()))

@@ -52,8 +52,15 @@ fn rms(column: &DVector<f64>) -> f64 {
 /// derivatives to the DOF's own coefficients.
 pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
     let span = own_span(setting, fit);
-    let starts: Vec<(f64, f64)> = (0..setting.tracks.len())
-        .map(|r| (fit.start(setting, r).0, 0.0))
+    // A stretch of a decay that begins as the angle crosses zero moves by its rate alone.
+    let starts: Vec<(f64, f64)> = setting
+        .tracks
+        .iter()
+        .enumerate()
+        .map(|(run, track)| match fit.start(setting, run) {
+            start if track.starts_under_way(setting.tolerance) => start,
+            (position, _) => (position, 0.0),
+        })
         .collect();
     let vehicle = &fit.at[..COEFFICIENTS];
     let none = motion(setting, &[], vehicle, &starts);
