@@ -230,11 +230,12 @@ impl<'a> Posed<'a> {
                 });
             };
             any(first, 2.0 * spread);
-            let cut = !track.edges.is_empty() && track.starts_under_way(setting.tolerance);
+            let moves = track.starts_under_way(setting.tolerance);
+            let cut = moves && !track.edges.is_empty();
             let rate = if cut { track.rate_at_start() } else { None };
             any(rate.unwrap_or(0.0), 3.0 * spread);
             priors.push((0.0, 0.0, 0.0));
-            let rest = if track.starts_under_way(setting.tolerance) {
+            let rest = if moves {
                 0.0
             } else {
                 DRIFT_S / setting.tolerance

@@ -47,16 +47,25 @@ struct Judge {
 }
 
 impl Judge {
-    /// What a set predicts that was fitted in windows.
-    fn judge(&self, search: &mut Search<'_>, fit: &Fit) -> Option<Judged> {
-        let fit = if self.in_windows {
-            fit.clone()
-        } else {
-            search.fit_all(vec![self.windows.whole(search, fit)]);
-            search.get(&fit.set)?.clone()
-        };
-        let made = predicted(search.setting, &self.held, &fit, search.weights.noise)?;
-        made.rms.is_finite().then_some((fit, made))
+    /// What sets predict that were fitted in windows, each beside its fit there.
+    fn judged(&self, search: &mut Search<'_>, fits: &[Fit]) -> Vec<(Judged, Fit)> {
+        if !self.in_windows {
+            let jobs = fits.iter().map(|f| self.windows.whole(search, f)).collect();
+            search.fit_all(jobs);
+        }
+        fits.iter()
+            .filter_map(|seen| {
+                let fit = if self.in_windows {
+                    seen
+                } else {
+                    search.get(&seen.set)?
+                };
+                let made = predicted(search.setting, &self.held, fit, search.weights.noise)?;
+                made.rms
+                    .is_finite()
+                    .then(|| ((fit.clone(), made), seen.clone()))
+            })
+            .collect()
     }
 
     /// Whether a set predicts better than another, in windows and on the whole: what only mends a law for a second, and
@@ -75,15 +84,15 @@ impl Judge {
 
     /// Of sets fitted in windows the one that predicts best, with its fit in windows.
     fn best(&self, search: &mut Search<'_>, grown: &[Fit]) -> Option<(Judged, Fit)> {
-        let few = &grown[..grown.len().min(WHOLE)];
-        if !self.in_windows {
-            let jobs = few.iter().map(|f| self.windows.whole(search, f)).collect();
-            search.fit_all(jobs);
-        }
-        few.iter()
-            .filter_map(|f| Some((self.judge(search, f)?, f.clone())))
+        self.judged(search, grown)
+            .into_iter()
             .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
     }
+}
+
+/// Those of sets fitted in windows, best first, that are asked to predict.
+fn first(grown: &[Fit]) -> &[Fit] {
+    &grown[..grown.len().min(WHOLE)]
 }
 
 /// The set that predicts, grown from nothing; `None` where nothing can be predicted.
@@ -103,7 +112,7 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let nothing = search.finished(&[])?;
     let mut seen = windows.fit(&[], nothing.globals(search.setting))?;
     search.fit_all(vec![windows.whole(search, &seen)]);
-    let mut now = judge.judge(search, &seen)?;
+    let (mut now, _) = judge.judged(search, std::slice::from_ref(&seen)).pop()?;
     while now.0.set.len() < MOST {
         let blind = |c: usize| search.blind.contains(&c);
         let singles = windows.grow(&seen, blind, ADDED);
@@ -116,9 +125,9 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
         pairs.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut seen_pairs = BTreeSet::new();
         pairs.retain(|f| seen_pairs.insert(f.set.clone()));
-        let single = judge.best(search, &singles);
+        let single = judge.best(search, first(&singles));
         let single = single.filter(|s| judge.worth(search, &s.0, &now));
-        let pair = judge.best(search, &pairs);
+        let pair = judge.best(search, first(&pairs));
         let pair = pair.filter(|s| judge.worth(search, &s.0, &now));
         // One effect may do a little of the work of two that hide each other.
         let next = match (single, pair) {
@@ -156,18 +165,16 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
 /// nothing beside those that came later.
 fn thinned(search: &mut Search<'_>, judge: &Judge, mut now: Judged) -> Judged {
     while now.0.set.len() > 1 {
-        let jobs: Vec<(Vec<usize>, Vec<f64>)> = (0..now.0.set.len())
+        let smaller: Vec<Fit> = (0..now.0.set.len())
             .map(|m| without(search.setting, &now.0, m))
+            .filter_map(|(set, at)| {
+                let globals = &at[..COEFFICIENTS + search.setting.parameters(&set)];
+                judge.windows.fit(&set, globals)
+            })
             .collect();
-        let mut judged: Vec<Judged> = Vec::new();
-        for (set, at) in jobs {
-            let globals = &at[..COEFFICIENTS + search.setting.parameters(&set)];
-            let fit = judge.windows.fit(&set, globals);
-            judged.extend(fit.and_then(|f| judge.judge(search, &f)));
-        }
-        let smaller = judged
-            .into_iter()
-            .min_by(|a, b| a.1.rms.total_cmp(&b.1.rms))
+        let smaller = judge
+            .best(search, &smaller)
+            .map(|(judged, _)| judged)
             .filter(|s| s.1.rms <= AS_WELL * now.1.rms);
         match smaller {
             Some(s) => now = s,
