@@ -21,6 +21,7 @@ pub mod posterior;
 pub mod predict;
 pub mod profiles;
 pub mod report;
+pub mod rest;
 pub mod scale;
 pub mod search;
 pub mod setting;

@@ -2,6 +2,7 @@
 
 mod active;
 mod adopt;
+mod beliefs;
 mod effects;
 mod exponent;
 mod kin;
@@ -30,6 +31,7 @@ use super::weight::weights;
 use crate::identify::data::{Run, is_still};
 use active::active;
 use adopt::adopt;
+use beliefs::likeliest;
 use effects::effects;
 use exponent::exponents;
 use kin::as_good;
@@ -228,6 +230,7 @@ fn one(
     let Some(found) = found(&mut search, &choosing) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
+    let (mut search, found) = likeliest(search, found, &choosing);
     if found.simple() {
         // What the best sets are without each of their members, so that no probability is 1 for want of asking.
         let front: Vec<Vec<usize>> = search

@@ -153,6 +153,16 @@ impl Explanation {
             .map_or(self.fit.cost, |(_, two)| two.cost)
     }
 
+    /// What all of it leaves, predicted minus measured, run by run \[m, rad\].
+    pub fn residuals(&self, search: &Search<'_>) -> Vec<Vec<f64>> {
+        let setting = search.setting;
+        match (&self.family, &self.twice) {
+            (Some(f), _) => f.residuals(setting, &search.weights, &self.fit),
+            (None, Some((_, two))) => two.residuals(setting),
+            (None, None) => self.fit.residuals(setting),
+        }
+    }
+
     /// Whether it is a set among the sets of the search, by their posterior.
     pub fn simple(&self) -> bool {
         self.family.is_none() && self.twice.is_none() && !self.by_prediction

@@ -28,8 +28,6 @@ const TAIL: f64 = 0.5;
 /// The same for what is no size (a place, a period): a tether that would be taut long before the
 /// start is a constant force.
 const TAIL_ELSEWHERE: f64 = 0.15;
-/// A driven run starts from rest but for the tolerance drifted in this time \[s\].
-const DRIFT_S: f64 = 2.0;
 
 /// A fitted set.
 #[derive(Debug, Clone)]
@@ -238,7 +236,7 @@ impl<'a> Posed<'a> {
             let rest = if moves {
                 0.0
             } else {
-                DRIFT_S / setting.tolerance
+                weights.rest_precision(setting.tolerance).sqrt()
             };
             priors.push((0.0, 0.0, rest));
         }

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::fit::Fit;
+use super::rest;
 use super::search::Search;
 use super::setting::Setting;
 use super::weight::weights;
@@ -44,7 +45,7 @@ pub struct Posterior {
     pub inclusion: BTreeMap<usize, f64>,
     /// Sets near the best, with their probability and the weight of each member.
     pub members: Vec<(Fit, f64, Vec<f64>)>,
-    /// What effects that no set holds may do to the best one.
+    /// What effects that no set holds, and drifts at the start, may do to the best one.
     beyond: Option<(Vec<usize>, Beyond)>,
 }
 
@@ -105,9 +106,14 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let beyond = search
-        .best()
-        .and_then(|best| Some((best.set.clone(), Beyond::of(search, best)?)));
+    let beyond = search.best().and_then(|best| {
+        let mut beyond = Beyond::of(search, best)?;
+        let adrift = rest::spread(search.setting, &search.weights, best);
+        for (all, more) in beyond.variance.iter_mut().zip(adrift) {
+            *all += more;
+        }
+        Some((best.set.clone(), beyond))
+    });
     Posterior {
         groups,
         inclusion,

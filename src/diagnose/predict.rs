@@ -282,7 +282,7 @@ pub fn left_out(setting: &Setting, weights: &Weights, fit: &Fit) -> Option<f64> 
             .map(|(_, u)| u.clone())
             .collect();
         let rest = setting.with_tracks(others);
-        let rest_weights = Weights::new(&rest.tracks, weights.noise, used);
+        let rest_weights = Weights::new(&rest.tracks, weights.noise, used).at_rest(weights.rest_sd);
         let g = COEFFICIENTS + setting.parameters(&fit.set);
         let mut at = fit.at.clone();
         at.drain(g + 2 * run..g + 2 * run + 2);

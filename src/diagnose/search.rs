@@ -12,6 +12,7 @@ use super::bank::{Promise, Response, View, begin, joined, motion, responses, whi
 use super::descent::Effort;
 use super::explain::{Care, Explanation, early, look, unnamed_from_nothing};
 use super::fit::{Fit, Posed};
+use super::rest;
 use super::setting::Setting;
 use super::weights::Weights;
 use crate::identify::noise::Noise;
@@ -79,6 +80,8 @@ pub struct Search<'a> {
     /// Candidates that the vehicle's own coefficients do the work of.
     pub blind: BTreeSet<usize>,
     hopeless: bool,
+    /// Runs that begin at rest stand still; else how still is found along with the noise.
+    held_still: bool,
     /// Ways to sets that were taken, under the present weights.
     ways: BTreeSet<Way>,
     /// Few effects of which one does not act by its law, found before the large sets.
@@ -89,6 +92,8 @@ pub struct Search<'a> {
     noise_stands: bool,
     /// The least noise found on the way to the present one.
     least_noise: Option<Noise>,
+    /// The same, whatever was tried with it.
+    sharpest: Option<Noise>,
     /// The set beside which free functions were looked at last.
     looked_beside: Option<Vec<usize>>,
     bank: Vec<Response>,
@@ -98,10 +103,11 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Starts with white noise from differences and nothing left out.
+    /// Starts with white noise from differences and nothing left out; how still the runs begin is found with the noise.
     pub fn new(setting: &'a Setting, progress: &'a (dyn Fn(&str) + Sync)) -> Search<'a> {
         Search {
             weights: Weights::first(&setting.tracks),
+            held_still: false,
             setting,
             fits: BTreeMap::new(),
             looked: 0,
@@ -112,10 +118,21 @@ impl<'a> Search<'a> {
             instead: None,
             noise_stands: false,
             least_noise: None,
+            sharpest: None,
             looked_beside: None,
             bank: Vec::new(),
             whitened: Vec::new(),
             progress,
+        }
+    }
+
+    /// The same with runs that stand still at their start, come what may.
+    pub fn still(setting: &'a Setting, progress: &'a (dyn Fn(&str) + Sync)) -> Search<'a> {
+        let still = rest::still(setting.tolerance);
+        Search {
+            weights: Weights::first(&setting.tracks).at_rest(Some(still)),
+            held_still: true,
+            ..Search::new(setting, progress)
         }
     }
 

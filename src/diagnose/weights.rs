@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::descent::Effort;
+use super::rest;
 use super::setting::{Setting, Track};
 use crate::identify::noise::{Noise, Series, Whitener, estimate};
 use crate::identify::statistics::{difference_sd, robust_sd};
@@ -14,6 +15,8 @@ pub struct Weights {
     pub noise: Noise,
     /// `[run][sample]`: counts.
     pub used: Vec<Vec<bool>>,
+    /// sd of the rate at the start of a run that begins at rest \[m/s, rad/s\]; `None` = the most there is.
+    pub rest_sd: Option<f64>,
     whiteners: Vec<Whitener>,
 }
 
@@ -28,8 +31,22 @@ impl Weights {
         Weights {
             noise,
             used,
+            rest_sd: None,
             whiteners,
         }
+    }
+
+    /// The same for runs that begin as still as this.
+    #[must_use]
+    pub fn at_rest(self, rest_sd: Option<f64>) -> Weights {
+        Weights { rest_sd, ..self }
+    }
+
+    /// Precision of what is believed of the rate at the start of a run that begins at rest \[s^2/m^2, s^2/rad^2\].
+    pub fn rest_precision(&self, tolerance: f64) -> f64 {
+        self.rest_sd
+            .unwrap_or_else(|| rest::most(tolerance))
+            .powi(-2)
     }
 
     /// White noise from third differences; a sample is left out where it stands apart from the cubic
@@ -65,6 +82,11 @@ impl Weights {
             floor: 0.5 * self.samples() as f64,
             limit: f64::INFINITY,
         }
+    }
+
+    /// Sum of the log variances of all samples that count, each given those before it.
+    pub fn log_variance(&self) -> f64 {
+        self.whiteners.iter().map(Whitener::log_variance).sum()
     }
 
     /// Samples that count.

@@ -113,7 +113,7 @@ impl Whitener {
     }
 
     /// Sum of log innovation variances.
-    fn log_variance(&self) -> f64 {
+    pub fn log_variance(&self) -> f64 {
         self.steps
             .iter()
             .filter(|s| s.2 > 0.0)

@@ -18,6 +18,7 @@ use super::case::{Case, UNNAMED_ID};
 use crate::diagnose::bank::{Response, View, joined, responses, whitened, without};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::predict::held_out;
+use crate::diagnose::rest;
 use crate::diagnose::setting::{Setting, Track};
 use crate::diagnose::weight::weights;
 use crate::diagnose::weights::Weights;
@@ -81,7 +82,9 @@ impl Ideal {
             .iter()
             .map(|r| r.outlier.iter().map(|o| !o).collect())
             .collect();
-        let weights = Weights::new(&setting.tracks, noise, used);
+        // Sealed runs begin at rest.
+        let still = rest::still(setting.tolerance);
+        let weights = Weights::new(&setting.tracks, noise, used).at_rest(Some(still));
         let mut members: Vec<(usize, Vec<f64>)> = Vec::new();
         for entry in &case.key.tank.entries {
             let index = setting

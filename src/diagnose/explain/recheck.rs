@@ -42,7 +42,8 @@ pub fn recheck(search: &Search<'_>, first: &Fit, held: &[Track]) -> Option<Reche
     let mut used = search.weights.used.clone();
     used.extend(predicted(fitted, held, first, search.weights.noise)?.kept());
     let mut along = Search::new(&all, search.progress);
-    along.weights = Weights::new(&all.tracks, search.weights.noise, used);
+    along.weights =
+        Weights::new(&all.tracks, search.weights.noise, used).at_rest(search.weights.rest_sd);
     along.blind = search.blind.clone();
     // Behind the numbers of the set stand the runs' starts.
     let mut at = first.at.clone();

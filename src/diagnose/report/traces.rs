@@ -159,7 +159,8 @@ impl Explained {
                     .map(|i| self.weights.used[i].clone())
                     .collect();
                 let rest = self.setting.with_tracks(tracks);
-                let weights = Weights::new(&rest.tracks, self.weights.noise, used);
+                let weights = Weights::new(&rest.tracks, self.weights.noise, used)
+                    .at_rest(self.weights.rest_sd);
                 let refit = |fit: &Fit| -> Option<Fit> {
                     let g = COEFFICIENTS + rest.parameters(&fit.set);
                     let mut at = fit.at.clone();

@@ -8,6 +8,7 @@ use crate::diagnose::bank::{View, pursue, whitened};
 use crate::diagnose::explain::{Care, look};
 use crate::diagnose::family::{FamilyFit, Joint, regimes};
 use crate::diagnose::fit::Fit;
+use crate::diagnose::rest::{Rates, places};
 use crate::diagnose::weights::{Weights, noise_beyond};
 use crate::identify::noise::Noise;
 
@@ -27,7 +28,7 @@ const AS_SLOW_AS_THE_RUN: f64 = 0.15;
 /// Slow over white part that says the same.
 const ALL_SLOW: f64 = 10.0;
 
-impl Search<'_> {
+impl<'a> Search<'a> {
     /// Noise from what no candidate, no free force and no coefficient explains beside a set
     /// (the richest model, linearised), then everything is fitted again under it.
     pub fn reweigh(&mut self, set: &[usize]) {
@@ -62,10 +63,10 @@ impl Search<'_> {
                 .iter()
                 .map(|c| whitened(self.setting, &self.weights, c))
                 .collect();
-            let left = match solve(
-                &DMatrix::from_columns(&whitened_columns),
-                &self.weights.stack(residuals.clone()),
-            ) {
+            let whitened_columns = DMatrix::from_columns(&whitened_columns);
+            let step = solve(&whitened_columns, &self.weights.stack(residuals.clone()));
+            let rest_sd = self.rest_sd(&fit, &whitened_columns, step.as_ref());
+            let left = match step {
                 Some(step) => DVector::from_vec(all) - &matrix * step,
                 None => DVector::from_vec(all),
             };
@@ -84,9 +85,10 @@ impl Search<'_> {
             let before = self.weights.noise;
             let settled = (noise.total_sd() / before.total_sd() - 1.0).abs() < 0.02
                 && (noise.white_sd / before.white_sd - 1.0).abs() < 0.02
-                && used == self.weights.used;
+                && used == self.weights.used
+                && rest_sd == self.weights.rest_sd;
             tracing::debug!(
-                "{} columns beside {set:?}: noise {noise:?}, outliers {}",
+                "{} columns beside {set:?}: noise {noise:?}, rest {rest_sd:?}, outliers {}",
                 chosen.len(),
                 self.weights.outliers()
             );
@@ -96,7 +98,13 @@ impl Search<'_> {
             {
                 self.least_noise = Some(noise);
             }
-            self.weights = Weights::new(&self.setting.tracks, noise, used);
+            if self
+                .sharpest
+                .is_none_or(|n| noise.total_sd() < n.total_sd())
+            {
+                self.sharpest = Some(noise);
+            }
+            self.weights = Weights::new(&self.setting.tracks, noise, used).at_rest(rest_sd);
             self.looked_beside = None;
             self.rewhiten();
             let warm: Vec<(Vec<usize>, Vec<f64>)> = vec![(fit.set.clone(), fit.at.clone())];
@@ -107,6 +115,25 @@ impl Search<'_> {
                 break;
             }
         }
+    }
+
+    /// How still the runs begin that begin at rest, beside the richest model: a fit's own derivatives, then more
+    /// columns, whitened, and the step along all of them to the least residual.
+    fn rest_sd(
+        &self,
+        fit: &Fit,
+        columns: &DMatrix<f64>,
+        step: Option<&DVector<f64>>,
+    ) -> Option<f64> {
+        let now = self.weights.rest_sd;
+        let Some(step) = step.filter(|_| !self.held_still) else {
+            return now;
+        };
+        let places = places(self.setting, fit.globals(self.setting).len());
+        // The step goes from predicted towards measured.
+        let rates: Vec<f64> = places.iter().map(|k| fit.at[*k] - step[*k]).collect();
+        Rates::new(&columns.tr_mul(columns), &places, &rates)
+            .map_or(now, |r| Some(r.believed(self.setting.tolerance)))
     }
 
     /// Raw derivatives with respect to all unknowns of a fit, runs end to end.
@@ -176,10 +203,11 @@ impl Search<'_> {
         self.reweigh(&best);
         let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
             + (self.weights.noise.white_sd / before.noise.white_sd - 1.0).abs();
-        tracing::debug!("noise changed by {change:.3}");
+        let stiller = self.weights.rest_sd != before.rest_sd;
+        tracing::debug!("noise changed by {change:.3}, rest: {stiller}");
         self.fit(front);
         self.nothing();
-        if change > 0.05 {
+        if change > 0.05 || stiller {
             self.exchange();
         }
         self.finish();
@@ -199,6 +227,22 @@ impl Search<'_> {
             && noise.coloured_sd > ALL_SLOW * noise.white_sd
     }
 
+    /// A search under the least noise that was seen on the way, where the one in use is slow and clearly more.
+    pub fn under_less_noise(&self) -> Option<Search<'a>> {
+        let noise = self.weights.noise;
+        let less = self.sharpest?;
+        if noise.correlation_s < SLOW * self.span_s()
+            || less.total_sd() > SMALLER * noise.total_sd()
+        {
+            return None;
+        }
+        let mut other = Search::new(self.setting, self.progress);
+        other.weights = Weights::new(&self.setting.tracks, less, self.weights.used.clone())
+            .at_rest(self.weights.rest_sd);
+        other.noise_stands = true;
+        Some(other)
+    }
+
     /// Slow noise may be a force that the columns had no gain for, one by one. So the least noise that was
     /// found on the way is tried: where a free function beside nothing or the best set, as sharp as that noise
     /// lets it be, leaves clearly less than the noise in use, that is the noise.
@@ -212,7 +256,8 @@ impl Search<'_> {
         let before = self.weights.noise;
         let best = self.best().cloned();
         let kept = (self.weights.clone(), std::mem::take(&mut self.fits));
-        self.weights = Weights::new(&self.setting.tracks, least, kept.0.used.clone());
+        self.weights =
+            Weights::new(&self.setting.tracks, least, kept.0.used.clone()).at_rest(kept.0.rest_sd);
         self.looked_beside = None;
         self.ways.clear();
         self.rewhiten();
@@ -265,7 +310,8 @@ impl Search<'_> {
         if noise.total_sd() > SMALLER * before.total_sd() {
             return false;
         }
-        self.weights = Weights::new(&self.setting.tracks, noise, used);
+        self.weights =
+            Weights::new(&self.setting.tracks, noise, used).at_rest(self.weights.rest_sd);
         self.noise_stands = true;
         self.rewhiten();
         self.fits.clear();

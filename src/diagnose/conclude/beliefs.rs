@@ -1,0 +1,83 @@
+//! What was believed before the search, and might have been believed otherwise: searched under both, compared by
+//! the evidence of all of it.
+//!
+//! A small effect that the set lacks looks like noise as slow as the runs, or like a drift that they share at
+//! their start; once it is taken for that, nothing is left by which it could be found.
+
+use super::found;
+use crate::diagnose::explain::Explanation;
+use crate::diagnose::rest::{WORTH, places, still};
+use crate::diagnose::search::Search;
+use crate::diagnose::setting::Track;
+use crate::diagnose::weights::Weights;
+
+/// Searches once more under the least noise that was seen where the noise found is slow, then from rest where
+/// the runs were let drift at their start; the likeliest explanation, and the search it came from.
+pub fn likeliest<'a>(
+    mut search: Search<'a>,
+    mut best: Explanation,
+    choosing: &[Track],
+) -> (Search<'a>, Explanation) {
+    // Where no law is exact, errors of laws are larger than all of this.
+    if best.by_prediction {
+        return (search, best);
+    }
+    let setting = search.setting;
+    if let Some(other) = search.under_less_noise() {
+        (search.progress)("the same under less noise");
+        (search, best) = better((search, best), other, choosing, "less noise", WORTH);
+    }
+    let begins = !places(setting, 0).is_empty();
+    if begins && search.weights.rest_sd != Some(still(setting.tolerance)) && !best.by_prediction {
+        (search.progress)("the same from rest");
+        let other = Search::still(setting, search.progress);
+        // That runs drift is one more number.
+        (search, best) = better((search, best), other, choosing, "from rest", -WORTH);
+    }
+    (search, best)
+}
+
+/// The likelier of an explanation and the one that another search finds, which must gain this.
+fn better<'a>(
+    kept: (Search<'a>, Explanation),
+    mut other: Search<'a>,
+    choosing: &[Track],
+    belief: &str,
+    by: f64,
+) -> (Search<'a>, Explanation) {
+    other.nothing();
+    let Some(made) = found(&mut other, choosing).filter(|e| !e.by_prediction) else {
+        return kept;
+    };
+    // Of the samples that count under both.
+    let both = kept.0.weights.used.iter().zip(&other.weights.used);
+    let used: Vec<Vec<bool>> = both
+        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
+        .collect();
+    let (first, second) = (
+        evidence(&kept.0, &kept.1, &used),
+        evidence(&other, &made, &used),
+    );
+    tracing::debug!(
+        "{belief}: {:?} {second:.1} for {:?} {first:.1}",
+        made.fit.set,
+        kept.1.fit.set
+    );
+    if second > first + by {
+        (other, made)
+    } else {
+        kept
+    }
+}
+
+/// Log evidence of an explanation with that of its noise and of its rates at the start.
+fn evidence(search: &Search<'_>, of: &Explanation, used: &[Vec<bool>]) -> f64 {
+    let setting = search.setting;
+    let weights = Weights::new(&setting.tracks, search.weights.noise, used.to_vec());
+    let left = of.residuals(search);
+    let cost = |w: &Weights| 0.5 * w.stack(left.clone()).norm_squared();
+    let begins = places(setting, 0).len() as f64;
+    let believed = search.weights.rest_precision(setting.tolerance);
+    of.log_evidence - (cost(&weights) - cost(&search.weights)) - 0.5 * weights.log_variance()
+        + 0.5 * begins * believed.ln()
+}
