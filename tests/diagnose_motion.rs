@@ -127,9 +127,8 @@ fn the_two_run_protocol_is_ambiguous_and_the_next_run_would_split_it() {
     }
 }
 
-/// All twelve; `cargo test --release --test diagnose_motion -- --ignored --nocapture`.
+/// All twelve, some two minutes; `cargo test --test diagnose_motion -- --nocapture` shows the verdicts.
 #[test]
-#[ignore = "two minutes of processor time"]
 fn all_twelve_independent_cases() {
     let Some(shared) = shared() else { return };
     let mut wrong = Vec::new();
