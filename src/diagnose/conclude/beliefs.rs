@@ -49,6 +49,10 @@ fn better<'a>(
     let Some(made) = found(&mut other, choosing).filter(|e| !e.by_prediction) else {
         return kept;
     };
+    // A free force does the work of slow noise and of drifts; whether it is one was asked on the way.
+    if made.unnamed() && !kept.1.unnamed() {
+        return kept;
+    }
     // Of the samples that count under both.
     let both = kept.0.weights.used.iter().zip(&other.weights.used);
     let used: Vec<Vec<bool>> = both
