@@ -1,9 +1,12 @@
 //! What each candidate would do to the motion, as columns beside the residuals of a fit.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fit::{Fit, Posed};
+use super::rest::places;
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
 
@@ -260,7 +263,14 @@ impl View {
     ) -> View {
         let posed = Posed::new(setting, weights, &fit.set);
         let jacobian = posed.jacobian(&fit.at);
-        let basis = basis(&jacobian.remove_columns(held.start, held.len()));
+        // A rate of which more is believed than these data say does not move either.
+        let believed = weights.rest_precision(setting.tolerance);
+        let still = places(setting, fit.globals(setting).len())
+            .into_iter()
+            .filter(|k| believed > jacobian.column(*k).norm_squared());
+        let fixed: BTreeSet<usize> = held.chain(still).collect();
+        let fixed: Vec<usize> = fixed.into_iter().collect();
+        let basis = basis(&jacobian.remove_columns_at(&fixed));
         let residual = weights.stack(fit.residuals(setting));
         View {
             residual: outside(&basis, &residual),

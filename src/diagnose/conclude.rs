@@ -345,7 +345,6 @@ fn one(
         verdict.equivalent = groups.iter().map(|g| names(&search, &g.matters)).collect();
     }
     progress("predictions");
-    let noise = search.weights.noise;
     let chose = held_tracks.len() == 1;
     predictions(
         verdict,
@@ -412,7 +411,7 @@ fn one(
         }
     }
     if verdict.next_experiment.is_none() {
-        verdict.next_experiment = propose(rig, &setting, noise, &open);
+        verdict.next_experiment = propose(rig, &setting, &search.weights, &open);
     }
     made.explained.push(super::report::Explained::new(
         &setting,

@@ -15,7 +15,6 @@ use super::fit::Fit;
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::verdict::NextExperiment;
 use super::weights::Weights;
-use crate::identify::noise::Noise;
 use crate::record::preflight::preflight;
 use crate::setpoint::setpoint;
 use hydroline_sim::Allocation;
@@ -141,11 +140,12 @@ fn track(rig: &Rig, plan: &Plan, like: &Track) -> Option<Track> {
 }
 
 /// How far one explanation can follow the data of another on a track: expected log Bayes factor.
-fn apart(setting: &Setting, plan: &Track, noise: Noise, truth: &Fit, other: &Fit) -> Option<f64> {
+/// The new run begins as still as those at hand.
+fn apart(setting: &Setting, plan: &Track, like: &Weights, truth: &Fit, other: &Fit) -> Option<f64> {
     let there = setting.with_tracks(vec![plan.clone()]);
     let start = (plan.line.along(&plan.line.rest), 0.0);
     let used = vec![vec![true; plan.times_s.len()]];
-    let weights = Weights::new(&there.tracks, noise, used);
+    let weights = Weights::new(&there.tracks, like.noise, used);
     let g = COEFFICIENTS + setting.parameters(&other.set);
     // Slow and strong laws need more than one step of the refit.
     let mut at: Vec<f64> = other.at[..g].to_vec();
@@ -181,9 +181,9 @@ fn apart(setting: &Setting, plan: &Track, noise: Noise, truth: &Fit, other: &Fit
             }
             gradient[i] += (0..g).map(|k| prior[(i, k)] * shift[k]).sum::<f64>();
         }
-        let k = 2.0 / setting.tolerance;
-        h[(g + 1, g + 1)] += k * k;
-        gradient[g + 1] += k * k * offset.1;
+        let believed = like.rest_precision(setting.tolerance);
+        h[(g + 1, g + 1)] += believed;
+        gradient[g + 1] += believed * offset.1;
         for i in 0..h.nrows() {
             h[(i, i)] *= 1.0 + 1e-9;
         }
@@ -216,7 +216,12 @@ fn schur(h: &DMatrix<f64>, g: usize) -> Option<DMatrix<f64>> {
 
 /// The plan that parts these explanations best: the largest of the smallest log Bayes factor over
 /// pairs; pairs that no plan parts count in the sum only.
-pub fn propose(rig: &Rig, setting: &Setting, noise: Noise, open: &[Fit]) -> Option<NextExperiment> {
+pub fn propose(
+    rig: &Rig,
+    setting: &Setting,
+    weights: &Weights,
+    open: &[Fit],
+) -> Option<NextExperiment> {
     let like = setting.tracks.first()?;
     let name = |f: &Fit| -> Vec<String> {
         f.set
@@ -260,8 +265,8 @@ pub fn propose(rig: &Rig, setting: &Setting, noise: Noise, open: &[Fit]) -> Opti
             let mut sum = 0.0;
             for (i, a) in open.iter().enumerate() {
                 for b in open.iter().skip(i + 1) {
-                    let factor = apart(setting, &there, noise, a, b)?
-                        .min(apart(setting, &there, noise, b, a)?);
+                    let factor = apart(setting, &there, weights, a, b)?
+                        .min(apart(setting, &there, weights, b, a)?);
                     least = least.min(factor);
                     // Beyond twenty it is decided.
                     sum += factor.min(20.0);

@@ -106,13 +106,14 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let beyond = search.best().and_then(|best| {
-        let mut beyond = Beyond::of(search, best)?;
-        let adrift = rest::spread(search.setting, &search.weights, best);
-        for (all, more) in beyond.variance.iter_mut().zip(adrift) {
-            *all += more;
+    let beyond = search.best().map(|best| {
+        let mut variance = rest::spread(search.setting, &search.weights, best);
+        if let Some(effects) = Beyond::of(search, best) {
+            for (all, more) in variance.iter_mut().zip(effects.variance) {
+                *all += more;
+            }
         }
-        Some((best.set.clone(), beyond))
+        (best.set.clone(), Beyond { variance })
     });
     Posterior {
         groups,
@@ -173,7 +174,9 @@ impl Posterior {
         Some((
             Averaged {
                 value,
-                sd: known.then(|| (variance + wider).sqrt()),
+                sd: known
+                    .then(|| (variance + wider).sqrt())
+                    .filter(|v| v.is_finite()),
             },
             weight / total,
         ))
@@ -217,7 +220,7 @@ impl Posterior {
             let variance = (square / total - value * value).max(0.0);
             Averaged {
                 value,
-                sd: Some((variance + wider).sqrt()),
+                sd: Some((variance + wider).sqrt()).filter(|v| v.is_finite()),
             }
         })
     }

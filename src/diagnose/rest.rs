@@ -7,7 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::Fit;
+use super::descent::Linearised;
+use super::fit::{Fit, Posed};
 use super::setting::Setting;
 use super::weights::Weights;
 use crate::identify::uncertainty::covariance;
@@ -18,6 +19,8 @@ const DRIFT_S: f64 = 2.0;
 const STILL: f64 = 1e-3;
 /// Steps of the sd in between.
 const STEPS: i32 = 24;
+/// Share of the likeliest sd's evidence below which one says nothing.
+const NEGLIGIBLE: f64 = 1e-3;
 /// Log evidence that an sd must gain over standing still to be believed at all: one more number.
 pub const WORTH: f64 = 3.0;
 
@@ -57,26 +60,32 @@ pub struct Rates {
 
 impl Rates {
     /// From second derivatives with respect to all unknowns, without what is believed of the rates, which
-    /// are at `places`, and the best `rates` under that. `None` without rates.
+    /// are at `places`, and the best `rates` under that. `None` without rates, or where the data do not hold the other
+    /// unknowns.
     pub fn new(normal: &DMatrix<f64>, places: &[usize], rates: &[f64]) -> Option<Rates> {
-        let own = schur(normal, places)?;
+        let (own, _) = reduced(normal, &DVector::zeros(normal.nrows()), places)?;
         let toward = &own * DVector::from_column_slice(rates);
         Some(Rates { own, toward })
     }
 
-    /// From a fit under weights.
+    /// From a fit under weights, by a Newton step from where it is: held still to a thousandth of a millimetre
+    /// per second, what is left of its gradient is as large as what the data pull by.
     pub fn of(setting: &Setting, weights: &Weights, fit: &Fit) -> Option<Rates> {
         let places = places(setting, fit.globals(setting).len());
+        let mut linear = Posed::new(setting, weights, &fit.set)
+            .linearise(&fit.at)
+            .ok()?;
         let believed = weights.rest_precision(setting.tolerance);
-        let mut normal = fit.hessian.clone();
         for k in &places {
-            normal[(*k, *k)] -= believed;
+            linear.hessian[(*k, *k)] -= believed;
+            linear.gradient[*k] -= believed * fit.at[*k];
         }
-        let own = schur(&normal, &places)?;
-        // At the minimum the data pull by what the belief holds back.
+        let (own, pull) = reduced(&linear.hessian, &linear.gradient, &places)?;
         let at = DVector::from_iterator(places.len(), places.iter().map(|k| fit.at[*k]));
-        let toward = &own * &at + at * believed;
-        Some(Rates { own, toward })
+        Some(Rates {
+            toward: &own * &at - pull,
+            own,
+        })
     }
 
     /// Log evidence of rates spread by this, up to what all spreads share.
@@ -114,42 +123,51 @@ impl Rates {
 }
 
 /// What not knowing how still the runs begin adds to the variance of each unknown of a fit: over all sds by their
-/// evidence, the mean square change of its best value and the change of its variance.
+/// evidence, the mean square change of its best value and the change of its variance. Infinite where some sd leaves
+/// it open.
 pub fn spread(setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<f64> {
     let n = fit.at.len();
     let places = places(setting, fit.globals(setting).len());
-    let Some(rates) = Rates::of(setting, weights, fit) else {
+    let linear = Posed::new(setting, weights, &fit.set).linearise(&fit.at);
+    let (Some(rates), Ok(linear)) = (Rates::of(setting, weights, fit), linear) else {
         return vec![0.0; n];
     };
     let tolerance = setting.tolerance;
     let believed = weights.rest_precision(tolerance);
-    let own = covariance(&fit.hessian);
+    let own = covariance(&linear.hessian);
+    let home = &own * &linear.gradient;
     let top = rates.evidence(rates.likeliest(tolerance).0);
     let (mut total, mut more) = (0.0, vec![0.0; n]);
     for sd in sds(tolerance) {
         let share = (rates.evidence(sd) - top).exp();
+        if share < NEGLIGIBLE {
+            continue;
+        }
         let change = sd.powi(-2) - believed;
-        let mut hessian = fit.hessian.clone();
-        let mut pull = DVector::zeros(n);
+        let (mut hessian, mut gradient) = (linear.hessian.clone(), linear.gradient.clone());
         for k in &places {
             hessian[(*k, *k)] += change;
-            pull[*k] = change * fit.at[*k];
+            gradient[*k] += change * fit.at[*k];
         }
-        let spread = covariance(&hessian);
-        let moved = &spread * pull;
+        let wider = covariance(&hessian);
+        let moved = &wider * gradient - &home;
         total += share;
         for k in 0..n {
-            let by = moved[k].powi(2) + spread[(k, k)] - own[(k, k)];
-            if by.is_finite() {
-                more[k] += share * by;
-            }
+            let by = moved[k].powi(2) + wider[(k, k)] - own[(k, k)];
+            more[k] += share * if by.is_nan() { f64::INFINITY } else { by };
         }
     }
-    more.iter().map(|m| (m / total).max(0.0)).collect()
+    more.iter()
+        .map(|m| (m / f64::max(total, NEGLIGIBLE)).max(0.0))
+        .collect()
 }
 
-/// Second derivatives with respect to some unknowns, all others free to follow.
-fn schur(normal: &DMatrix<f64>, places: &[usize]) -> Option<DMatrix<f64>> {
+/// Second derivatives and gradient with respect to some unknowns, all others free to follow.
+fn reduced(
+    normal: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    places: &[usize],
+) -> Option<(DMatrix<f64>, DVector<f64>)> {
     if places.is_empty() || normal.iter().any(|v| !v.is_finite()) {
         return None;
     }
@@ -165,6 +183,10 @@ fn schur(normal: &DMatrix<f64>, places: &[usize]) -> Option<DMatrix<f64>> {
         .collect();
     let mut inner = part(&others, &others);
     let mut cross = part(&others, places);
+    let mut rest = DVector::from_fn(others.len(), |i, _| gradient[others[i]] * scale[i]);
+    rest.iter_mut()
+        .filter(|v| !v.is_finite())
+        .for_each(|v| *v = 0.0);
     for i in 0..others.len() {
         for j in 0..others.len() {
             inner[(i, j)] *= scale[i] * scale[j];
@@ -172,8 +194,11 @@ fn schur(normal: &DMatrix<f64>, places: &[usize]) -> Option<DMatrix<f64>> {
         inner[(i, i)] += 1e-10;
         cross.row_mut(i).scale_mut(scale[i]);
     }
-    let made = part(places, places) - cross.tr_mul(&inner.cholesky()?.solve(&cross));
-    Some(0.5 * (&made + made.transpose()))
+    let inner = inner.cholesky()?;
+    let made = part(places, places) - cross.tr_mul(&inner.solve(&cross));
+    let own = DVector::from_fn(places.len(), |i, _| gradient[places[i]]);
+    let pull = own - cross.tr_mul(&inner.solve(&rest));
+    Some((0.5 * (&made + made.transpose()), pull))
 }
 
 #[cfg(test)]
@@ -221,30 +246,60 @@ mod tests {
         assert!(Rates::new(&normal(), &[], &[]).is_none());
     }
 
-    /// Held still or let drift, a fit says the same of its rates.
+    /// Held still or let drift, begun at rest or far from it, a fit says the same of its rates.
     #[test]
     fn a_fit_tells_its_rates_whatever_was_believed() {
-        use crate::diagnose::fit::Posed;
+        use crate::diagnose::testing::{setting, surge};
+        let setting = setting(&[surge(0, &[]), surge(1, &[])]);
+        let free = Weights::first(&setting.tracks);
+        let held = free.clone().at_rest(Some(still(setting.tolerance)));
+        let told = |weights: &Weights, rate: f64| {
+            let posed = Posed::new(&setting, weights, &[]);
+            let mut from = posed.start();
+            for k in places(&setting, 3) {
+                from[k] = rate;
+            }
+            let fit = posed.fit(from).unwrap();
+            let rates = Rates::of(&setting, weights, &fit).unwrap();
+            let known = rates.own.clone().cholesky().unwrap().solve(&rates.toward);
+            (known, rates.likeliest(setting.tolerance).1)
+        };
+        let (rates, gain) = told(&free, 0.0);
+        for (other, worth) in [told(&held, 0.0), told(&held, 1e-3), told(&free, 1e-3)] {
+            assert!(
+                (&other - &rates).amax() < 2e-6 && (worth - gain).abs() < 0.1,
+                "{other} {rates} {worth} {gain}"
+            );
+        }
+    }
+
+    /// Against the same fit made under each sd: what its mass may be is as wide as they say together.
+    #[test]
+    fn not_knowing_how_still_widens_as_fits_under_each_sd_do() {
         use crate::diagnose::testing::{setting, surge};
         let setting = setting(&[surge(0, &[]), surge(1, &[])]);
         let free = Weights::first(&setting.tracks);
         let tolerance = setting.tolerance;
-        let told = |weights: &Weights| {
-            let posed = Posed::new(&setting, weights, &[]);
-            let fit = posed.fit(posed.start()).unwrap();
-            Rates::of(&setting, weights, &fit).unwrap()
+        let under = |sd: f64| {
+            let weights = free.clone().at_rest(Some(sd));
+            let posed = Posed::new(&setting, &weights, &[]);
+            posed.fit(posed.start()).unwrap()
         };
-        let (a, b) = (
-            told(&free),
-            told(&free.clone().at_rest(Some(still(tolerance)))),
-        );
-        let known = |r: &Rates| r.own.clone().cholesky().unwrap().solve(&r.toward);
-        let sd = 1.0 / a.own[(0, 0)].sqrt();
-        assert!(
-            (known(&a) - known(&b)).amax() < 0.05 * sd,
-            "{} {} {sd}",
-            known(&a),
-            known(&b)
-        );
+        let fit = under(still(tolerance));
+        let held = free.clone().at_rest(Some(still(tolerance)));
+        let widened = spread(&setting, &held, &fit);
+        let (mut total, mut more) = (0.0, 0.0);
+        for sd in sds(tolerance) {
+            let other = under(sd);
+            // Laplace, as Posed has it, with the rates' prior.
+            let share =
+                (other.log_evidence - fit.log_evidence - 2.0 * (sd / still(tolerance)).ln()).exp();
+            total += share;
+            more += share
+                * ((other.at[0] - fit.at[0]).powi(2) + other.covariance()[(0, 0)]
+                    - fit.covariance()[(0, 0)]);
+        }
+        let ratio = widened[0] / (more / total);
+        assert!((0.8..1.25).contains(&ratio), "{ratio}");
     }
 }

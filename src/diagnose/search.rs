@@ -92,7 +92,7 @@ pub struct Search<'a> {
     noise_stands: bool,
     /// The least noise found on the way to the present one.
     least_noise: Option<Noise>,
-    /// The same, whatever was tried with it.
+    /// The same, kept where that one is given up once it was tried.
     sharpest: Option<Noise>,
     /// The set beside which free functions were looked at last.
     looked_beside: Option<Vec<usize>>,

@@ -39,14 +39,17 @@ pub fn likeliest<'a>(
 
 /// The likelier of an explanation and the one that another search finds, which must gain this.
 fn better<'a>(
-    kept: (Search<'a>, Explanation),
+    mut kept: (Search<'a>, Explanation),
     mut other: Search<'a>,
     choosing: &[Track],
     belief: &str,
     by: f64,
 ) -> (Search<'a>, Explanation) {
     other.nothing();
-    let Some(made) = found(&mut other, choosing).filter(|e| !e.by_prediction) else {
+    let made = found(&mut other, choosing);
+    kept.0.looked += other.looked;
+    other.looked = kept.0.looked;
+    let Some(made) = made.filter(|e| !e.by_prediction) else {
         return kept;
     };
     // A free force does the work of slow noise and of drifts; whether it is one was asked on the way.

@@ -203,11 +203,11 @@ impl<'a> Search<'a> {
         self.reweigh(&best);
         let change = (self.weights.noise.total_sd() / before.noise.total_sd() - 1.0).abs()
             + (self.weights.noise.white_sd / before.noise.white_sd - 1.0).abs();
-        let stiller = self.weights.rest_sd != before.rest_sd;
-        tracing::debug!("noise changed by {change:.3}, rest: {stiller}");
+        let otherwise = self.weights.rest_sd != before.rest_sd;
+        tracing::debug!("noise changed by {change:.3}, rest: {otherwise}");
         self.fit(front);
         self.nothing();
-        if change > 0.05 || stiller {
+        if change > 0.05 || otherwise {
             self.exchange();
         }
         self.finish();
