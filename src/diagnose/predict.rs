@@ -7,7 +7,7 @@ use super::descent::{self, Effort, Linear, Linearised};
 use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting, Track};
-use super::weights::Weights;
+use super::weights::{Weights, in_both};
 use crate::identify::forward::ForwardError;
 use crate::identify::lm::descend;
 use crate::identify::noise::{Noise, Series, mask};
@@ -240,12 +240,7 @@ fn judged(
             .collect();
         // Local outliers stay out; a sample the noise forbids only where the model else fits.
         let allowed = mask(&series, noise);
-        let used: Vec<Vec<bool>> = weights
-            .used
-            .iter()
-            .zip(&allowed)
-            .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
-            .collect();
+        let used = in_both(&weights.used, &allowed);
         let missed: Vec<Vec<Option<f64>>> = residuals
             .iter()
             .zip(&used)

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::descent::Linearised;
+use super::descent::{Linear, Linearised};
 use super::fit::{Fit, Posed};
 use super::setting::Setting;
 use super::weights::Weights;
@@ -68,20 +68,13 @@ impl Rates {
         Some(Rates { own, toward })
     }
 
-    /// From a fit under weights, by a Newton step from where it is: held still to a thousandth of a millimetre
-    /// per second, what is left of its gradient is as large as what the data pull by.
-    pub fn of(setting: &Setting, weights: &Weights, fit: &Fit) -> Option<Rates> {
-        let places = places(setting, fit.globals(setting).len());
-        let mut linear = Posed::new(setting, weights, &fit.set)
-            .linearise(&fit.at)
-            .ok()?;
-        let believed = weights.rest_precision(setting.tolerance);
-        for k in &places {
-            linear.hessian[(*k, *k)] -= believed;
-            linear.gradient[*k] -= believed * fit.at[*k];
-        }
-        let (own, pull) = reduced(&linear.hessian, &linear.gradient, &places)?;
-        let at = DVector::from_iterator(places.len(), places.iter().map(|k| fit.at[*k]));
+    /// From a fit's derivatives under what is believed of the rates at `places`, by a Newton step from where it is:
+    /// held still to a thousandth of a millimetre per second, what is left of its gradient is as large as what the
+    /// data pull by.
+    fn of(linear: &Linear, at: &[f64], places: &[usize], believed: f64) -> Option<Rates> {
+        let (hessian, gradient) = believing(linear, at, places, -believed);
+        let (own, pull) = reduced(&hessian, &gradient, places)?;
+        let at = DVector::from_iterator(places.len(), places.iter().map(|k| at[*k]));
         Some(Rates {
             toward: &own * &at - pull,
             own,
@@ -128,12 +121,15 @@ impl Rates {
 pub fn spread(setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<f64> {
     let n = fit.at.len();
     let places = places(setting, fit.globals(setting).len());
-    let linear = Posed::new(setting, weights, &fit.set).linearise(&fit.at);
-    let (Some(rates), Ok(linear)) = (Rates::of(setting, weights, fit), linear) else {
-        return vec![0.0; n];
-    };
     let tolerance = setting.tolerance;
     let believed = weights.rest_precision(tolerance);
+    let posed = Posed::new(setting, weights, &fit.set);
+    let Ok(linear) = posed.linearise(&fit.at) else {
+        return vec![0.0; n];
+    };
+    let Some(rates) = Rates::of(&linear, &fit.at, &places, believed) else {
+        return vec![0.0; n];
+    };
     let own = covariance(&linear.hessian);
     let home = &own * &linear.gradient;
     let top = rates.evidence(rates.likeliest(tolerance).0);
@@ -144,11 +140,7 @@ pub fn spread(setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<f64> {
             continue;
         }
         let change = sd.powi(-2) - believed;
-        let (mut hessian, mut gradient) = (linear.hessian.clone(), linear.gradient.clone());
-        for k in &places {
-            hessian[(*k, *k)] += change;
-            gradient[*k] += change * fit.at[*k];
-        }
+        let (hessian, gradient) = believing(&linear, &fit.at, &places, change);
         let wider = covariance(&hessian);
         let moved = &wider * gradient - &home;
         total += share;
@@ -160,6 +152,21 @@ pub fn spread(setting: &Setting, weights: &Weights, fit: &Fit) -> Vec<f64> {
     more.iter()
         .map(|m| (m / f64::max(total, NEGLIGIBLE)).max(0.0))
         .collect()
+}
+
+/// Second derivatives and gradient where the precision of the rates at `places` is another by `change`.
+fn believing(
+    linear: &Linear,
+    at: &[f64],
+    places: &[usize],
+    change: f64,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let (mut hessian, mut gradient) = (linear.hessian.clone(), linear.gradient.clone());
+    for k in places {
+        hessian[(*k, *k)] += change;
+        gradient[*k] += change * at[*k];
+    }
+    (hessian, gradient)
 }
 
 /// Second derivatives and gradient with respect to some unknowns, all others free to follow.
@@ -260,7 +267,9 @@ mod tests {
                 from[k] = rate;
             }
             let fit = posed.fit(from).unwrap();
-            let rates = Rates::of(&setting, weights, &fit).unwrap();
+            let linear = posed.linearise(&fit.at).unwrap();
+            let believed = weights.rest_precision(setting.tolerance);
+            let rates = Rates::of(&linear, &fit.at, &places(&setting, 3), believed).unwrap();
             let known = rates.own.clone().cholesky().unwrap().solve(&rates.toward);
             (known, rates.likeliest(setting.tolerance).1)
         };

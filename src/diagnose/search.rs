@@ -128,12 +128,10 @@ impl<'a> Search<'a> {
 
     /// The same with runs that stand still at their start, come what may.
     pub fn still(setting: &'a Setting, progress: &'a (dyn Fn(&str) + Sync)) -> Search<'a> {
-        let still = rest::still(setting.tolerance);
-        Search {
-            weights: Weights::first(&setting.tracks).at_rest(Some(still)),
-            held_still: true,
-            ..Search::new(setting, progress)
-        }
+        let mut made = Search::new(setting, progress);
+        made.weights.rest_sd = Some(rest::still(setting.tolerance));
+        made.held_still = true;
+        made
     }
 
     /// Whether the search ended because a free force was better than all of the vocabulary.

@@ -101,6 +101,14 @@ impl Weights {
     }
 }
 
+/// Samples that count in both, run by run.
+pub fn in_both(a: &[Vec<bool>], b: &[Vec<bool>]) -> Vec<Vec<bool>> {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
+        .collect()
+}
+
 /// Robust sd from the cubic through its neighbours beyond which a sample may be an outlier.
 const APART_SD: f64 = 6.0;
 /// Without an outlier its neighbours fit each other at least this much better.

@@ -9,7 +9,7 @@ use crate::diagnose::explain::Explanation;
 use crate::diagnose::rest::{WORTH, places, still};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
-use crate::diagnose::weights::Weights;
+use crate::diagnose::weights::{Weights, in_both};
 
 /// Searches once more under the least noise that was seen where the noise found is slow, then from rest where
 /// the runs were let drift at their start; the likeliest explanation, and the search it came from.
@@ -28,7 +28,7 @@ pub fn likeliest<'a>(
         (search, best) = better((search, best), other, choosing, "less noise", WORTH);
     }
     let begins = !places(setting, 0).is_empty();
-    if begins && search.weights.rest_sd != Some(still(setting.tolerance)) && !best.by_prediction {
+    if begins && search.weights.rest_sd != Some(still(setting.tolerance)) {
         (search.progress)("the same from rest");
         let other = Search::still(setting, search.progress);
         // That runs drift is one more number.
@@ -57,10 +57,7 @@ fn better<'a>(
         return kept;
     }
     // Of the samples that count under both.
-    let both = kept.0.weights.used.iter().zip(&other.weights.used);
-    let used: Vec<Vec<bool>> = both
-        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
-        .collect();
+    let used = in_both(&kept.0.weights.used, &other.weights.used);
     let (first, second) = (
         evidence(&kept.0, &kept.1, &used),
         evidence(&other, &made, &used),
