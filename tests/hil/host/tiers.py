@@ -19,8 +19,9 @@ from report import Report  # noqa: E402
 
 TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "self": tier_self}
 # A tier that failed while other work held up the guest is run again: the verdict is about the daemon, and a guest without
-# processor time loses frames before any driver sees them. On a machine of its own the first attempt counts.
-ATTEMPTS, BUSY_SHARE = 3, 0.02
+# processor time loses frames before any driver sees them. One stall of a frame's length is enough for that, and far too
+# short to show in the share of a whole tier. On a machine of its own the first attempt counts.
+ATTEMPTS, BUSY_SHARE, STALL_MS = 3, 0.02, 40.0
 ALL = ["a", "b", "c"]         # self judges the injectors, not the daemon
 
 
@@ -73,8 +74,11 @@ def main(words: list[str]) -> int:
             except Exception as e:  # a broken recording must end as a failed check with its evidence, not as a traceback
                 tier.check(f"{name}: tier runs to its end", f"{type(e).__name__}: {e}", "no error", False)
             waited = max((g.waited_share for g in bench.guests), default=0.0)
-            print(f"tier {name}: {time.monotonic() - started:.1f} s; the guest's processors waited {100 * waited:.1f} % for the host's", flush=True)
-            if tier.failed and waited > BUSY_SHARE and attempt < ATTEMPTS:
+            stalls = sorted((s for g in bench.guests for s in g.stalls), key=lambda s: -s[1])
+            print(f"tier {name}: {time.monotonic() - started:.1f} s; the guest's processors waited {100 * waited:.1f} % for the host's; "
+                  f"{len(stalls)} stall(s)" + "".join(f", {ms:.0f} ms at {at:.1f} s" for at, ms in stalls[:3]), flush=True)
+            held_up = waited > BUSY_SHARE or any(ms >= STALL_MS for _, ms in stalls)
+            if tier.failed and held_up and attempt < ATTEMPTS:
                 print(f"tier {name}: {tier.failed} failed on a machine busy with other work: the emulated cameras themselves "
                       f"come late then. Again ({attempt + 1} of {ATTEMPTS})", flush=True)
                 continue

@@ -165,6 +165,7 @@ class Guest:
         self.console: list[str] = []
         self.marks: list[dict] = []
         self.wall_s = 0.0
+        self.stalls: list[tuple[float, float]] = []     # (uptime [s], length [ms]) of each time a processor stood still
         self.waited_share = 0.0      # of the time its processors wanted to run, the share they waited for the host's
         self.echo_console = False
         self.controller_command: list[str] | None = None      # {socket} is replaced
@@ -234,6 +235,8 @@ class Guest:
             shutil.rmtree(self.work, ignore_errors=True)
         if not done:
             raise GuestError(f"the guest did not finish within {self.timeout_s:.0f} s (ran {self.wall_s:.1f} s)")
+        self.stalls = [(float(at), float(ms)) for at, _, ms in
+                       (l.split() for l in (self.out / "stalls.txt").read_text().splitlines())]
         # qemu's own exit code says nothing about the script.
         return int((self.out / "guest.rc").read_text())
 
