@@ -355,6 +355,37 @@ fn examined(entries: &[Entry], summary: &SummaryInput) -> doctor::Diagnosis {
     doctor::doctor(&path).unwrap()
 }
 
+/// Regression: the guest's emulated camera sent one frame late; the account took the loss back, the doctor did not.
+#[test]
+fn a_loss_that_was_taken_back_leaves_a_log_sound() {
+    let done = SummaryInput::clean("done");
+    let told = |lost| {
+        let mut late = grey_frame(1, 16, 8);
+        late.meta.lost_before.time_gap = lost;
+        let gap =
+            Event::new(T0_NS, Severity::Error, "camera.gap", "lost").with("lost", f64::from(lost));
+        let back = Event::new(T0_NS, Severity::Info, "camera.gap_retracted", "late")
+            .with("sequence", 1.0)
+            .with("frames", 1.0);
+        examined(
+            &[
+                Entry::frame(&grey_frame(0, 16, 8), 0),
+                Entry::event(&gap),
+                Entry::frame(&late, 1),
+                Entry::event(&back),
+                Entry::frame(&grey_frame(2, 16, 8), 2),
+            ],
+            &done,
+        )
+    };
+    let (all, half) = (told(1), told(2));
+    assert!(all.sound, "{all}");
+    assert!(
+        !half.sound && half.to_string().contains("camera.gap"),
+        "{half}"
+    );
+}
+
 #[test]
 fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
     use doctor::Grade::{Error, Note, Warning};

@@ -53,6 +53,8 @@ pub(super) struct Frames {
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
+    /// Losses told in `camera.gap` events.
+    pub(super) told_lost: u64,
 }
 
 impl Checks {
@@ -200,6 +202,7 @@ impl Checks {
         let whole = |name: &str| event.values.get(name).map_or(0, |v| *v as u32);
         match event.kind.as_str() {
             "clock.step" => self.step_events += 1,
+            "camera.gap" => self.frames.told_lost += u64::from(whole("lost")),
             "camera.gap_retracted" => self.frames.retracted += u64::from(whole("frames")),
             "thruster.unsent" => {
                 let first = whole("sequence");
