@@ -105,14 +105,15 @@ impl<T: Real> Model<T> {
         let h = &self.hydrodynamics;
         let VehicleState { eta, nu } = state.vehicle;
         let coupled = h.model == VehicleModel::Eq1;
+        let (heading, own_mass) = (eta[5].sin_cos(), h.mass());
         let mut moment = Moment {
             t_s,
             step_start_s,
-            eta,
-            heading: eta[5].sin_cos(),
-            nu,
-            nu_r: nu,
-            mass: h.mass(),
+            eta: &eta,
+            heading: &heading,
+            nu: &nu,
+            nu_r: &nu,
+            mass: &own_mass,
             hydrodynamics: h,
         };
         let mut own_rate = [T::zero(); OWN_STATES_MAX];
@@ -120,10 +121,14 @@ impl<T: Real> Model<T> {
         let mut wrench = *command;
         self.effects
             .thrust(&moment, &mut wrench, &state.own, &mut own_rate);
-        self.effects.relative_velocity(&mut moment);
-        self.effects.added_mass(&mut moment);
+        let mut nu_r = nu;
+        self.effects.relative_velocity(&moment, &mut nu_r);
+        moment.nu_r = &nu_r;
+        let mut mass = own_mass;
+        self.effects.added_mass(&moment, &mut mass);
+        moment.mass = &mass;
 
-        let mut drag = equations::damping(h, &moment.nu_r);
+        let mut drag = equations::damping(h, moment.nu_r);
         self.effects.drag(&moment, &mut drag);
         let mut force = equations::restoring(h, &eta, coupled);
         if coupled {

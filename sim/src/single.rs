@@ -164,8 +164,12 @@ struct State<T> {
 
 /// What an evaluation of the slope works on, kept from one to the next: clearing it costs more than the
 /// law of one DOF.
-struct Scratch<'a, T> {
-    moment: Moment<'a, T>,
+struct Scratch<T> {
+    eta: [T; 6],
+    heading: (T, T),
+    nu: [T; 6],
+    nu_r: [T; 6],
+    mass: [T; 6],
     wrench: [T; 6],
     drag: [T; 6],
     force: [T; 6],
@@ -227,6 +231,7 @@ impl<T: Real> Single<T> {
             rate: start.1,
             own: [T::zero(); OWN_STATES_MAX],
         };
+        let mut stages = [state; 5];
         let mut now = first;
         let mut driven = Driven {
             load: 0.0,
@@ -245,7 +250,7 @@ impl<T: Real> Single<T> {
             };
             while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
                 state = me.advance(
-                    &mut scratch,
+                    (&mut scratch, &mut stages),
                     effects,
                     state,
                     now,
@@ -266,7 +271,7 @@ impl<T: Real> Single<T> {
             }
             if seen_s.value() > feed.start_s {
                 state = me.advance(
-                    &mut scratch,
+                    (&mut scratch, &mut stages),
                     effects,
                     state,
                     now,
@@ -292,7 +297,7 @@ impl<T: Real> Single<T> {
     #[allow(clippy::too_many_arguments)]
     fn advance(
         &self,
-        scratch: &mut Scratch<'_, T>,
+        (scratch, stages): (&mut Scratch<T>, &mut [State<T>; 5]),
         effects: &EffectStack<T>,
         mut state: State<T>,
         from: T,
@@ -307,19 +312,24 @@ impl<T: Real> Single<T> {
         let step = span * (1.0 / count);
         let half = step * 0.5;
         let sixth = step * (1.0 / 6.0);
+        let [k1, k2, k3, k4, next] = stages;
         for k in 0..count as usize {
             let t = from + step * k as f64;
             let begin = t.value();
             let tuned = retune.at(&instant(t, begin, &state, driven));
             let effects = tuned.unwrap_or(effects);
-            let mut at = |t: T, s: &State<T>| {
+            let mut at = |t: T, s: &State<T>, k: &mut State<T>| {
                 let here = instant(t, begin, s, driven);
-                self.slope(scratch, effects, &here, &s.own, extra)
+                self.slope(scratch, effects, &here, &s.own, extra, k);
             };
-            let k1 = at(t, &state);
-            let k2 = at(t + half, &self.stepped(&state, &k1, half));
-            let k3 = at(t + half, &self.stepped(&state, &k2, half));
-            let k4 = at(t + step, &self.stepped(&state, &k3, step));
+            let middle = t + half;
+            at(t, &state, k1);
+            self.stepped(&state, k1, half, next);
+            at(middle, next, k2);
+            self.stepped(&state, k2, half, next);
+            at(middle, next, k3);
+            self.stepped(&state, k3, step, next);
+            at(t + step, next, k4);
             state.position = state.position
                 + (k1.position + (k2.position + k3.position) * 2.0 + k4.position) * sixth;
             state.rate = state.rate + (k1.rate + (k2.rate + k3.rate) * 2.0 + k4.rate) * sixth;
@@ -331,29 +341,22 @@ impl<T: Real> Single<T> {
         state
     }
 
-    fn stepped(&self, state: &State<T>, slope: &State<T>, step: T) -> State<T> {
-        let mut next = *state;
+    fn stepped(&self, state: &State<T>, slope: &State<T>, step: T, next: &mut State<T>) {
         next.position = state.position + slope.position * step;
         next.rate = state.rate + slope.rate * step;
         for i in 0..self.states {
             next.own[i] = state.own[i] + slope.own[i] * step;
         }
-        next
     }
 
-    fn scratch(&self) -> Scratch<'_, T> {
+    fn scratch(&self) -> Scratch<T> {
         let zero = [T::zero(); 6];
         Scratch {
-            moment: Moment {
-                t_s: T::zero(),
-                step_start_s: T::zero(),
-                eta: self.rail.rest,
-                heading: self.rail.rest[5].sin_cos(),
-                nu: zero,
-                nu_r: zero,
-                mass: self.mass,
-                hydrodynamics: &self.hydrodynamics,
-            },
+            eta: self.rail.rest,
+            heading: self.rail.rest[5].sin_cos(),
+            nu: zero,
+            nu_r: zero,
+            mass: self.mass,
             wrench: zero,
             drag: zero,
             force: zero,
@@ -361,70 +364,83 @@ impl<T: Real> Single<T> {
         }
     }
 
-    /// Time derivative, in the order of [`crate::model::Model::rate`].
+    /// Time derivative into `made` (its own states only where there are any), in the order of [`crate::model::Model::rate`].
     fn slope(
         &self,
-        scratch: &mut Scratch<'_, T>,
+        scratch: &mut Scratch<T>,
         effects: &EffectStack<T>,
         here: &Instant<T>,
         own: &[T; OWN_STATES_MAX],
         extra: &impl Fn(&Instant<T>) -> T,
-    ) -> State<T> {
+        made: &mut State<T>,
+    ) {
         let h = &self.hydrodynamics;
         let i = self.line.dof;
         let Scratch {
-            moment: m,
+            eta,
+            heading,
+            nu,
+            nu_r,
+            mass,
             wrench,
             drag,
             force,
             nu_dot,
         } = scratch;
-        m.t_s = here.t_s;
-        m.step_start_s = T::from_f64(here.step_start_s);
-        self.rail.put(here.position, &mut m.eta);
+        self.rail.put(here.position, eta);
         if i == 5 {
-            m.heading = here.position.sin_cos();
+            *heading = here.position.sin_cos();
         }
-        m.nu[i] = here.rate;
-        let mut own_rate = [T::zero(); OWN_STATES_MAX];
+        nu[i] = here.rate;
+        let mut m = Moment {
+            t_s: here.t_s,
+            step_start_s: T::from_f64(here.step_start_s),
+            eta,
+            heading,
+            nu,
+            nu_r: nu,
+            mass: &self.mass,
+            hydrodynamics: h,
+        };
+        let own_rate = &mut made.own;
+        if self.states > 0 {
+            *own_rate = [T::zero(); OWN_STATES_MAX];
+        }
         // Only what some law may have written into is cleared.
         let (thrusts, waters) = (effects.thrusts(), effects.waters());
         if waters {
-            m.nu_r = m.nu;
-            m.mass = self.mass;
             *drag = [T::zero(); 6];
             *force = [T::zero(); 6];
-        } else {
-            m.nu_r[i] = here.rate;
         }
         if thrusts {
             *wrench = [T::zero(); 6];
         }
         wrench[i] = T::from_f64(here.load);
         if thrusts {
-            effects.thrust(m, wrench, own, &mut own_rate);
+            effects.thrust(&m, wrench, own, own_rate);
         }
         if waters {
-            effects.relative_velocity(m);
-            effects.added_mass(m);
+            *nu_r = *nu;
+            effects.relative_velocity(&m, nu_r);
+            m.nu_r = nu_r;
+            *mass = self.mass;
+            effects.added_mass(&m, mass);
+            m.mass = mass;
         }
         drag[i] = (h.linear[i] + h.quadratic[i] * m.nu_r[i].abs()) * m.nu_r[i];
         if let 3 | 4 = i {
-            *force = equations::restoring(h, &m.eta, false);
+            *force = equations::restoring(h, m.eta, false);
         }
         if waters {
-            effects.drag(m, drag);
-            effects.force(m, own, force);
+            effects.drag(&m, drag);
+            effects.force(&m, own, force);
         }
         nu_dot[i] = (wrench[i] + drag[i] + force[i] + extra(here)) / m.mass[i];
         if self.states > 0 {
-            effects.own_rate(m, nu_dot, own, &mut own_rate);
+            effects.own_rate(&m, nu_dot, own, own_rate);
         }
-        State {
-            position: here.rate,
-            rate: nu_dot[i],
-            own: own_rate,
-        }
+        made.position = here.rate;
+        made.rate = nu_dot[i];
     }
 }
 

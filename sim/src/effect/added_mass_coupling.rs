@@ -29,7 +29,7 @@ impl<T: Real> Law<T> for Coupling {
     fn force(&self, m: &Moment<'_, T>, _own: &[T], force: &mut [T; 6]) {
         // A coupled model has them already.
         if m.hydrodynamics.model == VehicleModel::Decoupled {
-            let cross = equations::coriolis(m.hydrodynamics, &m.nu);
+            let cross = equations::coriolis(m.hydrodynamics, m.nu);
             *force = std::array::from_fn(|i| force[i] + cross[i]);
         }
     }

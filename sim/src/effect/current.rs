@@ -53,7 +53,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 
 impl<T: Real> Law<T> for Current<T> {
     fn relative_velocity(&self, m: &Moment<'_, T>, nu_r: &mut [T; 6]) {
-        let (sin, cos) = m.heading;
+        let (sin, cos) = *m.heading;
         nu_r[0] = nu_r[0] - self.vx_mps * cos - self.vy_mps * sin;
         nu_r[1] = nu_r[1] + self.vx_mps * sin - self.vy_mps * cos;
     }

@@ -4,7 +4,7 @@ use super::{EffectInfo, Optics};
 use crate::real::Real;
 use crate::vehicle::Hydrodynamics;
 
-/// What a law may look at while the motion is integrated.
+/// What a law may look at while the motion is integrated. References: with derivatives each array is a kilobyte.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a, T> {
     /// Time since the log's first stamp, on the commands' clock \[s\].
@@ -12,15 +12,15 @@ pub struct Moment<'a, T> {
     /// Start of the current step, which never spans an edge: a law that jumps in time decides by it \[s\].
     pub step_start_s: T,
     /// Pose, tank frame.
-    pub eta: [T; 6],
+    pub eta: &'a [T; 6],
     /// Sine and cosine of the heading psi.
-    pub heading: (T, T),
+    pub heading: &'a (T, T),
     /// Rates over ground, body frame.
-    pub nu: [T; 6],
+    pub nu: &'a [T; 6],
     /// Rates through the water; equal to `nu` until `relative_velocity` has run.
-    pub nu_r: [T; 6],
+    pub nu_r: &'a [T; 6],
     /// Rigid plus added mass per DOF; final once `added_mass` has run.
-    pub mass: [T; 6],
+    pub mass: &'a [T; 6],
     /// The vehicle's own coefficients.
     pub hydrodynamics: &'a Hydrodynamics<T>,
 }

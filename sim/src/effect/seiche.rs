@@ -70,7 +70,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 impl<T: Real> Law<T> for Seiche<T> {
     fn relative_velocity(&self, m: &Moment<'_, T>, nu_r: &mut [T; 6]) {
         let (v, _) = self.water(m.t_s);
-        let (sin, cos) = m.heading;
+        let (sin, cos) = *m.heading;
         nu_r[0] = nu_r[0] - v * cos;
         nu_r[1] = nu_r[1] + v * sin;
     }
@@ -78,7 +78,7 @@ impl<T: Real> Law<T> for Seiche<T> {
     fn force(&self, m: &Moment<'_, T>, _own: &[T], force: &mut [T; 6]) {
         // M u_r' = ...: the water's acceleration, in the body's axes, times the mass that moves.
         let (_, a) = self.water(m.t_s);
-        let (sin, cos) = m.heading;
+        let (sin, cos) = *m.heading;
         force[0] = force[0] + m.mass[0] * a * cos;
         force[1] = force[1] - m.mass[1] * a * sin;
     }

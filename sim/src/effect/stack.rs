@@ -198,20 +198,18 @@ impl<T: Real> EffectStack<T> {
         }
     }
 
-    pub(crate) fn relative_velocity(&self, m: &mut Moment<'_, T>) {
-        let mut nu_r = m.nu_r;
+    /// Changes `nu_r`, which begins as the rates over ground.
+    pub(crate) fn relative_velocity(&self, m: &Moment<'_, T>, nu_r: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.relative_velocity(m, &mut nu_r);
+            e.law.relative_velocity(m, nu_r);
         }
-        m.nu_r = nu_r;
     }
 
-    pub(crate) fn added_mass(&self, m: &mut Moment<'_, T>) {
-        let mut mass = m.mass;
+    /// Changes `mass`, which begins as the vehicle's own.
+    pub(crate) fn added_mass(&self, m: &Moment<'_, T>, mass: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.added_mass(m, &mut mass);
+            e.law.added_mass(m, mass);
         }
-        m.mass = mass;
     }
 
     pub(crate) fn drag(&self, m: &Moment<'_, T>, drag: &mut [T; 6]) {
