@@ -14,6 +14,7 @@ pub mod error;
 pub mod faulty;
 pub mod images;
 pub mod judge;
+pub mod keep;
 pub mod motion;
 pub mod observer;
 pub mod paper;
@@ -27,12 +28,14 @@ pub mod tank;
 pub use case::{Case, Category, catalogue, make};
 pub use error::ProveError;
 pub use judge::{Judged, judge};
+pub use keep::Kept;
 pub use score::{Score, score};
 
 use rayon::prelude::*;
 
 /// Makes, diagnoses and scores cases in parallel; `done` is told of each as it ends. The result
-/// does not depend on the number of threads: each case has its own seed.
+/// does not depend on the number of threads: each case has its own seed. With `kept`, a case that lies
+/// there is not run again, and each that was run is laid there.
 ///
 /// # Errors
 /// [`ProveError`], the first in the order of the catalogue.
@@ -40,12 +43,23 @@ pub fn run(
     seed: u64,
     ids: &[(Category, usize)],
     observe: bool,
+    kept: Option<&Kept>,
     done: &(dyn Fn(&Judged) + Sync),
 ) -> Result<Vec<Judged>, ProveError> {
     ids.par_iter()
         .map(|(category, index)| {
-            let case = make(seed, *category, *index)?;
-            let judged = judge(&case, observe)?;
+            let id = format!("{}-{index}", category.name());
+            let known = kept.map(|k| k.read(&id, observe)).transpose()?.flatten();
+            let judged = match known {
+                Some(judged) => judged,
+                None => {
+                    let judged = judge(&make(seed, *category, *index)?, observe)?;
+                    if let Some(kept) = kept {
+                        kept.write(&judged, observe)?;
+                    }
+                    judged
+                }
+            };
             done(&judged);
             Ok(judged)
         })

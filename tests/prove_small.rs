@@ -9,7 +9,7 @@ use hydroline::prove::{Category, Judged, run};
 
 fn judged(seed: u64, ids: &[&str]) -> Vec<Judged> {
     let ids: Vec<(Category, usize)> = ids.iter().map(|id| parse(id).unwrap()).collect();
-    let all = run(seed, &ids, false, &|_| {}).unwrap();
+    let all = run(seed, &ids, false, None, &|_| {}).unwrap();
     for line in all.iter().filter_map(complaint) {
         println!("{line}");
     }

@@ -6,7 +6,7 @@ use crate::prove::case::{FULL, parse};
 use crate::prove::images;
 use crate::prove::score::complaint;
 use crate::prove::{
-    Category, Judged, ProveError, catalogue, judge, make, run as prove, score, table,
+    Category, Judged, Kept, ProveError, catalogue, judge, make, run as prove, score, table,
 };
 
 #[derive(Debug, clap::Args)]
@@ -17,6 +17,7 @@ diagnosis sees the logs only. Then the key is opened. A case costs half a minute
 
 Examples: hydroline prove                            a tenth of the full set
           hydroline prove --cases 460                the full set
+          hydroline prove --cases 460 --keep proof   the same, in as many sittings as it takes
           hydroline prove --category unnamed --cases 8
           hydroline prove --only single-7            one case: whole verdict and key
           hydroline prove --images 70                rendered runs with an effect of camera, sheet, target or water")]
@@ -36,6 +37,10 @@ pub struct Args {
     /// This many image-level cases instead: six effects and none in turn
     #[arg(long, value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
     images: Option<usize>,
+    /// Folder for each judged case: what lies there already is not run again, so a long proof can be broken off
+    /// (an old build's cases are taken too: one folder per build)
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["only", "images"])]
+    keep: Option<std::path::PathBuf>,
     /// Without the ideal observer: faster, and sets that the data cannot split count as errors
     #[arg(long)]
     no_ideal: bool,
@@ -67,7 +72,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let judged = prove(args.seed, &ids, !args.no_ideal, &done).map_err(sorted)?;
+    let kept = args
+        .keep
+        .as_ref()
+        .map(|folder| Kept::new(folder, args.seed))
+        .transpose()
+        .map_err(sorted)?;
+    let judged = prove(args.seed, &ids, !args.no_ideal, kept.as_ref(), &done).map_err(sorted)?;
     bar.finish_and_clear();
     let total = score(&judged);
     if args.json {

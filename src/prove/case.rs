@@ -13,7 +13,17 @@ use crate::identify::parameter::Coefficient;
 
 /// Kind of case.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, clap::ValueEnum, serde::Serialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 #[value(rename_all = "snake_case")]
@@ -118,7 +128,7 @@ pub struct Sealed {
 }
 
 /// An effect that is there.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Truth {
     /// Id; for a law near the vocabulary's its mechanism, for an unnamed one `unnamed`.
     pub effect: String,

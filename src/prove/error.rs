@@ -62,6 +62,14 @@ pub enum ProveError {
         /// A known one.
         example: String,
     },
+    /// A kept case cannot be read or written.
+    #[error("{path}: {reason}")]
+    Kept {
+        /// File.
+        path: String,
+        /// Why, and what to do.
+        reason: String,
+    },
     /// The motion left all bounds.
     #[error("the simulated motion is not finite at {t_s:.2} s")]
     Diverged {

@@ -10,7 +10,7 @@ use crate::diagnose::verdict::{Verdict, Word};
 use crate::log::messages::{pb, timestamp, unix_ns};
 
 /// A fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
     /// x in millimetres.

@@ -1,5 +1,7 @@
 //! One case: diagnosed without the key, then compared with it.
 
+use std::borrow::Cow;
+
 use hydroline_rigs::Plan;
 
 use super::case::{Case, Category, DELAYS, Truth, UNNAMED_ID};
@@ -20,7 +22,7 @@ pub const SAID: f64 = 6.0;
 const Z95: f64 = 1.959_964;
 
 /// An effect that was found.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Found {
     /// Id.
     pub effect: String,
@@ -35,7 +37,7 @@ pub struct Found {
 }
 
 /// Effect by effect.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Tally {
     /// (effect, weight \[m\], practical size, found or in a set, weight found \[m\]) of what is there.
     pub there: Vec<(String, f64, bool, bool, Option<f64>)>,
@@ -46,7 +48,7 @@ pub struct Tally {
 }
 
 /// A number with the truth.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Interval {
     /// `effect.parameter`, or a coefficient.
     pub name: String,
@@ -59,7 +61,7 @@ pub struct Interval {
 }
 
 /// Protocol of the paper.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PaperOutcome {
     /// `ambiguous`, the truth in a set, and so is whatever of the five the data cannot tell from it
     /// (by the ideal observer); where that is nothing, the truth may be named.
@@ -75,7 +77,7 @@ pub struct PaperOutcome {
 }
 
 /// A case with its score.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Judged {
     /// Id.
     pub id: String,
@@ -104,9 +106,9 @@ pub struct Judged {
     /// rms of the run held out under the ideal observer's choice \[m\].
     pub held_ideal_m: Option<f64>,
     /// What the category asks for.
-    pub passed: Vec<(&'static str, bool)>,
+    pub passed: Vec<(Cow<'static, str>, bool)>,
     /// The same of the ideal observer, where it can be asked.
-    pub passed_ideal: Vec<(&'static str, bool)>,
+    pub passed_ideal: Vec<(Cow<'static, str>, bool)>,
     /// The paper's protocol.
     pub paper: Option<PaperOutcome>,
     /// Fault put in.
@@ -175,13 +177,13 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
     match case.category {
         Category::Fault => {
             if let Some(fault) = case.key.fault {
-                judged.passed.push(("fault", fault.right(&verdict)));
+                judged.passed.push(("fault".into(), fault.right(&verdict)));
             }
         }
         Category::Paper => {
             let outcome = two_runs(case, &verdict, &judged)?;
-            judged.passed.push(("paper_set", outcome.right_set));
-            judged.passed.push(("paper_split", outcome.split));
+            judged.passed.push(("paper_set".into(), outcome.right_set));
+            judged.passed.push(("paper_split".into(), outcome.split));
             judged.paper = Some(outcome);
         }
         Category::Unnamed => {
@@ -189,12 +191,12 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
             let known = |f: &&Found| is_there(&judged.truth, &f.effect, &all);
             let no_wrong = judged.found.iter().filter(|f| f.matters).all(|f| known(&f));
             let unknown = verdict.verdict == Word::Unknown;
-            judged.passed.push(("unknown", unknown && no_wrong));
-            judged.passed.push(("unknown_word", unknown));
+            judged.passed.push(("unknown".into(), unknown && no_wrong));
+            judged.passed.push(("unknown_word".into(), unknown));
         }
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);
-            judged.passed.push(("nothing", quiet));
+            judged.passed.push(("nothing".into(), quiet));
             by_effect(case, &verdict, &mut judged, observe);
         }
         Category::Single | Category::Pair | Category::Triple => {
@@ -207,10 +209,12 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
                     .iter()
                     .filter(|f| f.matters && judged.truth.iter().any(|t| t.effect == f.effect))
                     .all(|f| !f.inexact);
-                judged.passed.push(("exact_kept", kept));
+                judged.passed.push(("exact_kept".into(), kept));
             }
             if let (Word::Named, Some([_, after, noise])) = (verdict.verdict, judged.held_out) {
-                judged.passed.push(("held_out", after <= 1.2 * noise));
+                judged
+                    .passed
+                    .push(("held_out".into(), after <= 1.2 * noise));
             }
         }
     }
@@ -272,9 +276,9 @@ fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     };
     let mut found = judged.found.iter().map(|f| (f.effect.as_str(), f.weight_m));
     let passed = [
-        ("mechanism", own.is_some() || in_set),
-        ("inexact", own.is_some_and(|f| f.inexact)),
-        ("no_spurious", modest(&mut found)),
+        ("mechanism".into(), own.is_some() || in_set),
+        ("inexact".into(), own.is_some_and(|f| f.inexact)),
+        ("no_spurious".into(), modest(&mut found)),
     ];
     judged.passed.extend(passed);
     let Some(mut ideal) = observe.then(|| Ideal::new(case)).flatten() else {
@@ -290,9 +294,9 @@ fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
         ideal.held_out(case)
     };
     judged.passed_ideal = vec![
-        ("mechanism", named),
-        ("inexact", sees),
-        ("no_spurious", sees || modest(&mut found)),
+        ("mechanism".into(), named),
+        ("inexact".into(), sees),
+        ("no_spurious".into(), sees || modest(&mut found)),
     ];
 }
 

@@ -177,7 +177,7 @@ pub fn score(all: &[Judged]) -> Score {
         "",
         Rate::of(
             all.iter()
-                .filter(|j| j.passed_ideal.contains(&("inexact", true)))
+                .filter(|j| j.passed_ideal.iter().any(|p| p.0 == "inexact" && p.1))
                 .filter_map(|j| j.passed.iter().find(|p| p.0 == "inexact"))
                 .map(|p| p.1),
         ),
@@ -306,7 +306,7 @@ pub fn complaint(j: &Judged) -> Option<String> {
         .passed
         .iter()
         .filter(|p| !p.1)
-        .map(|p| p.0.to_owned())
+        .map(|p| p.0.to_string())
         .collect();
     if let Some(t) = &j.tool {
         wrong.extend(
