@@ -86,7 +86,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         outln!("{object}");
     } else {
         out!("{}", table::words(&total));
-        let each = judged.iter().map(|j| j.seconds).sum::<f64>() / judged.len().max(1) as f64;
+        // Cases that were kept took no time now.
+        let run = judged.iter().filter(|j| j.seconds > 0.0).count();
+        let each = judged.iter().map(|j| j.seconds).sum::<f64>() / run.max(1) as f64;
         eprintln!(
             "{} cases in {:.0} s; one diagnosis took {each:.1} s on average",
             judged.len(),

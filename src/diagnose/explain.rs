@@ -31,7 +31,7 @@ use covered::covered;
 use doubled::{doubled, doubled_from, doubled_members};
 
 use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
-use look::{BELIEVED, TWICE_PENALTY, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
+use look::{INEXACT, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
 
 pub use forward::forward;
 pub use look::{Care, look};
@@ -537,13 +537,8 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
     if found.bent().is_none() {
         return;
     }
-    // A second stage has paid for being chosen, and what it was grown from gained more.
-    let bar = match found.twice {
-        Some(_) => BELIEVED - TWICE_PENALTY,
-        None => BELIEVED,
-    };
     if let Some(plain) = search.alone(&found.fit)
-        && plain.log_evidence + bar > found.log_evidence
+        && plain.log_evidence + INEXACT > found.log_evidence
     {
         tracing::debug!(
             "{:?} does without a bend: {:.1} for {:.1}",

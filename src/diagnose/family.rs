@@ -47,6 +47,8 @@ pub enum Variable {
     Load,
     /// Its size.
     LoadSize,
+    /// The same with knots by ratio: what a thruster does at small loads, where its thresholds lie.
+    LoadRatio,
     /// Time since the log's first stamp, the same in all runs \[s\].
     Time,
     /// Time since the last command edge \[s\].
@@ -69,7 +71,7 @@ impl Variable {
             Variable::Speed => "speed".to_owned(),
             Variable::SpeedAgainst => "speed, against the motion".to_owned(),
             Variable::Load => "command".to_owned(),
-            Variable::LoadSize => "size of the command".to_owned(),
+            Variable::LoadSize | Variable::LoadRatio => "size of the command".to_owned(),
             Variable::Time => "time since the log's start".to_owned(),
             Variable::SinceEdge => "time since the last command edge".to_owned(),
             Variable::AfterEdge => {
@@ -80,12 +82,23 @@ impl Variable {
         }
     }
 
-    /// Times in one run, in each or in all are one kind, and so are places; a force against the motion is one of its rate.
+    /// Times in one run, in each or in all are one kind, and so are places; a force against the motion is one of its rate;
+    /// how knots lie makes no kind.
     pub fn kind(self) -> Variable {
         match self {
             Variable::TimeIn(_) | Variable::Time => Variable::TimeEach,
             Variable::PlaceAgainst => Variable::Place,
             Variable::SpeedAgainst => Variable::Rate,
+            Variable::LoadRatio => Variable::LoadSize,
+            other => other,
+        }
+    }
+
+    /// The same quantity, with its sign or without.
+    pub fn quantity(self) -> Variable {
+        match self.kind() {
+            Variable::Speed => Variable::Rate,
+            Variable::LoadSize => Variable::Load,
             other => other,
         }
     }
@@ -97,7 +110,7 @@ impl Variable {
             Variable::Rate => here.rate,
             Variable::Speed | Variable::SpeedAgainst => here.rate.abs(),
             Variable::Load => plain(here.load),
-            Variable::LoadSize => plain(here.load.abs()),
+            Variable::LoadSize | Variable::LoadRatio => plain(here.load.abs()),
             Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => plain(here.t_s.value()),
             Variable::SinceEdge | Variable::AfterEdge => plain(here.t_s.value() - here.edge_s),
         }

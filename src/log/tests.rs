@@ -359,13 +359,14 @@ fn examined(entries: &[Entry], summary: &SummaryInput) -> doctor::Diagnosis {
 #[test]
 fn a_loss_that_was_taken_back_leaves_a_log_sound() {
     let done = SummaryInput::clean("done");
-    let told = |lost| {
+    let told = |lost, of_frame: f64| {
         let mut late = grey_frame(1, 16, 8);
         late.meta.lost_before.time_gap = lost;
-        let gap =
-            Event::new(T0_NS, Severity::Error, "camera.gap", "lost").with("lost", f64::from(lost));
-        let back = Event::new(T0_NS, Severity::Info, "camera.gap_retracted", "late")
+        let gap = Event::new(T0_NS, Severity::Error, "camera.gap", "lost")
             .with("sequence", 1.0)
+            .with("lost", f64::from(lost));
+        let back = Event::new(T0_NS, Severity::Info, "camera.gap_retracted", "late")
+            .with("sequence", of_frame)
             .with("frames", 1.0);
         examined(
             &[
@@ -378,8 +379,10 @@ fn a_loss_that_was_taken_back_leaves_a_log_sound() {
             &done,
         )
     };
-    let (all, half) = (told(1), told(2));
+    let (all, half, another) = (told(1, 1.0), told(2, 1.0), told(1, 2.0));
     assert!(all.sound, "{all}");
+    // What is taken back of one frame says nothing of another.
+    assert!(!another.sound, "{another}");
     assert!(
         !half.sound && half.to_string().contains("camera.gap"),
         "{half}"

@@ -105,6 +105,7 @@ pub(super) fn gap(at_ns: u64, sequence: u32, lost: LossBefore, period_s: f64) ->
         lost.sequence_gap, lost.time_gap
     );
     Event::new(at_ns, Severity::Error, "camera.gap", message)
+        .with("sequence", f64::from(sequence))
         .with("lost", f64::from(total))
         .with("sequence_gap", f64::from(lost.sequence_gap))
         .with("time_gap", f64::from(lost.time_gap))

@@ -27,30 +27,27 @@ pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
 pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
     let (range, force) = stands_out(setting, f);
-    let unit = match f.family.variable {
-        Variable::Place | Variable::PlaceAgainst => {
-            if setting.dof.index() < 3 {
-                "m"
-            } else {
-                "rad"
+    let unit =
+        match f.family.variable {
+            Variable::Place | Variable::PlaceAgainst => {
+                if setting.dof.index() < 3 {
+                    "m"
+                } else {
+                    "rad"
+                }
             }
-        }
-        Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
-            if setting.dof.index() < 3 {
-                "m/s"
-            } else {
-                "rad/s"
+            Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
+                if setting.dof.index() < 3 {
+                    "m/s"
+                } else {
+                    "rad/s"
+                }
             }
-        }
-        Variable::Load | Variable::LoadSize => {
-            if setting.dof.index() < 3 {
-                "N"
-            } else {
-                "N m"
+            Variable::Load | Variable::LoadSize | Variable::LoadRatio => {
+                if setting.dof.index() < 3 { "N" } else { "N m" }
             }
-        }
-        _ => "s",
-    };
+            _ => "s",
+        };
     let load = if setting.dof.index() < 3 { "N" } else { "N m" };
     let (of, range) = told(setting, f.family.variable, range);
     Some(Unexplained {

@@ -73,7 +73,7 @@ fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
         Variable::Rate => track.rate_at(t_s),
         Variable::Speed | Variable::SpeedAgainst => track.rate_at(t_s).abs(),
         Variable::Load => load_n(),
-        Variable::LoadSize => load_n().abs(),
+        Variable::LoadSize | Variable::LoadRatio => load_n().abs(),
         Variable::SinceEdge | Variable::AfterEdge => t_s - edge().map_or(track.start_s, |e| e.0),
         Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => t_s,
     }

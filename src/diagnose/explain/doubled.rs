@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::beside::{SURELY_THERE, known, lacking, likeliest, too_slow};
-use super::look::{BELIEVED, TWICE_PENALTY, twice};
+use super::look::{INEXACT, TWICE_PENALTY, twice};
 use crate::diagnose::bank::{View, joined, motion, responses_at, whitened, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::fit::{Fit, Posed};
@@ -41,7 +41,7 @@ pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
         .filter_map(|fit| {
             let view = View::new(setting, &search.weights, fit);
             let two = twice(search, fit, &view, 0)?;
-            (two.log_evidence > fit.log_evidence + BELIEVED).then(|| (fit.set[0], two))
+            (two.log_evidence > fit.log_evidence + INEXACT).then(|| (fit.set[0], two))
         })
         .collect();
     pairs.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
@@ -61,7 +61,7 @@ pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Ve
             let fit = search.get(&[candidate])?;
             let view = View::new(search.setting, &search.weights, fit);
             let two = twice(search, fit, &view, 0)?;
-            (two.log_evidence > fit.log_evidence + BELIEVED)
+            (two.log_evidence > fit.log_evidence + INEXACT)
                 .then(|| grown(search, candidate, two, &found.fit, bar))?
         })
         .collect()

@@ -11,8 +11,20 @@ use crate::diagnose::search::Search;
 use crate::diagnose::setting::{COEFFICIENTS, Setting};
 use crate::diagnose::weight::{weight_beyond, weights};
 
-/// Log evidence that a free function must gain before it is believed.
-pub const BELIEVED: f64 = 5.0;
+/// Log evidence that a free force must gain before it is believed.
+const BELIEVED: f64 = 5.0;
+/// The same of a bend or a second copy, beyond what its choice costs: a law that is not quite the vocabulary's is nothing rare, and
+/// says less than that something has no name at all.
+pub const INEXACT: f64 = 1.0;
+
+/// What a function must gain.
+fn bar_of(function: &FamilyFit) -> f64 {
+    match function.family.acts {
+        Acts::Force => BELIEVED,
+        Acts::Bends(_) => INEXACT,
+    }
+}
+
 /// Free functions refitted nonlinearly.
 const REFINED: usize = 3;
 /// Of the best one's linear gain, what another must promise for that.
@@ -70,6 +82,10 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
     heavy.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]));
     let candidates: Vec<usize> = heavy.iter().take(BENT).map(|m| fit.set[*m]).collect();
     families.extend(bends(setting, fit, &candidates));
+    if care == Care::Glance {
+        // What bends at small loads only hides no force.
+        families.retain(|f| f.variable != Variable::LoadRatio);
+    }
     heavy.truncate(if care == Care::Glance { 0 } else { DOUBLED });
     let mut double: Option<(usize, Fit)> = None;
     for member in heavy {
@@ -81,13 +97,21 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
             double = Some((fit.set[member], two));
         }
     }
-    let double = double.filter(|d| d.1.log_evidence > fit.log_evidence + BELIEVED);
+    let double = double.filter(|d| d.1.log_evidence > fit.log_evidence + INEXACT);
     let mut found: Vec<FamilyFit> = families
         .iter()
         .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
-        .filter(|f| f.gain > BELIEVED)
+        .filter(|f| f.gain > bar_of(f))
         .collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    for f in found.iter().take(4) {
+        tracing::debug!(
+            "promised {:?} {:?} {:.1}",
+            f.family.acts,
+            f.family.variable,
+            f.gain
+        );
+    }
     let top = found.first().map_or(0.0, |f| f.gain);
     if care == Care::Glance {
         // Only an unnamed force is asked for here. Where a bend promises more there is none, and a bend's
@@ -120,7 +144,7 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         };
         let made = f
             .close(setting, &search.weights, fit, effort)
-            .filter(|(joint, f)| f.gain > BELIEVED && modest(setting, joint, f));
+            .filter(|(joint, f)| f.gain > bar_of(f) && modest(setting, joint, f));
         if let Some(made) = made
             && refined.as_ref().is_none_or(|r| made.1.gain > r.1.gain)
         {
@@ -286,7 +310,7 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
             Some((fit(job)?, vec![candidate]))
         })
         .collect();
-    bases.extend(fit((beside.set.clone(), beside.at.clone())).map(|own| {
+    let own: Option<Base> = fit((beside.set.clone(), beside.at.clone())).map(|own| {
         let heavy = weights(setting, &own)
             .into_iter()
             .zip(&own.set)
@@ -294,13 +318,52 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
             .map(|(_, c)| *c)
             .collect();
         (own, heavy)
-    }));
-    let mut found = bent(search, bases, WAYS, SEEDS);
+    });
+    bases.extend(own.clone());
+    // What is named beside the force may itself depend on what the force depends on: a current that is not the
+    // same everywhere is a force of place to a search that knows only uniform ones.
+    let mut found: Vec<Explanation> = own
+        .into_iter()
+        .zip(unnamed.kind())
+        .flat_map(|((fit, heavy), (_, variable))| bent_by(search, &fit, &heavy, variable))
+        .collect();
+    found.extend(bent(search, bases, WAYS, SEEDS));
     found.retain(|e| {
         let function = e.family.as_ref();
         function.is_some_and(|f| modest(setting, &e.fit, f))
     });
     found
+}
+
+/// The members of a set each bent by such a variable, signed or its size, whatever that promises linearly: far from the noise
+/// a promise compares little.
+fn bent_by(
+    search: &Search<'_>,
+    fit: &Fit,
+    members: &[usize],
+    variable: Variable,
+) -> Vec<Explanation> {
+    let setting = search.setting;
+    let view = View::new(setting, &search.weights, fit);
+    let mut families = bends(setting, fit, members);
+    families.retain(|f| f.variable.quantity() == variable.quantity());
+    measured_where_far(search, fit, &mut families);
+    families
+        .par_iter()
+        .filter_map(|f| {
+            let linear = f.fit(setting, &search.weights, fit, &view)?;
+            let effort = search.weights.to_a_percent();
+            let (joint, function) = linear.close(setting, &search.weights, fit, effort)?;
+            tracing::debug!(
+                "bent {:?} {:?} as the force, by {:?}: {:.1}",
+                fit.set,
+                f.acts,
+                f.variable,
+                joint.log_evidence
+            );
+            Some(Explanation::with(search, joint, function))
+        })
+        .collect()
 }
 
 /// Few effects of which one bends: what is named beside a free force may only imitate its law. The best of each
@@ -338,7 +401,7 @@ pub fn bent(search: &Search<'_>, bases: Vec<Base>, ways: usize, most: usize) -> 
             families
                 .into_iter()
                 .filter_map(|f| f.fit(setting, &search.weights, fit, &view))
-                .filter(|f| f.gain > BELIEVED)
+                .filter(|f| f.gain > bar_of(f))
                 .map(|f| (fit.log_evidence + f.gain, fit, f))
                 .collect::<Vec<_>>()
         })
@@ -347,7 +410,8 @@ pub fn bent(search: &Search<'_>, bases: Vec<Base>, ways: usize, most: usize) -> 
     // Of each mechanism some ways: which variable its law depends on shows when others have joined it.
     let mut seen: Vec<(Acts, Variable)> = Vec::new();
     found.retain(|(_, _, f)| {
-        let way = (f.family.acts, f.family.variable);
+        // Knots laid otherwise over the same variable are no other way.
+        let way = (f.family.acts, f.family.variable.kind());
         let before = seen.iter().filter(|s| s.0 == way.0).count();
         let new = !seen.contains(&way) && before < ways;
         if new {

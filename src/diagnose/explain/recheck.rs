@@ -19,6 +19,8 @@ const ROUNDS: usize = 2;
 /// Half chi-square that one must promise.
 const LEAST_GAIN: f64 = 6.0;
 
+/// Log evidence that all runs together must gain: no election stands behind it.
+const LEAST_BEYOND: f64 = 3.0;
 /// Half chi-square per sample above which no law comes near the noise, which leaves 0.5: every one would bend.
 const FAR_FROM_NOISE: f64 = 2.0;
 
@@ -69,6 +71,9 @@ pub fn recheck(search: &Search<'_>, first: &Fit, held: &[Track]) -> Option<Reche
     let seen = look(&along, &best, Care::Above(f64::NEG_INFINITY));
     let info = |c: usize| fitted.vocabulary[c].info;
     let gain = seen.log_evidence - best.log_evidence;
+    if gain < LEAST_BEYOND {
+        return None;
+    }
     match (&seen.twice, &seen.family) {
         (Some((c, _)), _) if first.set.contains(c) => Some(Recheck::Inexact(
             *c,

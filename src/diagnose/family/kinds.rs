@@ -12,6 +12,8 @@ use crate::diagnose::setting::Setting;
 const EACH_RUN: (usize, usize, usize) = (17, 8, 120);
 /// Between runs laid end to end \[s\]: far enough that what pulls in one says nothing of the next.
 pub(super) const BETWEEN_S: f64 = 1000.0;
+/// Smallest load with a knot of its own, of the largest: a deadband is some twentieth of that.
+pub(super) const SMALL_LOAD: f64 = 0.02;
 /// First knot after a command edge \[s\].
 pub(super) const AFTER_EDGE_S: f64 = 0.15;
 
@@ -53,6 +55,7 @@ impl Ranges {
         let (plain, only) = match variable {
             Variable::TimeIn(run) => (Variable::Time, Some(run)),
             Variable::AfterEdge => (Variable::SinceEdge, None),
+            Variable::LoadRatio => (Variable::LoadSize, None),
             other => (other, None),
         };
         let (low, high) = self
@@ -68,18 +71,27 @@ impl Ranges {
         (high > low + 1e-12).then_some((low, high))
     }
 
-    /// Even knots over the range of a variable; times since an edge by ratio.
+    /// Even knots over the range of a variable; times since an edge, and small loads, by ratio.
     fn family(&self, acts: Acts, variable: Variable, count: usize) -> Option<Family> {
         // Without any command there is no edge and no load to depend on.
         let commanded = matches!(
             variable,
-            Variable::SinceEdge | Variable::AfterEdge | Variable::Load | Variable::LoadSize
+            Variable::SinceEdge
+                | Variable::AfterEdge
+                | Variable::Load
+                | Variable::LoadSize
+                | Variable::LoadRatio
         );
         if commanded && !self.1 {
             return None;
         }
         let (low, high) = self.get(variable)?;
-        let knots = if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
+        let knots = if variable == Variable::LoadRatio {
+            let ratio = SMALL_LOAD.powf(-1.0 / (count as f64 - 2.0));
+            std::iter::once(0.0)
+                .chain((0..count - 1).map(|k| high * SMALL_LOAD * ratio.powi(k as i32)))
+                .collect()
+        } else if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
             if high < 4.0 * AFTER_EDGE_S {
                 return None;
             }
@@ -181,6 +193,7 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
         (Variable::Speed, 8),
         (Variable::Load, 10),
         (Variable::LoadSize, 8),
+        (Variable::LoadRatio, 10),
         (Variable::Time, 8),
         (Variable::SinceEdge, 8),
     ];
@@ -191,9 +204,11 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
             // A thruster or a clock knows nothing of the tank: what acts at a place there is a force.
             let stage = setting.vocabulary[*c].info.stage;
             let placeless = matches!(stage, Stage::Timing | Stage::Thruster);
+            let thruster = stage == Stage::Thruster;
             kinds
                 .iter()
                 .filter(move |(v, _)| !(placeless && *v == Variable::Place))
+                .filter(move |(v, _)| thruster || *v != Variable::LoadRatio)
                 .map(|(v, n)| ranges.family(Acts::Bends(*c), *v, *n))
                 .collect::<Vec<_>>()
         })
@@ -206,6 +221,28 @@ mod tests {
     use super::*;
     use crate::diagnose::search::Search;
     use crate::diagnose::testing::{candidate, setting, surge};
+
+    #[test]
+    fn only_thrusters_bend_at_small_loads() {
+        let setting = setting(&[surge(0, &[]), surge(1, &[])]);
+        let mut search = Search::new(&setting, &|_| {});
+        search.nothing();
+        let nothing = search.get(&[]).unwrap();
+        let small = |id: &str| {
+            let all = bends(&setting, nothing, &[candidate(&setting, id)]);
+            let largest = |f: &Family| f.knots.last().copied().unwrap();
+            let even = all.iter().find(|f| f.variable == Variable::LoadSize);
+            let most = largest(even.unwrap());
+            let found = all.into_iter().find(|f| f.variable == Variable::LoadRatio);
+            found.map(|f| (f.knots[0], f.knots[1] / most, largest(&f) / most))
+        };
+        let (first, second, last) = small("thruster_deadband").unwrap();
+        assert_eq!(first, 0.0);
+        assert!((second - SMALL_LOAD).abs() < 1e-9 && (last - 1.0).abs() < 1e-9);
+        assert!(small("current").is_none() && small("command_latency").is_none());
+        assert_eq!(Variable::LoadRatio.kind(), Variable::LoadSize);
+        assert_eq!(Variable::LoadRatio.quantity(), Variable::Load.quantity());
+    }
 
     #[test]
     fn a_thruster_does_not_bend_by_place_and_a_drag_may() {

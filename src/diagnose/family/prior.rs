@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 
-use super::kinds::{AFTER_EDGE_S, BETWEEN_S};
+use super::kinds::{AFTER_EDGE_S, BETWEEN_S, SMALL_LOAD};
 use super::{Family, Variable};
 
 /// Lengths tried, over the span of the knots; 0 = every amplitude by itself.
@@ -19,7 +19,8 @@ const NUGGET: f64 = 1e-5;
 pub struct Prior {
     /// sd of each amplitude \[N, N m; 1\].
     pub sd: f64,
-    /// Length over which they are alike, in the variable's unit (a logarithm for times since an edge); 0 = none.
+    /// Length over which they are alike, in the variable's unit (a logarithm for times since an edge and where
+    /// knots lie by ratio); 0 = none.
     pub length: f64,
 }
 
@@ -74,10 +75,15 @@ impl Prior {
     }
 }
 
-/// Where a knot lies for the covariance: times since an edge on a logarithm.
+/// Where a knot lies for the covariance: times since an edge, and small loads, on a logarithm.
 fn place(family: &Family, knot: f64) -> f64 {
     match family.variable {
         Variable::SinceEdge | Variable::AfterEdge => (1.0 + knot.max(0.0) / AFTER_EDGE_S).ln(),
+        Variable::LoadRatio => {
+            // By the largest load, which stays where it is when knots become denser.
+            let largest = family.knots.last().copied().unwrap_or(1.0);
+            (1.0 + knot.max(0.0) / (SMALL_LOAD * largest)).ln()
+        }
         _ => knot,
     }
 }
@@ -86,6 +92,25 @@ fn place(family: &Family, knot: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::diagnose::family::Acts;
+
+    /// Denser knots keep what was known of the old ones.
+    #[test]
+    fn a_knot_between_leaves_the_correlation_of_the_others() {
+        let of = |knots: &[f64]| {
+            let family = Family {
+                acts: Acts::Bends(0),
+                variable: Variable::LoadRatio,
+                knots: knots.to_vec(),
+                measured: false,
+            };
+            Prior::correlation(0.7, &family)
+        };
+        let (coarse, fine) = (of(&[0.0, 0.2, 1.5, 10.0]), of(&[0.0, 0.1, 0.2, 1.5, 10.0]));
+        for (i, k) in [(0, 1), (1, 2), (1, 3), (0, 3)] {
+            let moved = |i: usize| if i == 0 { 0 } else { i + 1 };
+            assert_eq!(coarse[(i, k)], fine[(moved(i), moved(k))], "{i} {k}");
+        }
+    }
 
     #[test]
     fn precision_is_the_inverse_of_the_covariance_and_knows_its_determinant() {

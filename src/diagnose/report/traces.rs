@@ -213,7 +213,9 @@ impl Regime {
                     }
                 }
                 Variable::Load => load_at(t[k]).map_or(0.0, |e| e.1),
-                Variable::LoadSize => load_at(t[k]).map_or(0.0, |e| e.1.abs()),
+                Variable::LoadSize | Variable::LoadRatio => {
+                    load_at(t[k]).map_or(0.0, |e| e.1.abs())
+                }
                 Variable::Time => t[k],
                 Variable::TimeIn(only) if only == run => t[k],
                 Variable::TimeIn(_) => f64::NAN,

@@ -53,8 +53,8 @@ pub(super) struct Frames {
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
-    /// Losses told in `camera.gap` events.
-    pub(super) told_lost: u64,
+    /// Losses told in `camera.gap` events and not taken back, by the frame they were told of.
+    pub(super) told_lost: BTreeMap<Option<u32>, u64>,
 }
 
 impl Checks {
@@ -202,8 +202,19 @@ impl Checks {
         let whole = |name: &str| event.values.get(name).map_or(0, |v| *v as u32);
         match event.kind.as_str() {
             "clock.step" => self.step_events += 1,
-            "camera.gap" => self.frames.told_lost += u64::from(whole("lost")),
-            "camera.gap_retracted" => self.frames.retracted += u64::from(whole("frames")),
+            "camera.gap" => {
+                // Older logs do not say of which frame: what they tell is never taken back.
+                let frame = event.values.get("sequence").map(|v| *v as u32);
+                *self.frames.told_lost.entry(frame).or_default() += u64::from(whole("lost"));
+            }
+            "camera.gap_retracted" => {
+                let frames = u64::from(whole("frames"));
+                self.frames.retracted += frames;
+                let frame = event.values.get("sequence").map(|v| *v as u32);
+                if let (Some(_), Some(told)) = (frame, self.frames.told_lost.get_mut(&frame)) {
+                    *told = told.saturating_sub(frames);
+                }
+            }
             "thruster.unsent" => {
                 let first = whole("sequence");
                 let end = first.saturating_add(whole("sets"));

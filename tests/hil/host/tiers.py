@@ -83,6 +83,8 @@ def main(words: list[str]) -> int:
                       f"come late then. Again ({attempt + 1} of {ATTEMPTS})", flush=True)
                 continue
             break
+        if attempt > 1:
+            print(f"tier {name}: judged on attempt {attempt} of {ATTEMPTS}", flush=True)
         report.add(tier)
         if tier.failed:
             evidence(bench)

@@ -1,6 +1,6 @@
 // stall_watch FILE : appends "UPTIME_S CPU LATE_MS" whenever a processor of the guest stood still for over 20 ms.
 // One process per processor, pinned, before everything else there (SCHED_FIFO 99), asleep for 10 ms at a time: who wakes
-// such a process late is the host or the kernel, never the daemon. Lines are written when they happen.
+// such a process late is the host or the kernel, not the daemon (init takes the throttle off real-time threads). Lines are written when they happen.
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <sched.h>
