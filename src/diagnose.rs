@@ -9,6 +9,7 @@
 
 pub mod bank;
 pub mod candidate;
+pub mod choosing;
 mod conclude;
 mod descent;
 pub mod explain;

@@ -26,7 +26,8 @@ pub struct Args {
     /// Rig file or built-in name: the model that is asked what it left out
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// Log that is only predicted (repeatable); without any, each run is predicted by the others
+    /// Log that is predicted and never fitted (repeatable): of several every second one only tells how well, the
+    /// others help to choose between explanations, as one alone does; without any, each run is predicted by the others
     #[arg(long, value_name = "LOG")]
     hold_out: Vec<PathBuf>,
     /// Prints one JSON object

@@ -16,13 +16,13 @@ use std::collections::BTreeMap;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
+use super::choosing::Choosing;
 use super::explain::{Explanation, Recheck, explain, forward, recheck, renewed};
 use super::family::Acts;
 use super::fit::Fit;
 use super::locate::locate;
 use super::next::propose;
-use super::posterior::{Group, posterior};
-use super::predict::held_out;
+use super::posterior::{Fitted, Group, TIE, near, posterior};
 use super::search::Search;
 use super::setting::{Setting, Track};
 use super::source::Source;
@@ -231,20 +231,23 @@ fn one(
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
     let (mut search, found) = likeliest(search, found, &choosing);
+    let choice = search.best().map_or_else(Choosing::default, |best| {
+        Choosing::like(&setting, &search.weights, &choosing, best)
+            .with(&search.shown)
+            .unless_far(&setting, &search.weights, &near(&search))
+    });
     if found.simple() {
         // What the best sets are without each of their members, so that no probability is 1 for want of asking.
-        let front: Vec<Vec<usize>> = search
-            .ranked()
-            .iter()
-            .take(2)
-            .map(|f| f.set.clone())
-            .collect();
+        let by_all = |f: &&Fit| choice.evidence(&setting, &search.weights, f);
+        let mut front = near(&search);
+        front.sort_by(|a, b| by_all(b).total_cmp(&by_all(a)));
+        let front: Vec<Vec<usize>> = front.iter().take(2).map(|f| f.set.clone()).collect();
         search.reduce_below(&front, f64::INFINITY);
     }
     let Some(plain) = search.finished(&[]) else {
         return Err(DiagnoseError::NoFit { dof: dof.name() });
     };
-    let post = posterior(&search);
+    let post = posterior(&search, choice);
     made.verdict.sets_looked_at += search.looked;
     // Sets without a free function compete among themselves; with one, the explanation stands alone.
     let simple = found.simple();
@@ -255,26 +258,26 @@ fn one(
             matters: found.matters(setting.tolerance),
             fit: found.fit.clone(),
             probability: 1.0,
+            told: 0.0,
+            fitted: Fitted::default(),
         }]
     } else {
         Vec::new()
     };
-    if groups.len() > 1 && !choosing.is_empty() {
-        // The runs fitted cannot tell them apart; the one that predicts best comes first.
-        let miss = |g: &Group| {
-            held_out(&setting, &choosing, &g.fit, search.weights.noise).unwrap_or(f64::INFINITY)
-        };
-        let mut missed: Vec<(f64, Group)> = groups.into_iter().map(|g| (miss(&g), g)).collect();
-        let clear = missed.iter().map(|m| m.0).fold(0.0, f64::max)
-            > 1.5 * missed.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
-        if clear {
-            missed.sort_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some((rms, g)) = missed.first() {
-                let names = names(&search, &g.matters);
-                made.verdict.notes.push(format!("the runs fitted leave {} explanations open; the runs held out speak for {} (rms {rms:.2e})", missed.len(), names.join(" + ")));
-            }
+    if let [best, others @ ..] = &groups[..]
+        && !others.is_empty()
+    {
+        let all = |g: &Group| g.fit.log_evidence + g.told;
+        let next = others.iter().map(all).fold(f64::NEG_INFINITY, f64::max);
+        let by = all(best) - next;
+        if by > TIE && best.told != 0.0 {
+            let names = names(&search, &best.matters);
+            made.verdict.notes.push(format!(
+                "the runs fitted leave {} explanations open; with the runs held out {} is likelier than any other of them (log Bayes factor {by:.1})",
+                groups.len(),
+                names.join(" + ")
+            ));
         }
-        groups = missed.into_iter().map(|m| m.1).collect();
     }
     if groups.len() == 1 && !choosing.is_empty() {
         let kin = as_good(&search, &groups[0], &choosing);
@@ -313,6 +316,13 @@ fn one(
         &groups,
         second.as_ref(),
     ));
+    for (candidate, _, gain) in &search.shown {
+        verdict.notes.push(format!(
+            "{}: the runs held out show {} (log Bayes factor {gain:.1}), which the runs fitted do not reach; fit such a run too to have it named",
+            dof.name(),
+            setting.vocabulary[*candidate].info.id
+        ));
+    }
     if let Some(Recheck::Unnamed(note)) = second {
         verdict.notes.push(format!("{}: {note}", dof.name()));
     }

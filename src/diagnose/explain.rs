@@ -5,6 +5,7 @@
 //! effect's law, the same mechanism a second time (two stages, two springs, two modes), or a free
 //! force, do with better evidence? And beside such a function the set is searched again (`beside`).
 
+mod along;
 mod beside;
 mod covered;
 mod doubled;
@@ -18,14 +19,16 @@ mod windows;
 use std::collections::BTreeMap;
 
 use super::bank::{joined, without};
+use super::choosing::Choosing;
 use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
 use super::fit::Fit;
-use super::posterior::ALIKE;
+use super::posterior::near;
 use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
 use super::weight::{weight_beyond, weight_of, weights};
+use along::shown;
 use beside::{beside, squeezed};
 use covered::covered;
 use doubled::{doubled, doubled_from, doubled_members};
@@ -69,8 +72,6 @@ const WORTH_A_CLIMB: f64 = 2.0;
 const OUT_OF_REACH: f64 = 200.0;
 /// The same below any explanation, of a law that bends with all that joins it: a better prior mends less.
 const LAW_OUT_OF_REACH: f64 = 50.0;
-/// Sets with one effect swapped of which one may stand for election beside the best.
-const SWAPPED: usize = 4;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
@@ -163,6 +164,17 @@ impl Explanation {
         }
     }
 
+    /// Log density of runs held out under all of it; `None` where that cannot be asked.
+    pub fn told(&self, search: &Search<'_>, by: &Choosing) -> Option<f64> {
+        let (setting, weights) = (search.setting, &search.weights);
+        match (&self.family, &self.twice) {
+            (Some(f), _) if f.family.lasts() => by.beside(setting, weights, &self.fit, f),
+            (Some(_), _) => None,
+            (None, Some((_, two))) => by.said(setting, weights, two),
+            (None, None) => by.said(setting, weights, &self.fit),
+        }
+    }
+
     /// Whether it is a set among the sets of the search, by their posterior.
     pub fn simple(&self) -> bool {
         self.family.is_none() && self.twice.is_none() && !self.by_prediction
@@ -198,6 +210,16 @@ pub fn explain(
     also: Option<&Explanation>,
 ) -> Option<Explanation> {
     let first = search.best()?.clone();
+    search.shown = shown(search, held, &first);
+    let first = {
+        let (setting, weights) = (search.setting, &search.weights);
+        let near = near(search);
+        Choosing::like(setting, weights, held, &first)
+            .with(&search.shown)
+            .unless_far(setting, weights, &near)
+            .likeliest(setting, weights, &near)?
+            .clone()
+    };
     let mut best = look(search, &first, Care::Above(f64::NEG_INFINITY));
     if best.fit.set.len() < 2 && best.family.is_none() && best.twice.is_none() {
         // Nothing is left, and nothing to take away: what the search named stands on its own.
@@ -312,9 +334,6 @@ pub fn explain(
     });
     if !beaten {
         best = reduce(search, best, &mut tried);
-    }
-    if best.simple() {
-        contenders.extend(swapped(search, &best.fit, held));
     }
     contenders.push(best);
     for contender in &mut contenders {
@@ -469,27 +488,6 @@ pub fn unnamed_from_nothing(search: &Search<'_>) -> Option<Explanation> {
         .map(|(_, seed)| beside(search, seed, best, best.log_evidence))
         .filter(|e| e.fit.set.len() < best.set.len() && e.family_weight > search.setting.tolerance)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-}
-
-/// Of the sets that are the best but for one effect, and hardly less likely, the one that predicts best: of two
-/// delays either may be what stands beside a stage, and only one of them predicts as a second stage would.
-fn swapped(search: &Search<'_>, best: &Fit, held: &[Track]) -> Option<Explanation> {
-    let near = |f: &&Fit| {
-        let shared = f.set.iter().filter(|c| best.set.contains(c)).count();
-        f.set.len() == best.set.len()
-            && shared + 1 == best.set.len()
-            && f.log_evidence > best.log_evidence - ALIKE
-    };
-    let noise = search.weights.noise;
-    let missed = |f: &Fit| held_out(search.setting, held, f, noise);
-    let ranked = search.ranked();
-    ranked
-        .into_iter()
-        .filter(near)
-        .take(SWAPPED)
-        .filter_map(|f| Some((missed(f)?, f)))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, f)| Explanation::plain(search, f))
 }
 
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the

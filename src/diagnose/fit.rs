@@ -122,12 +122,17 @@ impl Fit {
         self.set.iter().flat_map(of)
     }
 
+    /// Information that each effect parameter's prior stands for where the data have none.
+    pub fn prior_floors(&self, setting: &Setting) -> Vec<f64> {
+        let of = |w: f64| std::f64::consts::TAU / (w * w);
+        self.widths(setting).map(of).collect()
+    }
+
     /// Second derivatives under which what the data leave open is no wider than its prior.
     pub fn hessian_within_priors(&self, setting: &Setting) -> DMatrix<f64> {
         let mut h = self.hessian.clone();
-        for (i, w) in self.widths(setting).enumerate() {
-            let k = COEFFICIENTS + i;
-            h[(k, k)] += std::f64::consts::TAU / (w * w);
+        for (i, floor) in self.prior_floors(setting).into_iter().enumerate() {
+            h[(COEFFICIENTS + i, COEFFICIENTS + i)] += floor;
         }
         h
     }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::choosing::Choosing;
 use super::fit::Fit;
 use super::rest;
 use super::search::Search;
@@ -14,7 +15,7 @@ use super::weight::weights;
 use beyond::Beyond;
 
 /// Sets further below the best than this carry no probability worth a weight.
-const FAR: f64 = 9.0;
+pub const FAR: f64 = 12.0;
 /// Most sets weighed.
 const MOST: usize = 60;
 /// Log evidence within which two explanations count as tied.
@@ -34,10 +35,27 @@ pub struct Group {
     pub fit: Fit,
     /// Sum over all sets of this kind.
     pub probability: f64,
+    /// Log density of the runs held out that help to choose, under that set.
+    pub told: f64,
+    /// What the runs fitted say by themselves.
+    pub fitted: Fitted,
+}
+
+/// An explanation by the runs fitted alone.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Fitted {
+    /// Sum over all sets of this kind.
+    pub probability: f64,
+    /// Log evidence of the best of them.
+    pub log_evidence: f64,
+    /// Its half chi-square with the priors' share.
+    pub cost: f64,
+    /// Its unknowns.
+    pub unknowns: usize,
 }
 
 /// Posterior over the sets fitted.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Posterior {
     /// Explanations, most probable first.
     pub groups: Vec<Group>,
@@ -45,6 +63,8 @@ pub struct Posterior {
     pub inclusion: BTreeMap<usize, f64>,
     /// Sets near the best, with their probability and the weight of each member.
     pub members: Vec<(Fit, f64, Vec<f64>)>,
+    /// The runs held out that were asked.
+    pub choosing: Choosing,
     /// What effects that no set holds, and drifts at the start, may do to the best one.
     beyond: Option<(Vec<usize>, Beyond)>,
 }
@@ -58,18 +78,43 @@ pub struct Averaged {
     pub sd: Option<f64>,
 }
 
-/// Posterior over the sets of a search.
-pub fn posterior(search: &Search<'_>) -> Posterior {
+/// Sets that the runs fitted do not rule out, best first.
+pub fn near<'a>(search: &'a Search<'_>) -> Vec<&'a Fit> {
     let ranked = search.ranked();
     let top = ranked.first().map_or(0.0, |f| f.log_evidence);
-    let near: Vec<&Fit> = ranked
+    ranked
         .into_iter()
         .filter(|f| f.log_evidence > top - FAR)
         .take(MOST)
-        .collect();
-    let weighed: Vec<(&Fit, Vec<usize>, Vec<f64>)> = near
+        .collect()
+}
+
+/// A set near the best.
+struct Weighed<'a> {
+    /// Over those of the likeliest, by all runs.
+    odds: f64,
+    fit: &'a Fit,
+    told: f64,
+    matters: Vec<usize>,
+    weights: Vec<f64>,
+}
+
+/// Posterior over the sets of a search, given the runs fitted and those held out that help to choose.
+pub fn posterior(search: &Search<'_>, choosing: Choosing) -> Posterior {
+    let mut told: Vec<(&Fit, f64)> = near(search)
         .into_par_iter()
-        .map(|fit| {
+        .map(|fit| (fit, choosing.of(search.setting, &search.weights, fit)))
+        .collect();
+    if !told.iter().any(|t| t.1.is_finite()) {
+        // None of them foretells anything: nothing was asked.
+        told.iter_mut().for_each(|t| t.1 = 0.0);
+    }
+    let all = |(fit, told): &(&Fit, f64)| fit.log_evidence + told;
+    let top = told.iter().map(all).fold(f64::NEG_INFINITY, f64::max);
+    let weighed: Vec<Weighed<'_>> = told
+        .into_par_iter()
+        .map(|both| {
+            let (fit, told) = both;
             let weights = weights(search.setting, fit);
             let matters = fit
                 .set
@@ -78,18 +123,36 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
                 .filter(|(_, w)| **w > search.setting.tolerance)
                 .map(|(c, _)| *c)
                 .collect();
-            (fit, matters, weights)
+            Weighed {
+                odds: (all(&both) - top).exp(),
+                fit,
+                told,
+                matters,
+                weights,
+            }
         })
         .collect();
-    let sum: f64 = weighed
-        .iter()
-        .map(|(f, _, _)| (f.log_evidence - top).exp())
-        .sum();
+    let sum: f64 = weighed.iter().map(|w| w.odds).sum();
+    let evidence = weighed.iter().map(|w| w.fit.log_evidence);
+    let fitted_top = evidence.fold(f64::NEG_INFINITY, f64::max);
+    let fitted = |fit: &Fit| (fit.log_evidence - fitted_top).exp();
+    let fitted_sum: f64 = weighed.iter().map(|w| fitted(w.fit)).sum();
     let mut groups: BTreeMap<Vec<usize>, Group> = BTreeMap::new();
     let mut inclusion: BTreeMap<usize, f64> = BTreeMap::new();
     let mut members = Vec::new();
-    for (fit, matters, weights) in weighed {
-        let p = (fit.log_evidence - top).exp() / sum;
+    let mut best: Option<(f64, &Fit)> = None;
+    for Weighed {
+        odds,
+        fit,
+        told,
+        matters,
+        weights,
+    } in weighed
+    {
+        let p = odds / sum;
+        if best.is_none_or(|b| p > b.0) {
+            best = Some((p, fit));
+        }
         members.push((fit.clone(), p, weights));
         for c in &fit.set {
             *inclusion.entry(*c).or_default() += p;
@@ -98,15 +161,29 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
             matters,
             fit: fit.clone(),
             probability: 0.0,
+            told,
+            fitted: Fitted {
+                log_evidence: f64::NEG_INFINITY,
+                ..Fitted::default()
+            },
         });
-        if fit.log_evidence > group.fit.log_evidence {
-            group.fit = fit.clone();
+        if fit.log_evidence + told > group.fit.log_evidence + group.told {
+            (group.fit, group.told) = (fit.clone(), told);
         }
         group.probability += p;
+        group.fitted.probability += fitted(fit) / fitted_sum;
+        if fit.log_evidence > group.fitted.log_evidence {
+            group.fitted = Fitted {
+                log_evidence: fit.log_evidence,
+                cost: fit.cost,
+                unknowns: fit.hessian.nrows(),
+                ..group.fitted
+            };
+        }
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let beyond = search.best().map(|best| {
+    let beyond = best.map(|(_, best)| {
         let mut variance = rest::spread(search.setting, &search.weights, best);
         if let Some(effects) = Beyond::of(search, best) {
             for (all, more) in variance.iter_mut().zip(effects.variance) {
@@ -119,6 +196,7 @@ pub fn posterior(search: &Search<'_>) -> Posterior {
         groups,
         inclusion,
         members,
+        choosing,
         beyond,
     }
 }
@@ -225,8 +303,9 @@ impl Posterior {
         })
     }
 
-    /// The explanations that are tied with the first, at most six, the first included. Two that hold
-    /// the same effects, one of them just below what matters in the one, are the same.
+    /// The explanations that the runs fitted do not tell from the first, at most six, the first included: what the runs held
+    /// out add says which comes first. Two that hold the same effects, one of them just below what matters in the one,
+    /// are the same.
     pub fn tied(&self) -> Vec<&Group> {
         let Some(first) = self.groups.first() else {
             return Vec::new();
@@ -237,10 +316,12 @@ impl Posterior {
                 k.matters.iter().all(|c| g.fit.set.contains(c))
                     && g.matters.iter().all(|c| k.fit.set.contains(c))
             };
-            let likely = g.probability > first.probability * (-TIE).exp();
-            let alike = g.fit.hessian.nrows() == first.fit.hessian.nrows()
-                && g.fit.cost < first.fit.cost + ALIKE;
-            if (likely || alike) && !kept.iter().any(same) {
+            let (own, best) = (&g.fitted, &first.fitted);
+            let likely = own.probability > best.probability * (-TIE).exp();
+            let alike = own.unknowns == best.unknowns && own.cost < best.cost + ALIKE;
+            // Likelier by the runs fitted, and refuted by the others.
+            let refuted = own.probability > best.probability * TIE.exp();
+            if (likely || alike) && !refuted && !kept.iter().any(same) {
                 kept.push(g);
             }
         }

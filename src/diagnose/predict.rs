@@ -41,6 +41,11 @@ impl Prediction {
         self.missed.iter().map(counts).collect()
     }
 
+    /// Runs that were predicted.
+    pub fn runs(&self) -> usize {
+        self.missed.len()
+    }
+
     /// How surely the other one misses by more: t of the mean difference of squared errors, tenth by tenth
     /// of each run, whose errors are correlated within but hardly between them (Diebold and Mariano 1995).
     pub fn better_than(&self, other: &Prediction) -> f64 {

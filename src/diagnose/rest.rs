@@ -170,7 +170,7 @@ fn believing(
 }
 
 /// Second derivatives and gradient with respect to some unknowns, all others free to follow.
-fn reduced(
+pub(super) fn reduced(
     normal: &DMatrix<f64>,
     gradient: &DVector<f64>,
     places: &[usize],

@@ -88,6 +88,8 @@ pub struct Search<'a> {
     pub early: Vec<Explanation>,
     /// The unnamed force for which the search ended.
     pub instead: Option<Explanation>,
+    /// Effects that only the runs held out show, with their numbers and what they gain there.
+    pub shown: Vec<(usize, Vec<f64>, f64)>,
     /// The noise was found beside a free function: a set that lacks it would take structure for noise.
     noise_stands: bool,
     /// The least noise found on the way to the present one.
@@ -116,6 +118,7 @@ impl<'a> Search<'a> {
             ways: BTreeSet::new(),
             early: Vec::new(),
             instead: None,
+            shown: Vec::new(),
             noise_stands: false,
             least_noise: None,
             sharpest: None,

@@ -240,6 +240,12 @@ impl<T: Real, F: Fn(&Instant<T>) -> T> Retune<T> for Bent<'_, T, F> {
     }
 }
 
+/// Largest load that runs command \[N, N m\].
+fn largest_load(tracks: &[Track]) -> f64 {
+    let loads = tracks.iter().flat_map(|t| &t.edges).map(|e| e.1.abs());
+    loads.fold(0.0, f64::max)
+}
+
 /// Coefficients of one DOF.
 pub const COEFFICIENTS: usize = 3;
 
@@ -255,12 +261,7 @@ impl Setting {
         if let Some((load, speed)) = factors(dof, &rig.vehicle, &tracks) {
             rescale(&mut vocabulary, load, speed);
         }
-        let largest_load = tracks
-            .iter()
-            .flat_map(|t| &t.edges)
-            .map(|e| e.1.abs())
-            .fold(0.0, f64::max);
-        limit(&mut vocabulary, largest_load);
+        limit(&mut vocabulary, largest_load(&tracks));
         Ok(Setting {
             dof,
             vehicle: rig.vehicle.clone(),
@@ -291,6 +292,14 @@ impl Setting {
             vocabulary: self.vocabulary.clone(),
             tolerance: self.tolerance,
         }
+    }
+
+    /// The same model fitted to other runs: a limit on the load may lie anywhere below theirs.
+    #[must_use]
+    pub fn fitting(&self, tracks: Vec<Track>) -> Setting {
+        let mut made = self.with_tracks(tracks);
+        limit(&mut made.vocabulary, largest_load(&made.tracks));
+        made
     }
 
     /// Name of the measured channel.

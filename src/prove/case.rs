@@ -151,7 +151,7 @@ pub struct Key {
     pub truth: Vec<Truth>,
     /// Runs with their noise, in the order of `sources`.
     pub runs: Vec<Recorded>,
-    /// rms noise of the run held out \[m\].
+    /// rms noise of the run held out that tells how well the choice predicts \[m\].
     pub held_noise_m: Option<f64>,
     /// What was done to the data.
     pub fault: Option<faulty::Fault>,
@@ -221,10 +221,16 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
     } else {
         plans::good(&mut rng)
     };
+    // Of two more runs, held out, one helps to choose; the other one is asked for nothing but how well the choice predicts.
+    let mut apart = StdRng::seed_from_u64(seed_of(!seed, category, index));
+    let held_plans: Vec<Plan> = match paper {
+        true => Vec::new(),
+        false => (0..2).filter_map(|_| plans::another(&mut apart)).collect(),
+    };
     // The paper's runs end with their thrust: what coasts down would tell more.
     let length_s = |p: &Plan| if paper { p.duration_s() } else { plans::RUN_S };
     let top_n = Tank::top_n(&rig, &plans, plans::RUN_S)?;
-    let fitted = if paper { plans.len() } else { plans.len() - 1 };
+    let fitted = plans.len();
     let mut last = String::new();
     for attempt in 0..TRIES {
         let vehicle = off(&rig, &mut rng);
@@ -238,7 +244,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             disturbance: Disturbance::draw(clean, &mut rng),
             seed: rng.random(),
         };
-        let mut runs = record(&tank, &plans[..fitted], &length_s)?;
+        let mut runs = record(&tank, &plans, &length_s)?;
         tank.strange = match wanted.strange {
             Wanted::No => None,
             Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
@@ -263,9 +269,9 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             continue;
         }
         if tank.strange.is_some() {
-            runs = record(&tank, &plans[..fitted], &length_s)?;
+            runs = record(&tank, &plans, &length_s)?;
         }
-        let held: Vec<Recorded> = plans[fitted..]
+        let held: Vec<Recorded> = held_plans
             .iter()
             .enumerate()
             .map(|(k, p)| tank.record(p, fitted + k, length_s(p)))
@@ -286,7 +292,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             background: truth.iter().any(|t| !t.main),
             sealed,
             key: Key {
-                held_noise_m: held.first().map(Recorded::noise_rms_m),
+                held_noise_m: held.last().map(Recorded::noise_rms_m),
                 tank,
                 truth,
                 runs,
@@ -474,8 +480,8 @@ mod tests {
         let b = make(1, Category::Single, 2).unwrap();
         assert_eq!(a.key.truth, b.key.truth);
         assert_eq!(a.key.runs[0].motion, b.key.runs[0].motion);
-        assert_eq!(a.sealed.sources.len(), 3);
-        assert_eq!(a.sealed.held.len(), 1);
+        assert_eq!(a.sealed.sources.len(), 4);
+        assert_eq!(a.sealed.held.len(), 2);
         let mains: Vec<&Truth> = a.key.truth.iter().filter(|t| t.main).collect();
         assert_eq!(mains.len(), 1);
         assert!(

@@ -15,8 +15,11 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::case::{Case, UNNAMED_ID};
+use crate::diagnose::Source;
 use crate::diagnose::bank::{Response, View, joined, responses, whitened, without};
+use crate::diagnose::choosing::Choosing;
 use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::posterior::FAR;
 use crate::diagnose::predict::held_out;
 use crate::diagnose::rest;
 use crate::diagnose::setting::{Setting, Track};
@@ -37,6 +40,11 @@ const ROUNDS: usize = 3;
 /// Log evidence that one more number of a law costs: its range over its sd is some twenty.
 const ONE_MORE: f64 = 3.0;
 
+fn tracks(sources: &[Source]) -> Vec<Track> {
+    let of = |s: &Source| Track::of(&s.run, Dof::Surge);
+    sources.iter().filter_map(of).collect()
+}
+
 /// The observer of one case.
 pub struct Ideal {
     setting: Setting,
@@ -45,6 +53,8 @@ pub struct Ideal {
     bank: Vec<Response>,
     white: Vec<DVector<f64>>,
     fits: BTreeMap<Vec<usize>, Fit>,
+    /// The run held out that helps to choose, as in the diagnosis.
+    choosing: Choosing,
 }
 
 impl Ideal {
@@ -134,6 +144,9 @@ impl Ideal {
             .map(|r| whitened(&setting, &weights, &r.column))
             .collect();
         let fits = BTreeMap::from([(truth.set.clone(), truth.clone())]);
+        let held = tracks(&case.sealed.held);
+        let first = held.get(..1).filter(|_| held.len() > 1).unwrap_or_default();
+        let choosing = Choosing::like(&setting, &weights, first, &truth);
         Some(Ideal {
             setting,
             weights,
@@ -141,6 +154,7 @@ impl Ideal {
             bank,
             white,
             fits,
+            choosing,
         })
     }
 
@@ -192,10 +206,21 @@ impl Ideal {
         }
     }
 
+    /// Log evidence of the best set by the runs fitted.
+    fn top(&self) -> f64 {
+        let all = self.fits.values().map(|f| f.log_evidence);
+        all.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn best(&self) -> &Fit {
-        self.fits
+        let top = self.top();
+        let near: Vec<&Fit> = self
+            .fits
             .values()
-            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+            .filter(|f| f.log_evidence > top - FAR)
+            .collect();
+        self.choosing
+            .likeliest(&self.setting, &self.weights, &near)
             .unwrap_or(&self.truth)
     }
 
@@ -244,18 +269,14 @@ impl Ideal {
         let numbers = self.truth.at.len() as f64 - by_priors + 1.0;
         let fitted = 0.5 * self.weights.stack(noise).norm_squared() - 0.5 * numbers;
         let law = self.truth.log_evidence + (self.truth.cost - fitted) - ONE_MORE;
-        law > self.best().log_evidence
+        law > self.top()
     }
 
-    /// rms of the run held out under its choice \[m\].
+    /// rms of the run held out that chose nothing under its choice \[m\].
     pub fn held_out(&self, case: &Case) -> Option<f64> {
-        let held: Vec<Track> = case
-            .sealed
-            .held
-            .iter()
-            .filter_map(|s| Track::of(&s.run, Dof::Surge))
-            .collect();
-        held_out(&self.setting, &held, self.best(), self.weights.noise)
+        let held = tracks(&case.sealed.held);
+        let last = held.get(held.len().checked_sub(1)?..)?;
+        held_out(&self.setting, last, self.best(), self.weights.noise)
     }
 
     /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`;

@@ -5,6 +5,7 @@
 //! their start; once it is taken for that, nothing is left by which it could be found.
 
 use super::found;
+use crate::diagnose::choosing::Choosing;
 use crate::diagnose::explain::Explanation;
 use crate::diagnose::rest::{WORTH, places, still};
 use crate::diagnose::search::Search;
@@ -58,9 +59,10 @@ fn better<'a>(
     }
     // Of the samples that count under both.
     let used = in_both(&kept.0.weights.used, &other.weights.used);
+    let (told, others) = told((&kept.0, &kept.1), (&other, &made), choosing);
     let (first, second) = (
-        evidence(&kept.0, &kept.1, &used),
-        evidence(&other, &made, &used),
+        evidence(&kept.0, &kept.1, &used) + told,
+        evidence(&other, &made, &used) + others,
     );
     tracing::debug!(
         "{belief}: {:?} {second:.1} for {:?} {first:.1}",
@@ -71,6 +73,32 @@ fn better<'a>(
         (other, made)
     } else {
         kept
+    }
+}
+
+/// What the runs held out that choose say for each, given the runs fitted, of the samples that count under both; nothing where
+/// one of them cannot be asked.
+fn told(
+    kept: (&Search<'_>, &Explanation),
+    other: (&Search<'_>, &Explanation),
+    held: &[Track],
+) -> (f64, f64) {
+    let setting = kept.0.setting;
+    let like =
+        |of: (&Search<'_>, &Explanation)| Choosing::like(setting, &of.0.weights, held, &of.1.fit);
+    let used = in_both(like(kept).used(), like(other).used());
+    if used.len() != held.len() {
+        return (0.0, 0.0);
+    }
+    let asked = |of: (&Search<'_>, &Explanation)| {
+        let weights = &of.0.weights;
+        let choosing = Choosing::new(setting, weights, held, used.clone()).with(&kept.0.shown);
+        let foretold = choosing.foretold(setting, weights, &of.1.fit);
+        Some((of.1.told(of.0, &choosing)?, foretold))
+    };
+    match asked(kept).zip(asked(other)) {
+        Some(((first, a), (second, b))) if a || b => (first, second),
+        _ => (0.0, 0.0),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::words::twice_note;
+use crate::diagnose::choosing::Choosing;
 use crate::diagnose::explain::{Explanation, Recheck, needs};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::posterior::{ALIKE, Group, Posterior};
@@ -39,7 +40,7 @@ pub fn effects(
         let info = setting.vocabulary[*candidate].info;
         // Something is there when the set without it is worse; which of its kin it is, is another question.
         let (there, bounded) = if simple {
-            evidence_share(search, first, member, sizes[member])
+            evidence_share(search, &post.choosing, first, member, sizes[member])
         } else {
             let known = needed.iter().find(|n| n.0 == *candidate);
             known.map_or((share(sizes[member]), true), |n| (share(n.1), n.2))
@@ -162,16 +163,23 @@ fn share(lacks: f64) -> f64 {
 
 /// Probability of a member against the same set without it, fitted; from half chi-square of its size (and
 /// `true`) where that fit failed.
-fn evidence_share(search: &Search<'_>, fit: &Fit, member: usize, size: f64) -> (f64, bool) {
+fn evidence_share(
+    search: &Search<'_>,
+    choosing: &Choosing,
+    fit: &Fit,
+    member: usize,
+    size: f64,
+) -> (f64, bool) {
     let mut smaller = fit.set.clone();
     smaller.remove(member);
+    let all = |f: &Fit| choosing.evidence(search.setting, &search.weights, f);
     match search.get(&smaller) {
-        Some(without) => (share(fit.log_evidence - without.log_evidence), false),
+        Some(without) => (share(all(fit) - all(without)), false),
         None => (share(size), true),
     }
 }
 
-/// Effects that do as well in the place of a member, all others as they are: less likely by no more than a
+/// Effects that do as well, in the runs fitted, in the place of a member, all others as they are: less likely by no more than a
 /// factor of 20, or as likely but for what was likelier before any data.
 fn in_its_place(search: &Search<'_>, first: &Fit, member: usize) -> Vec<String> {
     let setting = search.setting;

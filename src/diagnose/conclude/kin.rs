@@ -2,7 +2,7 @@
 
 use crate::diagnose::bank::{joined, without};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::posterior::Group;
+use crate::diagnose::posterior::{Fitted, Group};
 use crate::diagnose::predict::held_out;
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
@@ -69,6 +69,8 @@ pub fn as_good(search: &Search<'_>, group: &Group, held: &[Track]) -> Vec<(&'sta
                     matters,
                     fit: made,
                     probability: 0.0,
+                    told: 0.0,
+                    fitted: Fitted::default(),
                 };
                 found.push((rms, (kin.info.id, group)));
             }

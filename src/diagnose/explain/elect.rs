@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::Explanation;
 use super::covered::covered;
 use crate::diagnose::bank::without;
+use crate::diagnose::choosing::Choosing;
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Variable};
 use crate::diagnose::fit::{Fit, Posed};
@@ -17,8 +18,8 @@ use crate::diagnose::setting::Track;
 const MISSED: f64 = 2.0;
 /// Log evidence below the best one from where on a function cuts nothing off the runs held out.
 const IN_THE_RACE: f64 = 50.0;
-/// Difference in log evidence below which the runs held out are asked.
-const HARDLY: f64 = 6.0;
+/// Log evidence of all runs that what only those held out show must gain.
+pub(super) const HELD_SHOWS: f64 = 5.0;
 /// rms of the runs held out without a member over that with it up to which it is not needed.
 const AS_WELL: f64 = 1.02;
 /// An explanation that does with fewer effects because one law bends may be this much worse in log evidence:
@@ -28,9 +29,9 @@ pub const SPARING: f64 = 4.0;
 /// Of the tolerance: weight of an effect that is worth to do without.
 pub(super) const NOTABLE: f64 = 0.25;
 
-/// The most likely of those that do not miss the runs held out by far more than noise and than
-/// another one does; of those that are hardly less likely, the one that surely predicts better. A force in time
-/// tells nothing of other runs and is not asked.
+/// The most likely, with what the runs held out say given the runs fitted, of those that do not miss them by far more
+/// than noise and than another one does. A force in time tells nothing of other runs and is not asked: it is compared by
+/// the runs fitted alone.
 pub fn elect(
     search: &Search<'_>,
     contenders: &[Explanation],
@@ -71,9 +72,10 @@ pub fn elect(
     let near_noise = least < MISSED * noise.total_sd();
     let slack = if near_noise { MISSED } else { MISSED * MISSED };
     let bar = slack * least.max(noise.total_sd());
-    for (e, m) in contenders.iter().zip(&missed) {
+    let told = told(search, contenders, top, held, &asked);
+    for ((e, m), told) in contenders.iter().zip(&missed).zip(&told) {
         tracing::debug!(
-            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e}, weighs {:.5}, members {:.5?}",
+            "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e} {told:.1?}, weighs {:.5}, members {:.5?}",
             e.fit.set,
             e.kind(),
             e.log_evidence,
@@ -86,21 +88,20 @@ pub fn elect(
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =
         |e: &Explanation, m: &Option<f64>| sound(m) || (!missed.iter().any(sound) && e.unnamed());
-    let eligible: Vec<(&Explanation, Option<Prediction>)> = contenders
+    let eligible: Vec<(&Explanation, Option<f64>)> = contenders
         .iter()
         .zip(&missed)
-        .zip(asked)
+        .zip(told)
         .filter(|((e, m), _)| !any || sound(e, m))
-        .map(|((e, _), p)| (e, p))
+        .map(|((e, _), told)| (e, told))
         .collect();
-    let gain = |e: &Explanation, b: &Explanation| {
-        e.log_evidence - sparing(search, b, e) - b.log_evidence + sparing(search, e, b)
-    };
-    let chosen = choose(
-        eligible.len(),
-        |k, b| gain(eligible[k].0, eligible[b].0),
-        |k, b| Some(eligible[k].1.as_ref()?.better_than(eligible[b].1.as_ref()?)),
-    )?;
+    let chosen = choose(eligible.len(), |k, b| {
+        let ((e, own), (other, theirs)) = (&eligible[k], &eligible[b]);
+        let told = own.zip(*theirs).map_or(0.0, |(own, theirs)| own - theirs);
+        e.log_evidence - sparing(search, other, e) - other.log_evidence
+            + sparing(search, e, other)
+            + told
+    })?;
     let best = eligible[chosen].0;
     tracing::debug!(
         "elected {:?}, matters above {:.1e}",
@@ -110,28 +111,46 @@ pub fn elect(
     Some(best.clone())
 }
 
-/// The likeliest of so many: the one whose least gain over another is largest; where others are hardly less likely, the one of those that surely predicts better.
-///
-/// `gain(k, b)` = log evidence of k over b; `better(k, b)` = t of k's prediction over that of b, where both were asked.
-fn choose(
-    many: usize,
-    gain: impl Fn(usize, usize) -> f64,
-    better: impl Fn(usize, usize) -> Option<f64>,
-) -> Option<usize> {
+/// Log density of the runs held out under each contender, given the runs fitted; `None` where that cannot be asked.
+fn told(
+    search: &Search<'_>,
+    contenders: &[Explanation],
+    top: f64,
+    held: &[Track],
+    asked: &[Option<Prediction>],
+) -> Vec<Option<f64>> {
+    let (setting, weights) = (search.setting, &search.weights);
+    // The samples that are no outliers under the one that predicts best count for all.
+    let best = asked
+        .iter()
+        .flatten()
+        .filter(|p| p.rms.is_finite() && p.runs() == held.len())
+        .min_by(|a, b| a.rms.total_cmp(&b.rms));
+    let Some(best) = best else {
+        return vec![None; contenders.len()];
+    };
+    let choosing = Choosing::new(setting, weights, held, best.kept()).with(&search.shown);
+    let foretold = best.rms < MISSED * weights.noise.total_sd()
+        || contenders
+            .par_iter()
+            .any(|e| e.family.is_none() && choosing.foretold(setting, weights, &e.fit));
+    contenders
+        .par_iter()
+        .map(|e| {
+            let near = foretold && e.log_evidence > top - IN_THE_RACE;
+            near.then(|| e.told(search, &choosing)).flatten()
+        })
+        .collect()
+}
+
+/// The likeliest of so many: the one whose least gain over another is largest; `gain(k, b)` = log evidence of k over b.
+fn choose(many: usize, gain: impl Fn(usize, usize) -> f64) -> Option<usize> {
     // What is allowed for fewer effects is allowed pair by pair, so that three may beat each other in turn.
     let worst = |k: usize| {
         let others = (0..many).filter(|b| *b != k);
         others.map(|b| gain(k, b)).fold(f64::INFINITY, f64::min)
     };
-    let likeliest = (0..many).reduce(|best, k| if worst(k) > worst(best) { k } else { best })?;
-    let near: Vec<(usize, f64)> = (0..many)
-        .filter(|k| *k != likeliest && gain(*k, likeliest).abs() < HARDLY)
-        .filter_map(|k| Some((k, better(k, likeliest)?)))
-        .collect();
-    let bar = better_t(near.len());
-    let surely = near.iter().filter(|(_, t)| *t > bar);
-    let chosen = surely.max_by(|a, b| a.1.total_cmp(&b.1));
-    Some(chosen.map_or(likeliest, |(k, _)| *k))
+    (0..many).reduce(|best, k| if worst(k) > worst(best) { k } else { best })
 }
 
 /// rms of the runs held out with all of an explanation; `None` where that cannot be asked: without such runs,
@@ -247,13 +266,10 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
 mod tests {
     use super::*;
 
-    /// Whatever the order they come in: the likeliest, or one hardly less likely that surely predicts better;
-    /// never one that is far less likely.
+    /// Whatever the order they come in: the likeliest.
     #[test]
     fn an_election_does_not_depend_on_the_order_of_its_candidates() {
         let evidence = [100.0, 94.5, 89.0];
-        // Each predicts surely better than those before it.
-        let t = |k: usize, b: usize| 5.0 * (k as f64 - b as f64);
         for order in [
             [0, 1, 2],
             [0, 2, 1],
@@ -263,19 +279,15 @@ mod tests {
             [2, 1, 0],
         ] {
             let gain = |k: usize, b: usize| evidence[order[k]] - evidence[order[b]];
-            let better = |k: usize, b: usize| Some(t(order[k], order[b]));
-            let won = choose(3, gain, better).unwrap();
-            assert_eq!(order[won], 1, "{order:?}");
-            assert_eq!(order[choose(3, gain, |_, _| None).unwrap()], 0);
-            assert_eq!(order[choose(3, gain, |_, _| Some(1.0)).unwrap()], 0);
+            assert_eq!(order[choose(3, gain).unwrap()], 0);
         }
-        assert_eq!(choose(0, |_, _| 0.0, |_, _| None), None);
-        assert_eq!(choose(1, |_, _| 0.0, |_, _| None), Some(0));
+        assert_eq!(choose(0, |_, _| 0.0), None);
+        assert_eq!(choose(1, |_, _| 0.0), Some(0));
         // Three that beat each other in turn: the first loses to the last by least.
         let cycle = [[0.0, 1.0, -0.5], [-1.0, 0.0, 0.7], [0.5, -0.7, 0.0]];
         for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
             let gain = |k: usize, b: usize| cycle[order[k]][order[b]];
-            assert_eq!(order[choose(3, gain, |_, _| None).unwrap()], 0, "{order:?}");
+            assert_eq!(order[choose(3, gain).unwrap()], 0, "{order:?}");
         }
     }
 }

@@ -4,26 +4,16 @@
 //! does not, and is missed for it, says which law it is that fails. How well the explanation predicts is told
 //! from before this.
 
+use super::along::{FAR_FROM_NOISE, all_runs, along};
 use super::look::{Care, look};
 use crate::diagnose::family::Acts;
 use crate::diagnose::fit::Fit;
-use crate::diagnose::predict::predicted;
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
-use crate::diagnose::weights::Weights;
-
-/// Additions looked at beside the set: what the runs held out show first may be one more effect.
-const ADDED: usize = 4;
-/// Times that one is taken.
-const ROUNDS: usize = 2;
-/// Half chi-square that one must promise.
-const LEAST_GAIN: f64 = 6.0;
 
 /// Log evidence that all runs together must gain: no election stands behind it, and the best of two dozen bends of an
 /// exact law gains three now and then.
 const LEAST_BEYOND: f64 = 5.0;
-/// Half chi-square per sample above which no law comes near the noise, which leaves 0.5: every one would bend.
-const FAR_FROM_NOISE: f64 = 2.0;
 
 /// What all runs together say of a set that was found in some of them.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,31 +30,8 @@ pub fn recheck(search: &Search<'_>, first: &Fit, held: &[Track]) -> Option<Reche
         return None;
     }
     let fitted = search.setting;
-    let tracks: Vec<Track> = fitted.tracks.iter().chain(held).cloned().collect();
-    let all = fitted.with_tracks(tracks);
-    let mut used = search.weights.used.clone();
-    used.extend(predicted(fitted, held, first, search.weights.noise)?.kept());
-    let mut along = Search::new(&all, search.progress);
-    along.weights =
-        Weights::new(&all.tracks, search.weights.noise, used).at_rest(search.weights.rest_sd);
-    along.blind = search.blind.clone();
-    // Behind the numbers of the set stand the runs' starts.
-    let mut at = first.at.clone();
-    for track in held {
-        at.extend([track.measured.first().copied().unwrap_or(0.0), 0.0]);
-    }
-    along.fit_all(vec![(first.set.clone(), at)]);
-    let mut set = first.set.clone();
-    for _ in 0..ROUNDS {
-        along.finished(&set)?;
-        along.refresh(&set);
-        along.extend(std::slice::from_ref(&set), ADDED, LEAST_GAIN);
-        let best = along.best()?.set.clone();
-        if best == set {
-            break;
-        }
-        set = best;
-    }
+    let all = all_runs(search, held);
+    let (mut along, set) = along(search, &all, first)?;
     let best = along.finished(&set)?;
     if best.cost > FAR_FROM_NOISE * along.weights.samples() as f64 {
         return None;
