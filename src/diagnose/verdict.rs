@@ -204,9 +204,9 @@ pub struct DataFault {
 pub struct Alternative {
     /// Its effects.
     pub effects: Vec<String>,
-    /// Log evidence below the best.
+    /// Log evidence of the runs fitted, over that of the first.
     pub log_evidence: f64,
-    /// Probability.
+    /// Probability, with what the runs held out that help to choose say.
     pub probability: f64,
     /// rms on the runs fitted per channel \[SI\].
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]

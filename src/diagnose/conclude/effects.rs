@@ -174,7 +174,12 @@ fn evidence_share(
     smaller.remove(member);
     let all = |f: &Fit| choosing.evidence(search.setting, &search.weights, f);
     match search.get(&smaller) {
-        Some(without) => (share(all(fit) - all(without)), false),
+        Some(without) => {
+            let gain = all(fit) - all(without);
+            // Where neither foretells anything the runs fitted decide.
+            let fitted = fit.log_evidence - without.log_evidence;
+            (share(if gain.is_nan() { fitted } else { gain }), false)
+        }
         None => (share(size), true),
     }
 }

@@ -100,9 +100,6 @@ pub fn alternatives(
     let channel = search.setting.channel();
     let one = |v: f64| BTreeMap::from([(channel.to_owned(), v)]);
     let mut all: Vec<Alternative> = Vec::new();
-    let own = post
-        .choosing
-        .evidence(search.setting, &search.weights, first);
     for (rank, group) in post.groups.iter().take(TOLD.0).enumerate() {
         let miss = if rank < TOLD.1 {
             held_out(search.setting, held, &group.fit, search.weights.noise)
@@ -111,7 +108,7 @@ pub fn alternatives(
         };
         all.push(Alternative {
             effects: names(search, &group.fit.set),
-            log_evidence: group.fit.log_evidence + group.told - own,
+            log_evidence: group.fit.log_evidence - first.log_evidence,
             probability: group.probability,
             train: one(rms(search, &group.fit)),
             held_out: miss.map(one).unwrap_or_default(),
