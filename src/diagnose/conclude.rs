@@ -301,7 +301,11 @@ fn one(
         None => first.clone(),
     };
     let verdict = &mut made.verdict;
-    let shares = weights(&setting, &first);
+    let shares = if simple {
+        weights(&setting, &first)
+    } else {
+        found.weights.clone()
+    };
     // A law that the runs fitted do not tell from the vocabulary's, the others may.
     let heavy = shares.iter().any(|w| *w > setting.tolerance);
     let second = (simple && heavy)

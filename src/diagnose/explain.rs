@@ -27,11 +27,11 @@ use super::posterior::near;
 use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
-use super::weight::{weight_beyond, weight_of, weights};
+use super::weight::{weight_beyond, weight_of, weight_of_all, weights};
 use along::shown;
 use beside::{beside, squeezed};
 use covered::covered;
-use doubled::{doubled, doubled_from, doubled_members};
+use doubled::{doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
@@ -126,6 +126,23 @@ impl Explanation {
             family_weight: weight(search.setting, &joint, &family.response),
             family: Some(family),
             ..Explanation::plain(search, &joint)
+        }
+    }
+
+    /// A mechanism that acts twice; `once` = what a rig file can hold of it.
+    fn doubled(search: &Search<'_>, candidate: usize, two: Fit, once: &Fit) -> Explanation {
+        let setting = search.setting;
+        let mut made = Explanation::plain(search, once);
+        let member = once.set.iter().position(|c| *c == candidate);
+        if let Some(member) = member
+            && setting.vocabulary[candidate].info.parameters[0].corner
+        {
+            made.weights[member] = weight_of_all(setting, &two, candidate);
+        }
+        Explanation {
+            log_evidence: two.log_evidence,
+            twice: Some((candidate, two)),
+            ..made
         }
     }
 
@@ -284,6 +301,7 @@ pub fn explain(
         search.singles();
         let floor = bar(&contenders, &best) - OUT_OF_REACH;
         laws.extend(instead(search, unnamed));
+        contenders.extend(side_by_side(search, unnamed, floor));
         for found in &search.early {
             contenders.extend(doubled_from(search, found, &best.fit, floor));
             laws.extend(again(search, found));

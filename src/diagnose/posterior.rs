@@ -23,6 +23,9 @@ pub const TIE: f64 = 4.0;
 /// Half chi-square within which two sets with as many parameters fit alike: a factor
 /// of 20 between their likelihoods. Which of them is likelier before any data splits nothing.
 pub const ALIKE: f64 = 3.0;
+/// Probability of nothing that matters above which nothing else is tied with it: the rate of false alarms, for something
+/// that does what the vehicle's own numbers do is never ruled out by much.
+const SURELY_NOTHING: f64 = 0.9;
 /// Most sets reported.
 const REPORTED: usize = 6;
 
@@ -310,6 +313,9 @@ impl Posterior {
         let Some(first) = self.groups.first() else {
             return Vec::new();
         };
+        if first.matters.is_empty() && first.probability > SURELY_NOTHING {
+            return vec![first];
+        }
         let mut kept: Vec<&Group> = Vec::new();
         for g in &self.groups {
             let same = |k: &&Group| {

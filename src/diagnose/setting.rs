@@ -14,6 +14,8 @@ use crate::identify::parameter::{Coefficient, Term};
 
 /// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
 const STEP_MAX_S: f64 = 0.04;
+/// Thrusters whose mean a law is that stands twice with its corners in the load.
+const SIDE_BY_SIDE: usize = 8;
 /// A log whose motion starts this late is one cut to a window: the state is free at its first stamp \[s\].
 const START_SLACK_S: f64 = 1.0;
 /// Derivatives per pass.
@@ -367,10 +369,33 @@ impl Setting {
     ) -> Result<EffectStack<T>, EffectError> {
         let places = self.places(set);
         let fixed = self.base.len();
-        EffectStack::assemble(on, |e, p, value| match e.checked_sub(fixed) {
-            Some(member) => globals[places[member] + p],
-            None => T::from_f64(value),
-        })
+        let corner = |c: usize| self.vocabulary[c].info.parameters[0].corner;
+        let twice = set.windows(2).position(|w| w[0] == w[1] && corner(w[0]));
+        let Some(first) = twice else {
+            return EffectStack::assemble(on, |e, p, value| match e.checked_sub(fixed) {
+                Some(member) => globals[places[member] + p],
+                None => T::from_f64(value),
+            });
+        };
+        // Of a law with a corner in the load the two copies are where the corners of many thrusters begin and end.
+        let mut on = on.to_vec();
+        let more = on.len();
+        on.extend(vec![on[fixed + first].clone(); SIDE_BY_SIDE - 2]);
+        let mut stack = EffectStack::assemble(&on, |e, p, value| {
+            let Some(member) = e.checked_sub(fixed) else {
+                return T::from_f64(value);
+            };
+            let one = match e.checked_sub(more) {
+                Some(k) => k + 2,
+                None if member == first || member == first + 1 => member - first,
+                None => return globals[places[member] + p],
+            };
+            let share = (one as f64 + 0.5) / SIDE_BY_SIDE as f64;
+            let (low, high) = (globals[places[first] + p], globals[places[first + 1] + p]);
+            low * (1.0 - share) + high * share
+        })?;
+        stack.side_by_side(fixed);
+        Ok(stack)
     }
 
     /// Positions of one run as a set of effects would have them measured.

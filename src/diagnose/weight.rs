@@ -51,27 +51,55 @@ fn rms(column: &DVector<f64>) -> f64 {
 /// this effect alone minus motion with none, at the fitted vehicle, outside of the span of the
 /// derivatives to the DOF's own coefficients.
 pub fn weights(setting: &Setting, fit: &Fit) -> Vec<f64> {
-    let span = own_span(setting, fit);
-    // A stretch of a decay that begins as the angle crosses zero moves by its rate alone.
-    let starts: Vec<(f64, f64)> = setting
-        .tracks
-        .iter()
-        .enumerate()
-        .map(|(run, track)| match fit.start(setting, run) {
-            start if track.starts_under_way(setting.tolerance) => start,
-            (position, _) => (position, 0.0),
-        })
-        .collect();
-    let vehicle = &fit.at[..COEFFICIENTS];
-    let none = motion(setting, &[], vehicle, &starts);
-    (0..fit.set.len())
-        .map(|member| {
-            let mut globals = vehicle.to_vec();
-            globals.extend_from_slice(fit.member(setting, member));
-            let with = motion(setting, &[fit.set[member]], &globals, &starts);
-            rms(&outside(&span, &(with - &none)))
-        })
-        .collect()
+    let alone = Alone::new(setting, fit);
+    (0..fit.set.len()).map(|m| alone.weight(m..m + 1)).collect()
+}
+
+/// The same of all copies of a candidate together.
+pub fn weight_of_all(setting: &Setting, fit: &Fit, candidate: usize) -> f64 {
+    let first = fit.set.partition_point(|c| *c < candidate);
+    let end = fit.set.partition_point(|c| *c <= candidate);
+    Alone::new(setting, fit).weight(first..end)
+}
+
+/// The vehicle of a fit with few of its members.
+struct Alone<'a> {
+    setting: &'a Setting,
+    fit: &'a Fit,
+    span: DMatrix<f64>,
+    starts: Vec<(f64, f64)>,
+    none: DVector<f64>,
+}
+
+impl<'a> Alone<'a> {
+    fn new(setting: &'a Setting, fit: &'a Fit) -> Alone<'a> {
+        // A stretch of a decay that begins as the angle crosses zero moves by its rate alone.
+        let starts: Vec<(f64, f64)> = setting
+            .tracks
+            .iter()
+            .enumerate()
+            .map(|(run, track)| match fit.start(setting, run) {
+                start if track.starts_under_way(setting.tolerance) => start,
+                (position, _) => (position, 0.0),
+            })
+            .collect();
+        Alone {
+            setting,
+            fit,
+            span: own_span(setting, fit),
+            none: motion(setting, &[], &fit.at[..COEFFICIENTS], &starts),
+            starts,
+        }
+    }
+
+    fn weight(&self, members: std::ops::Range<usize>) -> f64 {
+        let mut globals = self.fit.at[..COEFFICIENTS].to_vec();
+        for member in members.clone() {
+            globals.extend_from_slice(self.fit.member(self.setting, member));
+        }
+        let with = motion(self.setting, &self.fit.set[members], &globals, &self.starts);
+        rms(&outside(&self.span, &(with - &self.none)))
+    }
 }
 
 /// Weight of an additional motion (a free force's response) as effects are weighed: what the DOF's own

@@ -269,6 +269,10 @@ impl Ideal {
         let numbers = self.truth.at.len() as f64 - by_priors + 1.0;
         let fitted = 0.5 * self.weights.stack(noise).norm_squared() - 0.5 * numbers;
         let law = self.truth.log_evidence + (self.truth.cost - fitted) - ONE_MORE;
+        tracing::debug!(
+            "the other law gains {:.1} over the best set",
+            law - self.top()
+        );
         law > self.top()
     }
 

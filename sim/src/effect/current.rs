@@ -13,6 +13,7 @@ const fn component(name: &'static str, meaning: &'static str) -> ParameterInfo {
         typical: 0.005,
         absent: Some(0.0),
         bounds_load: false,
+        corner: false,
     }
 }
 

@@ -44,6 +44,9 @@ pub struct ParameterInfo {
     pub absent: Option<f64>,
     /// A limit on the load: does nothing above the largest load, not at 0.
     pub bounds_load: bool,
+    /// A load at which the law has a corner. A DOF driven by several thrusters has one corner for each of them:
+    /// the mean of the law over these loads.
+    pub corner: bool,
 }
 
 impl ParameterInfo {
@@ -65,6 +68,7 @@ impl ParameterInfo {
             typical,
             absent: None,
             bounds_load: false,
+            corner: false,
         }
     }
 
@@ -72,6 +76,14 @@ impl ParameterInfo {
     pub(super) const fn limit(self) -> Self {
         ParameterInfo {
             bounds_load: true,
+            ..self
+        }
+    }
+
+    /// The same, as a load at which the law has a corner.
+    pub(super) const fn corner(self) -> Self {
+        ParameterInfo {
+            corner: true,
             ..self
         }
     }

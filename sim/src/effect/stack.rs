@@ -16,6 +16,8 @@ struct Member<T: Real> {
     /// Its slice of the own states.
     first: usize,
     last: usize,
+    /// How many members from here on act side by side; 0 for those behind the first of them.
+    beside: usize,
 }
 
 /// Effects sorted by stage and by order within it; same order, file order.
@@ -85,6 +87,7 @@ impl<T: Real> EffectStack<T> {
                 given: e,
                 first: 0,
                 last: 0,
+                beside: 1,
             });
         }
         members.sort_by_key(|m| (m.info.stage, m.info.order));
@@ -111,6 +114,24 @@ impl<T: Real> EffectStack<T> {
             busy,
             notes,
         })
+    }
+
+    /// Lets copies of an effect among those given from index `from` on stand for thrusters side by side, each with its
+    /// share of the load: the mean of their laws, where one behind the other would be another single one.
+    pub fn side_by_side(&mut self, from: usize) {
+        let corner =
+            |m: &Member<T>| m.given >= from && m.info.parameters.first().is_some_and(|p| p.corner);
+        let mut k = 0;
+        while k < self.members.len() {
+            let id = self.members[k].info.id;
+            let same = |m: &&Member<T>| m.info.id == id && corner(m);
+            let count = self.members[k..].iter().take_while(same).count().max(1);
+            self.members[k].beside = count;
+            self.members[k + 1..k + count]
+                .iter_mut()
+                .for_each(|m| m.beside = 0);
+            k += count;
+        }
     }
 
     /// Gives one effect (its index among those the stack was built of) other numbers.
@@ -192,9 +213,26 @@ impl<T: Real> EffectStack<T> {
     }
 
     pub(crate) fn thrust(&self, m: &Moment<'_, T>, wrench: &mut [T; 6], own: &[T], rate: &mut [T]) {
-        for e in self.stage(Stage::Thruster) {
-            e.law
-                .thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+        for (k, e) in self.members.iter().enumerate() {
+            if e.info.stage != Stage::Thruster || e.beside == 0 {
+                continue;
+            }
+            if e.beside == 1 {
+                e.law
+                    .thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+                continue;
+            }
+            let (given, share) = (*wrench, 1.0 / e.beside as f64);
+            *wrench = [T::zero(); 6];
+            for one in &self.members[k..k + e.beside] {
+                let mut made = given;
+                let states = one.first..one.last;
+                one.law
+                    .thrust(m, &mut made, &own[states.clone()], &mut rate[states]);
+                for (sum, x) in wrench.iter_mut().zip(made) {
+                    *sum = *sum + x * share;
+                }
+            }
         }
     }
 

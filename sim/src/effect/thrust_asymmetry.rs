@@ -18,6 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         typical: 0.85,
         absent: None,
         bounds_load: false,
+        corner: false,
     }],
     words: &[DOF],
     kin: &["astern_drag", "constant_force", "current"],

@@ -18,6 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         typical: 0.4,
         absent: None,
         bounds_load: false,
+        corner: true,
     }],
     words: &[DOF],
     kin: &[

@@ -19,6 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         typical: 0.2,
         absent: None,
         bounds_load: false,
+        corner: false,
     }],
     words: &[DOF],
     kin: &["camera_latency", "command_latency", "fluid_memory"],

@@ -17,7 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         (0.0, 1e4),
         6.0,
     )
-    .limit()],
+    .limit()
+    .corner()],
     words: &[DOF],
     kin: &[
         "constant_force",

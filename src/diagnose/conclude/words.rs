@@ -21,6 +21,12 @@ pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
                 .join(", ")
         })
         .collect();
+    if info.parameters[0].corner {
+        return format!(
+            "acts as many side by side would, from {}",
+            copies.join(" to ")
+        );
+    }
     format!("acts as two in a row would: {}", copies.join(" and "))
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Without the second one other effects imitate it, so the set is grown anew from the two alone.
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::Explanation;
@@ -9,8 +10,11 @@ use super::beside::{SURELY_THERE, known, lacking, likeliest, too_slow};
 use super::look::{INEXACT, TWICE_PENALTY, twice};
 use crate::diagnose::bank::{View, joined, motion, responses_at, whitened, without};
 use crate::diagnose::descent::Effort;
+use crate::diagnose::family::Variable;
 use crate::diagnose::fit::{Fit, Posed};
+use crate::diagnose::rest::reduced;
 use crate::diagnose::search::Search;
+use crate::diagnose::setting::Setting;
 
 /// Single effects that are doubled.
 const DOUBLED: usize = 4;
@@ -63,6 +67,32 @@ pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Ve
             let two = twice(search, fit, &view, 0)?;
             (two.log_evidence > fit.log_evidence + INEXACT)
                 .then(|| grown(search, candidate, two, &found.fit, bar))?
+        })
+        .collect()
+}
+
+/// Members with a corner in the load as several thrusters side by side have it, in the place of a free force of the load.
+pub fn side_by_side(search: &Search<'_>, unnamed: &Explanation, bar: f64) -> Vec<Explanation> {
+    let setting = search.setting;
+    let of_load = unnamed
+        .kind()
+        .is_some_and(|(_, v)| v.quantity() == Variable::Load);
+    if !of_load {
+        return Vec::new();
+    }
+    let corner = |c: &&usize| setting.vocabulary[**c].info.parameters[0].corner;
+    let fit = Posed::new(setting, &search.weights, &unnamed.fit.set)
+        .fit(unnamed.fit.at.clone())
+        .ok();
+    let Some(fit) = fit else { return Vec::new() };
+    fit.set
+        .iter()
+        .filter(corner)
+        .filter_map(|candidate| {
+            let member = fit.set.iter().position(|c| c == candidate)?;
+            let view = View::new(setting, &search.weights, &fit);
+            let two = twice(search, &fit, &view, member)?;
+            grown(search, *candidate, two, &unnamed.fit, bar)
         })
         .collect()
 }
@@ -153,13 +183,43 @@ fn grown(
     }
     tracing::debug!("doubled {candidate}: {:?} {:.1}", now.set, now.log_evidence);
     // What a rig file can hold of it: each effect once.
-    let copy = now.set.iter().position(|c| *c == candidate)?;
-    let (set, at) = without(setting, &now, copy);
-    let once = Posed::new(setting, &search.weights, &set).fit(at).ok()?;
-    Some(Explanation {
-        log_evidence: now.log_evidence,
-        twice: Some((candidate, now)),
-        ..Explanation::plain(search, &once)
+    let once = merged(setting, &now, candidate).or_else(|| {
+        let copy = now.set.iter().position(|c| *c == candidate)?;
+        let (set, at) = without(setting, &now, copy);
+        Posed::new(setting, &search.weights, &set).fit(at).ok()
+    })?;
+    Some(Explanation::doubled(search, candidate, now, &once))
+}
+
+/// One corner amid those side by side, all other numbers as they stand beside these; `None` for what acts in a row.
+/// Fitted again with a single corner the others would do the work of the rest.
+pub fn merged(setting: &Setting, two: &Fit, candidate: usize) -> Option<Fit> {
+    if !setting.vocabulary[candidate].info.parameters[0].corner {
+        return None;
+    }
+    let copy = two.set.iter().position(|c| *c == candidate)?;
+    let k = setting.places(&two.set)[copy];
+    let (mut set, mut at) = (two.set.clone(), two.at.clone());
+    set.remove(copy);
+    at[k + 1] = 0.5 * (at[k] + at[k + 1]);
+    at.remove(k);
+    // Derivatives to half their difference (first of the two) and to their mean.
+    let n = two.at.len();
+    let turned = DMatrix::from_fn(n, n, |i, j| match (i, j) {
+        _ if i == k && j == k => -1.0,
+        _ if i == k && j == k + 1 => 1.0,
+        _ if i == k + 1 && j == k => 1.0,
+        _ if i == j => 1.0,
+        _ => 0.0,
+    });
+    let all = turned.tr_mul(&two.hessian) * &turned;
+    let shared: Vec<usize> = (0..n).filter(|i| *i != k).collect();
+    let (hessian, _) = reduced(&all, &DVector::zeros(n), &shared)?;
+    Some(Fit {
+        set,
+        at,
+        hessian,
+        ..two.clone()
     })
 }
 
@@ -188,13 +248,14 @@ mod tests {
     use super::*;
     use crate::diagnose::setting::{COEFFICIENTS, Setting};
     use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
+    use crate::diagnose::weight::weight_of_all;
 
     /// The runs of two motions under this set and these numbers, with noise.
     fn tracked(made: &mut Setting, set: &[usize], numbers: &[f64]) {
         let mut globals = made.coefficients().to_vec();
         assert_eq!(globals.len(), COEFFICIENTS);
         globals.extend(numbers);
-        let moved = motion(made, set, &globals, &[(0.0, 0.0); 2]);
+        let moved = motion(made, set, &globals, &vec![(0.0, 0.0); made.tracks.len()]);
         let mut first = 0;
         for track in &mut made.tracks {
             for (k, m) in track.measured.iter_mut().enumerate() {
@@ -235,6 +296,36 @@ mod tests {
         assert_eq!(two.set, set.to_vec());
         assert!(equal.contains(&lag), "they are not equal");
         assert!(two.cost < 2.0 * samples);
+    }
+
+    /// A limit with a round shoulder was named exact with others that did the work of the shoulder, or a force of the load
+    /// without a name.
+    #[test]
+    fn a_round_shoulder_is_one_of_many_limits() {
+        let mut made = setting(&[surge(0, &[]), surge(1, &[]), surge(2, &[])]);
+        let limit = candidate(&made, "thruster_saturation");
+        tracked(&mut made, &[limit, limit], &[3.0, 8.0]);
+        let mut search = Search::new(&made, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[limit]).unwrap();
+        let view = View::new(&made, &search.weights, &single);
+        let two = twice(&search, &single, &view, 0).unwrap();
+        assert!(two.log_evidence > single.log_evidence + 10.0);
+        let numbers = [two.member(&made, 0)[0], two.member(&made, 1)[0]];
+        assert!(numbers[0] < 4.0 && numbers[1] > 7.0, "{numbers:?}");
+        let once = merged(&made, &two, limit).unwrap();
+        assert_eq!((once.set.len(), once.at.len()), (1, two.at.len() - 1));
+        let (mean, sd) = (
+            once.member(&made, 0)[0],
+            once.covariance()[(COEFFICIENTS, COEFFICIENTS)].sqrt(),
+        );
+        assert!((mean - 5.5).abs() < 4.0 * sd && sd < 0.5, "{mean} {sd}");
+        // It weighs what all of it does, not what one limit amid them would.
+        let found = Explanation::doubled(&search, limit, two.clone(), &once);
+        assert_eq!(found.bent(), Some(limit));
+        let all = weight_of_all(&made, &two, limit);
+        assert!(all > 0.0 && found.weights == [all]);
     }
 
     /// The difference of two equal stages can only grow: taken as free it did in the linear view what a delay

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::Explanation;
+use super::doubled::merged;
 use crate::diagnose::bank::{View, joined, motion, outside, whitened, without};
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Family, FamilyFit, Variable, bends, forces};
@@ -35,6 +36,9 @@ const FAR_FROM_NOISE: f64 = 2.0;
 pub(super) const TWICE_PENALTY: f64 = 2.0;
 /// A second copy begins with this share of the first one's size.
 const SPLIT: f64 = 0.35;
+/// Corners side by side lie between these shares of the one's: wide apart as thresholds that begin at nothing are, or close
+/// together as limits are.
+const CORNERS: [(f64, f64); 2] = [(0.2, 1.8), (0.6, 1.4)];
 /// An effect whose weight is below this share of the heaviest is not asked whether its law bends.
 const HEAVY_SHARE: f64 = 0.25;
 /// A function whose cost ends this far above the best one's is not followed to its minimum.
@@ -184,12 +188,8 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
             setting.vocabulary[candidate].info.id,
             two.log_evidence - fit.log_evidence
         );
-        return Explanation {
-            log_evidence: two.log_evidence,
-            twice: Some((candidate, two)),
-            weights,
-            ..Explanation::plain(search, fit)
-        };
+        let once = merged(setting, &two, candidate);
+        return Explanation::doubled(search, candidate, two, once.as_ref().unwrap_or(fit));
     }
     match refined {
         Some((joint, family)) => Explanation::with(search, joint, family),
@@ -447,10 +447,17 @@ pub(super) fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) 
         .collect();
     let plain = motion(setting, &fit.set, fit.globals(setting), &starts);
     // A share of the first one's size goes over to the copy, or the copy begins where it promises most.
-    let mut split = own.clone();
-    split[0] *= SPLIT;
-    let mut begins: Vec<(f64, Vec<f64>, f64)> = vec![(f64::INFINITY, split, 1.0 - SPLIT)];
-    if own.len() > 1 {
+    let part = |share: f64| {
+        let mut copy = own.clone();
+        copy[0] *= share;
+        copy
+    };
+    let mut begins: Vec<(f64, Vec<f64>, f64)> = vec![(f64::INFINITY, part(SPLIT), 1.0 - SPLIT)];
+    if setting.vocabulary[candidate].info.parameters[0].corner {
+        begins = CORNERS
+            .map(|(low, high)| (f64::INFINITY, part(low), high))
+            .to_vec();
+    } else if own.len() > 1 {
         begins.extend(setting.vocabulary[candidate].starts.iter().filter_map(|p| {
             let (set, at) = joined(setting, fit, candidate, p);
             let globals = &at[..COEFFICIENTS + setting.parameters(&set)];

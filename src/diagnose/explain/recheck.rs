@@ -5,14 +5,14 @@
 //! from before this.
 
 use super::along::{FAR_FROM_NOISE, all_runs, along};
-use super::look::{Care, look};
+use super::look::{Care, INEXACT, look};
 use crate::diagnose::family::Acts;
 use crate::diagnose::fit::Fit;
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
-/// Log evidence that all runs together must gain: no election stands behind it, and the best of two dozen bends of an
-/// exact law gains three now and then.
+/// Log evidence that a function must gain in all runs together: no election stands behind it, and the best of two dozen bends
+/// of an exact law gains three now and then. A second copy is one choice, which its evidence has paid for.
 const LEAST_BEYOND: f64 = 5.0;
 
 /// What all runs together say of a set that was found in some of them.
@@ -39,13 +39,25 @@ pub fn recheck(search: &Search<'_>, first: &Fit, held: &[Track]) -> Option<Reche
     let seen = look(&along, &best, Care::Above(f64::NEG_INFINITY));
     let info = |c: usize| fitted.vocabulary[c].info;
     let gain = seen.log_evidence - best.log_evidence;
-    if gain < LEAST_BEYOND {
+    let least = if seen.twice.is_some() {
+        INEXACT
+    } else {
+        LEAST_BEYOND
+    };
+    if gain < least {
         return None;
     }
     match (&seen.twice, &seen.family) {
         (Some((c, _)), _) if first.set.contains(c) => Some(Recheck::Inexact(
             *c,
-            format!("with the runs held out it acts twice (log Bayes factor {gain:.1})"),
+            format!(
+                "with the runs held out it acts as {} would (log Bayes factor {gain:.1})",
+                if info(*c).parameters[0].corner {
+                    "many side by side"
+                } else {
+                    "two in a row"
+                }
+            ),
         )),
         (None, Some(f)) => match f.family.acts {
             Acts::Bends(c) if first.set.contains(&c) => Some(Recheck::Inexact(
