@@ -58,7 +58,9 @@ pub fn elect(
             (p, missed)
         })
         .unzip();
-    let held = if known.is_empty() { held } else { &known };
+    // A function that is nowhere known there says nothing of these runs: what is left of it beyond its range is nobody's.
+    let unknown = known.is_empty();
+    let held = if unknown { held } else { &known };
     let nothing = search
         .get(&[])
         .and_then(|f| held_out(setting, held, f, noise));
@@ -72,7 +74,11 @@ pub fn elect(
     let near_noise = least < MISSED * noise.total_sd();
     let slack = if near_noise { MISSED } else { MISSED * MISSED };
     let bar = slack * least.max(noise.total_sd());
-    let told = told(search, contenders, top, held, &asked);
+    let told: Vec<Option<f64>> = told(search, contenders, top, held, &asked)
+        .into_iter()
+        .zip(contenders)
+        .map(|(told, e)| told.filter(|_| !unknown || e.family.is_none()))
+        .collect();
     for ((e, m), told) in contenders.iter().zip(&missed).zip(&told) {
         tracing::debug!(
             "contender {:?} {:?}: {:.1}, held out {m:?} of {least:.2e} {told:.1?}, weighs {:.5}, members {:.5?}",
