@@ -16,7 +16,7 @@ use super::descent::{Effort, Linear, Linearised, descend};
 use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
 use super::predict::{expected, predicted};
-use super::rest::reduced;
+use super::rest::{places, reduced};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::Weights;
 use crate::identify::forward::ForwardError;
@@ -122,7 +122,8 @@ impl Choosing {
         let key = (fit.set.clone(), fit.cost.to_bits());
         let known = self.known.lock().ok().and_then(|k| k.get(&key).copied());
         known.unwrap_or_else(|| {
-            let made = plain(setting, weights, asked, &self.wider(setting, fit));
+            let cost = (!self.shown.is_empty()).then_some(fit.cost);
+            let made = plain(setting, weights, asked, &self.wider(setting, fit), cost);
             if let Ok(mut known) = self.known.lock() {
                 known.insert(key, made);
             }
@@ -139,10 +140,15 @@ impl Choosing {
         function: &FamilyFit,
     ) -> Option<f64> {
         let (other, theirs) = self.asked.as_ref()?;
+        let cost = (!self.shown.is_empty()).then(|| {
+            let plain = Joint::new(setting, weights, fit, function);
+            plain.residuals(&function.unknowns(fit)).0
+        });
         let fit = &self.wider(setting, fit);
         let train = Joint::new(setting, weights, fit, function);
         let globals = fit.globals(setting).len();
-        let known = Known::of(&train, &function.unknowns(fit), globals..fit.at.len())?;
+        let starts = globals..fit.at.len();
+        let known = Known::of(&train, &function.unknowns(fit), starts, cost)?;
         let there = Fit {
             at: begin(other, theirs, fit, globals),
             ..fit.clone()
@@ -170,7 +176,11 @@ impl Choosing {
             .map(|f| (self.evidence(setting, weights, f), *f))
             .collect();
         all.into_iter()
-            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .max_by(|a, b| {
+                // Where none foretells anything the runs fitted decide.
+                let fitted = a.1.log_evidence.total_cmp(&b.1.log_evidence);
+                a.0.total_cmp(&b.0).then(fitted)
+            })
             .map(|f| f.1)
     }
 }
@@ -187,10 +197,11 @@ fn plain(
     weights: &Weights,
     (other, theirs): &(Setting, Weights),
     fit: &Fit,
+    cost: Option<f64>,
 ) -> Option<f64> {
     let train = Posed::new(setting, weights, &fit.set);
     let globals = fit.globals(setting).len();
-    let known = Known::of(&train, &fit.at, globals..fit.at.len())?;
+    let known = Known::of(&train, &fit.at, globals..fit.at.len(), cost)?;
     let held = Posed::new(other, theirs, &fit.set);
     let from = begin(other, theirs, fit, globals);
     let none = DMatrix::zeros(0, 0);
@@ -202,10 +213,18 @@ struct Known {
     at: Vec<f64>,
     gradient: DVector<f64>,
     precision: DMatrix<f64>,
+    /// Half chi-square of the runs fitted there over that of the fit.
+    worse: f64,
 }
 
 impl Known {
-    fn of(train: &impl Linearised, at: &[f64], starts: std::ops::Range<usize>) -> Option<Known> {
+    /// About a point; `cost` = half chi-square of the fit, where effects that only the runs held out show have joined it since.
+    fn of(
+        train: &impl Linearised,
+        at: &[f64],
+        starts: std::ops::Range<usize>,
+        cost: Option<f64>,
+    ) -> Option<Known> {
         let linear = train.linearise(at).ok()?;
         let shared: Vec<usize> = (0..at.len()).filter(|i| !starts.contains(i)).collect();
         let (precision, gradient) = reduced(&linear.hessian, &linear.gradient, &shared)?;
@@ -213,6 +232,7 @@ impl Known {
             at: shared.iter().map(|i| at[*i]).collect(),
             gradient,
             precision,
+            worse: cost.map_or(0.0, |cost| linear.cost - cost),
         })
     }
 }
@@ -248,7 +268,10 @@ fn density(
     let made = before.half_log_det - found.cost - after.half_log_det
         + sizes(other, fit, &found.at, &after)
         - sizes(other, fit, &told.known.at, &before)
-        - 0.5 * weights.log_variance();
+        - 0.5 * weights.log_variance()
+        // Of how still these runs begin, as of their noise: another belief is another density.
+        + 0.5 * places(other, 0).len() as f64 * weights.rest_precision(other.tolerance).ln()
+        - told.known.worse;
     made.is_finite().then_some(made)
 }
 
@@ -423,6 +446,29 @@ mod tests {
             );
         }
         assert!(right.0 > both(&[]).0 + 10.0);
+    }
+
+    /// Runs that begin stiller than believed were worth the less, by the precision of a rate for each run held out: what is
+    /// believed of the start was compared without it.
+    #[test]
+    fn how_still_runs_begin_is_part_of_what_the_runs_held_out_say() {
+        let runs = [surge(0, &[]), surge(1, &[]), surge(2, &[])];
+        let (some, all) = (setting(&runs[..2]), setting(&runs));
+        let held = [all.tracks[2].clone()];
+        let noise = Weights::first(&all.tracks).noise;
+        let used = |tracks: &[Track]| tracks.iter().map(|t| vec![true; t.times_s.len()]).collect();
+        let apart = |still: f64| {
+            let weights =
+                |s: &Setting| Weights::new(&s.tracks, noise, used(&s.tracks)).at_rest(Some(still));
+            let (own, whole) = (weights(&some), weights(&all));
+            let choosing = Choosing::new(&some, &own, &held, used(&held));
+            let begin = |runs: f64| 0.5 * runs * own.rest_precision(some.tolerance).ln();
+            choosing.evidence(&some, &own, &fitted(&some, &own, &[])) + begin(2.0)
+                - fitted(&all, &whole, &[]).log_evidence
+                - begin(3.0)
+        };
+        let (still, drifting) = (apart(1e-6), apart(1e-4));
+        assert!((still - drifting).abs() < 0.3, "{still} {drifting}");
     }
 
     /// What is known badly may be moved by the run held out; what is known well may not.

@@ -270,7 +270,7 @@ fn one(
         let all = |g: &Group| g.fit.log_evidence + g.told;
         let next = others.iter().map(all).fold(f64::NEG_INFINITY, f64::max);
         let by = all(best) - next;
-        if by > TIE && best.told != 0.0 {
+        if by > TIE && by.is_finite() && best.told != 0.0 {
             let names = names(&search, &best.matters);
             made.verdict.notes.push(format!(
                 "the runs fitted leave {} explanations open; with the runs held out {} is likelier than any other of them (log Bayes factor {by:.1})",

@@ -313,7 +313,7 @@ impl Posterior {
         let Some(first) = self.groups.first() else {
             return Vec::new();
         };
-        if first.matters.is_empty() && first.probability > SURELY_NOTHING {
+        if first.matters.is_empty() && first.fitted.probability > SURELY_NOTHING {
             return vec![first];
         }
         let mut kept: Vec<&Group> = Vec::new();

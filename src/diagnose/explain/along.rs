@@ -89,11 +89,16 @@ pub fn shown(search: &mut Search<'_>, held: &[Track], first: &Fit) -> Vec<(usize
         let Ok(fit) = Posed::new(search.setting, &search.weights, &set).fit(from) else {
             continue;
         };
-        if !fit.confounded(search.setting).is_empty() {
+        let confounded = fit.confounded(search.setting);
+        if confounded.contains(&candidate) {
             only.push((candidate, point, gain));
-        } else if search
-            .get(&set)
-            .is_none_or(|old| fit.cost < old.cost + AS_NEAR)
+            continue;
+        }
+        let sound = confounded.is_empty() && fit.log_evidence.is_finite();
+        if sound
+            && search
+                .get(&set)
+                .is_none_or(|old| fit.cost < old.cost + AS_NEAR)
         {
             // Where the runs fitted hardly tell a number, it begins where all runs have it.
             search.fits.insert(set, fit);

@@ -248,7 +248,7 @@ mod tests {
     use super::*;
     use crate::diagnose::setting::{COEFFICIENTS, Setting};
     use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
-    use crate::diagnose::weight::weight_of_all;
+    use crate::diagnose::weight::{weight_of, weight_of_all};
 
     /// The runs of two motions under this set and these numbers, with noise.
     fn tracked(made: &mut Setting, set: &[usize], numbers: &[f64]) {
@@ -326,6 +326,11 @@ mod tests {
         assert_eq!(found.bent(), Some(limit));
         let all = weight_of_all(&made, &two, limit);
         assert!(all > 0.0 && found.weights == [all]);
+        let starts: Vec<(f64, f64)> = (0..3).map(|r| (two.start(&made, r).0, 0.0)).collect();
+        let moved = |set: &[usize], globals: &[f64]| motion(&made, set, globals, &starts);
+        let does = moved(&two.set, two.globals(&made)) - moved(&[], &two.at[..COEFFICIENTS]);
+        let expected = weight_of(&made, &two, &does);
+        assert!((all / expected - 1.0).abs() < 1e-9, "{all} {expected}");
     }
 
     /// The difference of two equal stages can only grow: taken as free it did in the linear view what a delay
