@@ -15,7 +15,7 @@ use super::bank::joined;
 use super::descent::{Effort, Linear, Linearised, descend};
 use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
-use super::predict::{expected, predicted};
+use super::predict::{expected, predicted, predicted_beside};
 use super::rest::{places, reduced};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::Weights;
@@ -70,6 +70,22 @@ impl Choosing {
         let noise = weights.noise;
         predicted(setting, &other.tracks, &self.wider(setting, fit), noise)
             .is_some_and(|p| p.rms < MISSES * expected(setting, &other.tracks, fit, noise))
+    }
+
+    /// Whether a set foretells them beside a free function, which must be one that lasts.
+    pub fn foretold_beside(
+        &self,
+        setting: &Setting,
+        weights: &Weights,
+        fit: &Fit,
+        function: &FamilyFit,
+    ) -> bool {
+        let Some((other, _)) = &self.asked else {
+            return false;
+        };
+        let (noise, fit) = (weights.noise, self.wider(setting, fit));
+        predicted_beside(setting, &other.tracks, &fit, function, noise)
+            .is_some_and(|p| p.rms < MISSES * noise.total_sd())
     }
 
     /// The same if one of these sets foretells the runs, else none.
@@ -469,6 +485,35 @@ mod tests {
         };
         let (still, drifting) = (apart(1e-6), apart(1e-4));
         assert!((still - drifting).abs() < 0.3, "{still} {drifting}");
+    }
+
+    /// Runs that no set foretells choose nothing; beside an effect that only they show they do.
+    #[test]
+    fn runs_that_no_set_foretells_choose_nothing() {
+        let own = setting(&[surge(0, &[]), surge(1, &[])]);
+        let weights = Weights::first(&own.tracks);
+        let fit = fitted(&own, &weights, &[]);
+        let track =
+            |effects: &[(&str, &[(&str, f64)])]| setting(&[surge(2, effects)]).tracks[0].clone();
+        let (near, far) = (
+            [track(&[])],
+            [track(&[("constant_force", &[("bias_n", 0.2)])])],
+        );
+        let used = vec![vec![true; near[0].times_s.len()]];
+        let of = |held: &[Track]| Choosing::new(&own, &weights, held, used.clone());
+        let chooses = |c: Choosing| {
+            c.unless_far(&own, &weights, &[&fit])
+                .said(&own, &weights, &fit)
+                .is_some()
+        };
+        let shown = [(candidate(&own, "constant_force"), vec![0.2], 9.0)];
+        assert!(chooses(of(&near)));
+        assert!(!chooses(of(&far)));
+        assert!(chooses(of(&far).with(&shown)));
+        assert!(!chooses(of(&near).with(&shown)));
+        let density = |c: Choosing| c.of(&own, &weights, &fit);
+        // It stands in the runs fitted too, which refute this one.
+        assert!(density(of(&near).with(&shown)) < density(of(&near)) - 50.0);
     }
 
     /// What is known badly may be moved by the run held out; what is known well may not.

@@ -320,11 +320,13 @@ fn one(
         &groups,
         second.as_ref(),
     ));
-    for (candidate, _, gain) in &search.shown {
+    if let [(_, _, gain), ..] = search.shown[..] {
+        let ids = search.shown.iter();
+        let ids: Vec<&str> = ids.map(|s| setting.vocabulary[s.0].info.id).collect();
         verdict.notes.push(format!(
             "{}: the runs held out show {} (log Bayes factor {gain:.1}), which the runs fitted do not reach; fit such a run too to have it named",
             dof.name(),
-            setting.vocabulary[*candidate].info.id
+            ids.join(" and "),
         ));
     }
     if let Some(Recheck::Unnamed(note)) = second {

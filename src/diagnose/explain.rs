@@ -192,6 +192,16 @@ impl Explanation {
         }
     }
 
+    /// Whether all of it foretells runs held out; a force in time foretells nothing.
+    pub fn foretells(&self, search: &Search<'_>, by: &Choosing) -> bool {
+        let (setting, weights) = (search.setting, &search.weights);
+        match (&self.family, &self.twice) {
+            (Some(f), _) => f.family.lasts() && by.foretold_beside(setting, weights, &self.fit, f),
+            (None, Some((_, two))) => by.foretold(setting, weights, two),
+            (None, None) => by.foretold(setting, weights, &self.fit),
+        }
+    }
+
     /// Whether it is a set among the sets of the search, by their posterior.
     pub fn simple(&self) -> bool {
         self.family.is_none() && self.twice.is_none() && !self.by_prediction

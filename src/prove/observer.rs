@@ -146,6 +146,7 @@ impl Ideal {
         let fits = BTreeMap::from([(truth.set.clone(), truth.clone())]);
         let held = tracks(&case.sealed.held);
         let first = held.get(..1).filter(|_| held.len() > 1).unwrap_or_default();
+        // The true set foretells them, and holds what only they show: neither has to be asked.
         let choosing = Choosing::like(&setting, &weights, first, &truth);
         Some(Ideal {
             setting,

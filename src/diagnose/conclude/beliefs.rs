@@ -93,8 +93,7 @@ fn told(
     let asked = |of: (&Search<'_>, &Explanation)| {
         let weights = &of.0.weights;
         let choosing = Choosing::new(setting, weights, held, used.clone()).with(&kept.0.shown);
-        let foretold = choosing.foretold(setting, weights, &of.1.fit);
-        Some((of.1.told(of.0, &choosing)?, foretold))
+        Some((of.1.told(of.0, &choosing)?, of.1.foretells(of.0, &choosing)))
     };
     match asked(kept).zip(asked(other)) {
         Some(((first, a), (second, b))) if a || b => (first, second),

@@ -139,7 +139,7 @@ fn told(
     let foretold = best.rms < MISSED * weights.noise.total_sd()
         || contenders
             .par_iter()
-            .any(|e| e.family.is_none() && choosing.foretold(setting, weights, &e.fit));
+            .any(|e| e.foretells(search, &choosing));
     contenders
         .par_iter()
         .map(|e| {
