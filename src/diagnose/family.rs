@@ -27,6 +27,8 @@ pub use prior::Prior;
 /// Rate at which a force against the motion has three quarters of its size, as in
 /// `coulomb_friction` \[m/s, rad/s\].
 const TURN_MPS: f64 = 0.004;
+/// How far a straight line is followed beyond its two knots, over what lies between them.
+const STRAIGHT_ON: f64 = 1.0;
 /// Log of the choice among a dozen functions.
 const PENALTY: f64 = 3.0;
 
@@ -228,9 +230,23 @@ impl Family {
         !matches!(self.variable, Variable::TimeIn(only) if only != run)
     }
 
-    /// Hat at or before a value and the share of the next one; constant beyond the ends.
+    /// Whether it is a straight line between two knots, which goes on beyond them.
+    pub fn straight(&self) -> bool {
+        self.knots.len() == 2
+    }
+
+    /// How far beyond its outermost knots it still says what it says between them, over their span.
+    pub fn beyond(&self) -> f64 {
+        if self.straight() { STRAIGHT_ON } else { 0.0 }
+    }
+
+    /// Hat at or before a value and the share of the next one; constant beyond the ends, and where a straight line's use ends.
     fn between(&self, value: f64) -> (usize, f64) {
         let k = &self.knots;
+        if self.straight() {
+            let share = (value - k[0]) / (k[1] - k[0]);
+            return (0, share.clamp(-STRAIGHT_ON, 1.0 + STRAIGHT_ON));
+        }
         let after = k.partition_point(|k| *k <= value);
         if after == 0 {
             (0, 0.0)
@@ -255,11 +271,16 @@ impl Family {
         let v = self.value(setting, run, here);
         let (i, share) = self.between(v.value());
         let mut made = T::from_f64(amplitudes[i]);
-        let inside = i + 1 < self.knots.len() && v.value() >= self.knots[0];
-        if inside {
-            let (k, next) = (self.knots[i], self.knots[i + 1]);
-            let slope = (amplitudes[i + 1] - amplitudes[i]) / (next - k);
-            made = made + (v - T::from_f64(k)) * slope;
+        if let Some(next) = self.knots.get(i + 1) {
+            let (k, rise) = (self.knots[i], amplitudes[i + 1] - amplitudes[i]);
+            let room = self.beyond() * (next - k);
+            let inside = v.value() >= self.knots[0] - room && v.value() <= next + room;
+            made = made
+                + if inside {
+                    (v - T::from_f64(k)) * (rise / (next - k))
+                } else {
+                    T::from_f64(share * rise)
+                };
         }
         mark(made, i, share) * self.factor(&setting.tracks[run], here)
     }
@@ -306,7 +327,7 @@ impl Touched {
 
     fn by(&self, hat: usize, share: f64) {
         let (low, high) = self.0.get();
-        let last = hat + usize::from(share > 0.0);
+        let last = hat + usize::from(share != 0.0);
         self.0.set((low.min(hat), high.max(last)));
     }
 
@@ -318,5 +339,47 @@ impl Touched {
         } else {
             (low, high + 1 - low)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::fit::Posed;
+    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::weights::Weights;
+
+    /// A straight line goes on where its knots end, for the motion and for its derivatives alike.
+    #[test]
+    fn a_straight_line_goes_on_beyond_its_knots() {
+        let current: &[(&str, &[(&str, f64)])] = &[("current", &[("vx_mps", 0.02)])];
+        let own = setting(&[surge(0, current)]);
+        let weights = Weights::first(&own.tracks);
+        let current = candidate(&own, "current");
+        let set = [current];
+        let posed = Posed::new(&own, &weights, &set);
+        let fit = posed.fit(posed.start()).unwrap();
+        let seen = &own.tracks[0].measured;
+        let low = seen.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = seen.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let over = |first: f64, last: f64| Family {
+            acts: Acts::Bends(current),
+            variable: Variable::Place,
+            knots: vec![low + first * (high - low), low + last * (high - low)],
+            measured: false,
+        };
+        // The same line by its values at two other places: a change of unknowns, by the same derivatives.
+        let (whole, part) = (over(0.0, 1.0), over(0.3, 0.8));
+        let (all, some) = (whole.columns(&own, &fit), part.columns(&own, &fit));
+        let turned = |k: usize| {
+            let (first, second) = if k == 0 { (0.7, 0.2) } else { (0.3, 0.8) };
+            some.column(0) * first + some.column(1) * second
+        };
+        // Hats 1 - s and s at s = 0.3 and 0.8.
+        for k in 0..2 {
+            let apart = (turned(k) - all.column(k)).norm();
+            assert!(apart < 1e-9 * all.column(k).norm(), "{k}: {apart:e}");
+        }
+        assert_eq!(whole.between(high + 5.0 * (high - low)), (0, 2.0));
     }
 }

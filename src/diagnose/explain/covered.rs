@@ -4,7 +4,7 @@ use super::Explanation;
 use crate::diagnose::family::{Family, Variable};
 use crate::diagnose::setting::Track;
 
-/// How far beyond its outermost knots a function is still asked, over their span.
+/// How far beyond its outermost knots a function is still asked, over their span; a straight line further.
 const MARGIN: f64 = 0.02;
 /// Samples in a row that must lie outside.
 const LASTS: usize = 8;
@@ -46,7 +46,7 @@ fn samples_known(function: &Family, track: &Track) -> usize {
     let (Some(low), Some(high)) = (function.knots.first(), function.knots.last()) else {
         return 0;
     };
-    let margin = MARGIN * (high - low);
+    let margin = function.beyond().max(MARGIN) * (high - low);
     let outside = |k: &usize| {
         let value = measured(function.variable, track, *k);
         value < low - margin || value > high + margin

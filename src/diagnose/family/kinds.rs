@@ -189,6 +189,8 @@ pub fn regimes(setting: &Setting, fit: &Fit) -> Vec<Family> {
 pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> {
     let kinds = [
         (Variable::Place, 10),
+        // What varies along the tank varies evenly first (a Taylor series), also where no run fitted went.
+        (Variable::Place, 2),
         (Variable::Rate, 10),
         (Variable::Speed, 8),
         (Variable::Load, 10),
