@@ -33,8 +33,8 @@ use beside::{beside, squeezed};
 use covered::covered;
 use doubled::{doubled, doubled_from, doubled_members, side_by_side};
 
-use elect::{SPARING, by_prediction, elect, foretold, held_to_account, sparing};
-use look::{INEXACT, WAYS, bent, bent_alone, fewest, instead, kinds, modest};
+use elect::{SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
+use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
 
 pub use forward::forward;
 pub use look::{Care, look};
@@ -323,6 +323,10 @@ pub fn explain(
         }
     } else if may_imitate(search, &best, held) {
         let bar = bar(&contenders, &best);
+        let notable = best.matters(elect::NOTABLE * search.setting.tolerance);
+        if best.simple() && notable.len() > 1 {
+            laws.extend(in_the_place(search, &best.fit, &notable));
+        }
         if search.early.is_empty() {
             search.singles();
             contenders.extend(doubled(search, &best.fit, bar));
@@ -364,6 +368,7 @@ pub fn explain(
         best = reduce(search, best, &mut tried);
     }
     contenders.push(best);
+    contenders.extend(lightened(search, &contenders, held));
     for contender in &mut contenders {
         needed_at_all(search, contender);
     }

@@ -26,6 +26,9 @@ const AS_WELL: f64 = 1.02;
 /// invent nothing.
 pub const SPARING: f64 = 4.0;
 
+/// Bent laws that are asked without their lightest members, at most.
+const LIGHTENED: usize = 3;
+
 /// Of the tolerance: weight of an effect that is worth to do without.
 pub(super) const NOTABLE: f64 = 0.25;
 
@@ -48,18 +51,24 @@ pub fn elect(
         .filter(|e| e.log_evidence > top - IN_THE_RACE)
         .collect();
     let known = covered(&near, held);
+    // Where what one of them knows is nowhere known to another, those are asked that know all of these runs: what is left
+    // of a function beyond its range is nobody's.
+    let unknown = known.is_empty();
+    let samples = |held: &[Track]| held.iter().map(|t| t.times_s.len()).sum::<usize>();
+    let knows_all = |e: &Explanation| samples(&covered(&[e], held)) == samples(held);
     let (asked, missed): (Vec<Option<Prediction>>, Vec<Option<f64>>) = contenders
         .iter()
         .map(|e| {
-            let plain = known.is_empty() && e.family.is_none();
-            let held = if plain { held } else { &known };
+            let held = if unknown && knows_all(e) {
+                held
+            } else {
+                &known
+            };
             let p = prediction(search, e, held);
             let missed = miss(e, p.as_ref(), held);
             (p, missed)
         })
         .unzip();
-    // A function that is nowhere known there says nothing of these runs: what is left of it beyond its range is nobody's.
-    let unknown = known.is_empty();
     let held = if unknown { held } else { &known };
     let nothing = search
         .get(&[])
@@ -77,7 +86,7 @@ pub fn elect(
     let told: Vec<Option<f64>> = told(search, contenders, top, held, &asked)
         .into_iter()
         .zip(contenders)
-        .map(|(told, e)| told.filter(|_| !unknown || e.family.is_none()))
+        .map(|(told, e)| told.filter(|_| !unknown || knows_all(e)))
         .collect();
     for ((e, m), told) in contenders.iter().zip(&missed).zip(&told) {
         tracing::debug!(
@@ -180,6 +189,51 @@ fn miss(e: &Explanation, p: Option<&Prediction>, held: &[Track]) -> Option<f64> 
     let asked = !held.is_empty() && e.family.as_ref().is_none_or(|f| f.family.lasts());
     let rms = p.map(|p| p.rms).filter(|m| m.is_finite());
     asked.then(|| rms.unwrap_or(f64::INFINITY))
+}
+
+/// Laws that bend and miss the runs held out, each without one of the effects that hardly weigh beside it: what the runs
+/// fitted leave open (a limit at their largest load) may be what those held out refute.
+pub fn lightened(
+    search: &Search<'_>,
+    contenders: &[Explanation],
+    held: &[Track],
+) -> Vec<Explanation> {
+    let (setting, noise) = (search.setting, search.weights.noise);
+    let mut bent: Vec<&Explanation> = contenders
+        .iter()
+        .filter(|e| e.bent().is_some() && e.family.is_some())
+        .collect();
+    bent.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    bent.truncate(LIGHTENED);
+    bent.retain(|e| {
+        foretold(search, e, &covered(&[e], held)).is_some_and(|m| m > MISSED * noise.total_sd())
+    });
+    let jobs: Vec<(&Explanation, usize)> = bent
+        .into_iter()
+        .flat_map(|e| {
+            let light = |m: &usize| {
+                e.weights[*m] < NOTABLE * setting.tolerance && e.bent() != Some(e.fit.set[*m])
+            };
+            (0..e.fit.set.len())
+                .filter(light)
+                .map(move |m| (e, m))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    jobs.into_par_iter()
+        .filter_map(|(e, member)| {
+            let (set, at) = without(setting, &e.fit, member);
+            let from = Fit {
+                set,
+                at,
+                ..e.fit.clone()
+            };
+            let function = e.family.as_ref()?;
+            let (joint, function) =
+                function.refine(setting, &search.weights, &from, Effort::FULL)?;
+            Some(Explanation::with(search, joint, function))
+        })
+        .collect()
 }
 
 /// A force in time foretells nothing, but the effects named beside it do: those without which the runs held

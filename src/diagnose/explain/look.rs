@@ -388,6 +388,32 @@ pub fn bent_alone(search: &Search<'_>) -> Vec<Explanation> {
     found
 }
 
+/// One of these members of a set out, and the law of another one bent in its place: what leads a search to an effect that is
+/// not there may be a law that is not quite the vocabulary's.
+pub fn in_the_place(search: &Search<'_>, best: &Fit, members: &[usize]) -> Vec<Explanation> {
+    let setting = search.setting;
+    let effort = search.weights.to_a_percent();
+    let bases: Vec<Base> = members
+        .par_iter()
+        .filter_map(|out| {
+            let member = best.set.iter().position(|c| c == out)?;
+            let (set, at) = without(setting, best, member);
+            let fit = Posed::new(setting, &search.weights, &set)
+                .fit_with(at, effort)
+                .ok()
+                .filter(|f| f.log_evidence.is_finite())?;
+            let others = members.iter().copied().filter(|c| c != out);
+            Some((fit, others.collect()))
+        })
+        .collect();
+    let mut found = bent(search, bases, WAYS, SEEDS);
+    found.retain(|e| {
+        let function = e.family.as_ref();
+        function.is_some_and(|f| modest(setting, &e.fit, f))
+    });
+    found
+}
+
 /// Sets with one of their laws bent: those of different mechanisms that promise most, each fitted far enough to
 /// go on from there.
 pub fn bent(search: &Search<'_>, bases: Vec<Base>, ways: usize, most: usize) -> Vec<Explanation> {
