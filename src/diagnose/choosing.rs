@@ -417,6 +417,8 @@ impl<P: Linearised> Linearised for Told<'_, P> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::bank::View;
+    use crate::diagnose::family::{Variable, forces};
     use crate::diagnose::testing::{candidate, setting, surge};
 
     fn fitted(setting: &Setting, weights: &Weights, set: &[usize]) -> Fit {
@@ -462,6 +464,47 @@ mod tests {
             );
         }
         assert!(right.0 > both(&[]).0 + 10.0);
+    }
+
+    /// The same of a free function beside the set, under one prior of its amplitudes.
+    #[test]
+    fn evidence_with_a_free_function_is_that_of_some_runs_and_of_the_others_given_them() {
+        let spring: &[(&str, &[(&str, f64)])] =
+            &[("tether_spring", &[("stiffness_npm", 0.4), ("slack_m", 0.2)])];
+        // The run held out goes no further than those fitted.
+        let runs = [surge(0, spring), surge(2, spring), surge(1, spring)];
+        let (some, all) = (setting(&runs[..2]), setting(&runs));
+        let held = [all.tracks[2].clone()];
+        let noise = Weights::first(&all.tracks).noise;
+        let used = |tracks: &[Track]| tracks.iter().map(|t| vec![true; t.times_s.len()]).collect();
+        let weights =
+            |s: &Setting| Weights::new(&s.tracks, noise, used(&s.tracks)).at_rest(Some(1e-6));
+        let (own, whole) = (weights(&some), weights(&all));
+        let choosing = Choosing::new(&some, &own, &held, used(&held));
+        let plain = fitted(&some, &own, &[]);
+        let view = View::new(&some, &own, &plain);
+        let families = forces(&some, &plain);
+        let of_place = families.iter().find(|f| f.variable == Variable::Place);
+        let linear = of_place.unwrap().fit(&some, &own, &plain, &view).unwrap();
+        let (joint, function) = linear.close(&some, &own, &plain, Effort::FULL).unwrap();
+        let said = choosing.beside(&some, &own, &joint, &function).unwrap();
+        let from = fitted(&all, &whole, &[]);
+        let (both, _) = function.refine(&all, &whole, &from, Effort::FULL).unwrap();
+        // Beside the law itself, which comes as near to the noise.
+        let set = [candidate(&some, "tether_spring")];
+        let law = fitted(&some, &own, &set);
+        let apart = joint.log_evidence + said - choosing.evidence(&some, &own, &law);
+        let together = both.log_evidence - fitted(&all, &whole, &set).log_evidence;
+        assert!(
+            (apart - together).abs() < 0.3 + 0.05 * together.abs(),
+            "{apart} {together}"
+        );
+        // Without the function the run held out is missed, and with it one that no spring pulls.
+        assert!(choosing.of(&some, &own, &plain) < said - 10.0);
+        let free = setting(&[surge(1, &[])]).tracks;
+        let other = Choosing::new(&some, &own, &free, used(&free));
+        let of_free = other.beside(&some, &own, &joint, &function).unwrap();
+        assert!(of_free < said - 10.0, "{of_free} {said}");
     }
 
     /// Runs that begin stiller than believed were worth the less, by the precision of a rate for each run held out: what is

@@ -33,7 +33,7 @@ use beside::{beside, squeezed};
 use covered::covered;
 use doubled::{doubled, doubled_from, doubled_members, side_by_side};
 
-use elect::{SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
+use elect::{SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
 
 pub use forward::forward;
@@ -60,6 +60,8 @@ const BENT_EARLY: usize = 4;
 const MISSES: f64 = 2.0;
 /// The same below which named effects imitate nothing.
 const FORETELLS: f64 = 1.2;
+/// Effects that matter together from which they may imitate something though they foretell the runs held out.
+const MANY: usize = 3;
 /// Half chi-square per sample above which a function does not explain all there is; noise leaves 0.5.
 const FAR_FROM_NOISE: f64 = 0.75;
 /// rms of the runs held out over the noise above which a free force foretells nothing.
@@ -75,8 +77,6 @@ const LAW_OUT_OF_REACH: f64 = 50.0;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
-/// Weight of a bend over the tolerance up to which it bends nothing.
-const SLIGHT: f64 = 0.05;
 
 /// A set, and what is left beside it.
 #[derive(Debug, Clone)]
@@ -216,6 +216,11 @@ impl Explanation {
             .filter(|(_, w)| **w > tolerance)
             .map(|(c, _)| *c)
             .collect()
+    }
+
+    /// Whether a law bends by so little that small effects which no set holds leave as much.
+    pub fn bends_slightly(&self, tolerance: f64) -> bool {
+        !self.unnamed() && self.family.is_some() && self.family_weight <= SLIGHT * tolerance
     }
 
     /// Whether an unnamed force is part of it.
@@ -430,17 +435,15 @@ pub fn explain(
     }
     best = held_to_account(search, best, held);
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
-    // the named effects what they explain: the best explanation without one stands.
-    // Nor is a bend a reason to call a law inexact that hardly bends it: small effects that no set holds leave as much.
-    let slight = |e: &Explanation| {
-        let bar = if e.unnamed() { 1.0 } else { SLIGHT };
-        e.family.is_some() && e.family_weight <= bar * search.setting.tolerance
-    };
-    if slight(&best) {
+    // the named effects what they explain: the best explanation without one stands. A law that hardly bends is
+    // compared with all that does without; a force, which it has beaten, is not.
+    let light = best.unnamed() && best.family_weight <= search.setting.tolerance;
+    if light || best.bends_slightly(search.setting.tolerance) {
         contenders.extend(tried.into_values());
         contenders.push(Explanation::plain(search, &first));
-        let unnamed = best.unnamed();
-        contenders.retain(|e| !(slight(e) || unnamed && e.unnamed()));
+        let own = search.alone(&best.fit);
+        contenders.extend(own.map(|own| Explanation::plain(search, &own)));
+        contenders.retain(|e| !e.unnamed());
         for e in &mut contenders {
             needed_at_all(search, e);
         }
@@ -524,11 +527,14 @@ pub fn unnamed_from_nothing(search: &Search<'_>) -> Option<Explanation> {
 }
 
 /// Whether the best explanation may be several effects that imitate one mechanism whose law is not the
-/// vocabulary's: it misses the runs held out or, where there are none, has two that matter; or a function.
+/// vocabulary's: it misses the runs held out, has many that matter or, without such runs, two; or a function.
 fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool {
     let known = covered(&[best], held);
     match foretold(search, best, &known) {
-        Some(m) if best.simple() => m > FORETELLS * at_best(search, best, &known),
+        Some(m) if best.simple() => {
+            m > FORETELLS * at_best(search, best, &known)
+                || best.matters(search.setting.tolerance).len() >= MANY
+        }
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
 }

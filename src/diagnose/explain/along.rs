@@ -106,3 +106,38 @@ pub fn shown(search: &mut Search<'_>, held: &[Track], first: &Fit) -> Vec<(usize
     }
     only
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// What is shown, and whether the search has the limit by itself.
+    fn with_a_limit_of(limit_n: f64) -> (Vec<(usize, Vec<f64>, f64)>, bool) {
+        let numbers = [("limit_n", limit_n)];
+        let effects: [(&str, &[(&str, f64)]); 1] = [("thruster_saturation", &numbers)];
+        // Loads up to 6 N; 12 N.
+        let own = setting(&[surge(0, &effects), surge(1, &effects)]);
+        let held = setting(&[surge(4, &effects)]).tracks;
+        let mut search = Search::still(&own, &|_| {});
+        search.nothing();
+        let first = search.get(&[]).unwrap().clone();
+        let found = shown(&mut search, &held, &first);
+        let set = [candidate(&own, "thruster_saturation")];
+        (found, search.get(&set).is_some())
+    }
+
+    /// A limit above the loads of the runs fitted is only in the run held out; one below them joins the search.
+    #[test]
+    fn a_limit_that_only_the_run_held_out_reaches_is_shown_by_it() {
+        let (found, own) = with_a_limit_of(9.0);
+        assert_eq!(found.len(), 1, "{found:?}");
+        let (_, numbers, gain) = &found[0];
+        assert!((numbers[0] - 9.0).abs() < 0.2 && *gain > 50.0, "{found:?}");
+        assert!(!own);
+        let (found, own) = with_a_limit_of(5.0);
+        assert!(found.is_empty() && own, "{found:?}");
+        let (found, own) = with_a_limit_of(20.0);
+        assert!(found.is_empty() && !own, "{found:?}");
+    }
+}

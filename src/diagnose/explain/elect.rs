@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::covered::covered;
+use super::look::BELIEVED;
 use crate::diagnose::bank::without;
 use crate::diagnose::choosing::Choosing;
 use crate::diagnose::descent::Effort;
@@ -29,6 +30,8 @@ pub const SPARING: f64 = 4.0;
 /// Bent laws that are asked without their lightest members, at most.
 const LIGHTENED: usize = 3;
 
+/// Of the tolerance: weight of a bend up to which it must gain as a force without a name must.
+pub(super) const SLIGHT: f64 = 0.05;
 /// Of the tolerance: weight of an effect that is worth to do without.
 pub(super) const NOTABLE: f64 = 0.25;
 
@@ -305,13 +308,22 @@ pub fn by_prediction(search: &Search<'_>, from: &Fit, held: &[Track]) -> Option<
 
 /// What an explanation may be worse in log evidence than another one: by one for every effect of practical
 /// size that it does without (of some forty, one to three are: rarer than sizes spread evenly over decades
-/// have it), and by [`SPARING`] where it does without notable ones because a law bends.
+/// have it), by [`SPARING`] where it does without notable ones because a law bends, and by [`BELIEVED`] where it does
+/// without a force that has no name or without a bend that hardly bends a law.
 pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> f64 {
     let heavy = |e: &Explanation| e.matters(search.setting.tolerance).len();
     let unnamed = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;
-    if unnamed(other) || unnamed(best) {
-        return 0.0;
+    match (unnamed(other), unnamed(best)) {
+        // As over its own set: a friction that depends on speed in a way of its own and a force that does are the same.
+        (false, true) => return BELIEVED,
+        (true, _) => return 0.0,
+        (false, false) => {}
     }
+    let slight = |e: &Explanation| e.bends_slightly(search.setting.tolerance);
+    let hardly = match slight(best) && !slight(other) {
+        true => BELIEVED,
+        false => 0.0,
+    };
     let fewer = heavy(best).saturating_sub(heavy(other)) as f64;
     // A second stage and a small delay beside one stage do nearly the same: there evidence alone decides. So it does
     // where what is done without hardly weighs: a tank has many such effects, and there is nothing to be invented.
@@ -319,12 +331,57 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
     let bends = notable(other) < notable(best)
         && other.bent().is_some()
         && (fewer > 0.0 || best.bent().is_none() && other.twice.is_none());
-    fewer + if bends { SPARING } else { 0.0 }
+    hardly + fewer + if bends { SPARING } else { 0.0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::bank::View;
+    use crate::diagnose::family::forces;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// A bent law and a free force may be the same function: then what has a name stands.
+    #[test]
+    fn a_force_without_a_name_must_gain_over_what_has_one() {
+        let own = setting(&[surge(0, &[]), surge(1, &[])]);
+        let mut search = Search::still(&own, &|_| {});
+        search.nothing();
+        let fit = search.get(&[]).unwrap().clone();
+        let named = Explanation::plain(&search, &fit);
+        let view = View::new(&own, &search.weights, &fit);
+        let function = forces(&own, &fit)[0].fit(&own, &search.weights, &fit, &view);
+        let of_weight = |family_weight| Explanation {
+            family: function.clone(),
+            family_weight,
+            ..named.clone()
+        };
+        let (heavy, light) = (
+            of_weight(2.0 * own.tolerance),
+            of_weight(0.1 * own.tolerance),
+        );
+        assert!(heavy.unnamed());
+        assert_eq!(sparing(&search, &named, &heavy), BELIEVED);
+        assert_eq!(sparing(&search, &heavy, &named), 0.0);
+        assert_eq!(sparing(&search, &heavy, &heavy), 0.0);
+        // One that does not matter is asked elsewhere.
+        assert_eq!(sparing(&search, &named, &light), 0.0);
+        // So it is with a law that hardly bends, beside one that does and beside what does without.
+        let mut bends = function.clone();
+        if let Some(f) = &mut bends {
+            f.family.acts = Acts::Bends(candidate(&own, "coulomb_friction"));
+        }
+        let bend = |share: f64| Explanation {
+            family: bends.clone(),
+            family_weight: share * own.tolerance,
+            ..named.clone()
+        };
+        assert_eq!(sparing(&search, &named, &bend(0.04)), BELIEVED);
+        assert_eq!(sparing(&search, &bend(0.06), &bend(0.04)), BELIEVED);
+        assert_eq!(sparing(&search, &bend(0.04), &bend(0.03)), 0.0);
+        assert_eq!(sparing(&search, &named, &bend(0.06)), 0.0);
+        assert_eq!(sparing(&search, &heavy, &bend(0.04)), 0.0);
+    }
 
     /// Whatever the order they come in: the likeliest.
     #[test]

@@ -13,7 +13,7 @@ use crate::diagnose::setting::{COEFFICIENTS, Setting};
 use crate::diagnose::weight::{weight_beyond, weights};
 
 /// Log evidence that a free force must gain before it is believed.
-const BELIEVED: f64 = 5.0;
+pub(super) const BELIEVED: f64 = 5.0;
 /// The same of a bend or a second copy, beyond what its choice costs: a law that is not quite the vocabulary's is nothing rare, and
 /// says less than that something has no name at all.
 pub const INEXACT: f64 = 1.0;
