@@ -17,7 +17,7 @@ use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
 use super::choosing::Choosing;
-use super::explain::{Explanation, Recheck, explain, forward, recheck, renewed};
+use super::explain::{Explanation, Recheck, explain, forward, of_a_thruster, recheck, renewed};
 use super::family::Acts;
 use super::fit::Fit;
 use super::locate::locate;
@@ -180,6 +180,11 @@ fn halves(held: &[Track]) -> (Vec<Track>, Vec<Track>) {
 /// The explanation: by prediction where no law is exact, else from the search; where it has a free function
 /// that leaves clearly less noise, searched once more under that.
 fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
+    let found = searched(search, choosing)?;
+    Some(of_a_thruster(search, found))
+}
+
+fn searched(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
     search.prepare();
     if search.no_law_is_exact()
         && !search.stopped_early()
@@ -337,7 +342,7 @@ fn one(
     } else if let Some(f) = found
         .family
         .as_ref()
-        .filter(|f| f.family.acts == Acts::Force)
+        .filter(|f| f.family.acts == Acts::Force && found.unnamed())
     {
         verdict.notes.push(format!(
             "{}: a remaining dependence on {} weighs {:.2e}, below what matters",

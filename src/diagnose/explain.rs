@@ -14,11 +14,12 @@ mod forward;
 mod look;
 mod needs;
 mod recheck;
+mod thrust;
 mod windows;
 
 use std::collections::BTreeMap;
 
-use super::bank::{joined, without};
+use super::bank::without;
 use super::choosing::Choosing;
 use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
@@ -40,6 +41,7 @@ pub use forward::forward;
 pub use look::{Care, look};
 pub use needs::needs;
 pub use recheck::{Recheck, recheck};
+pub use thrust::of_a_thruster;
 pub use windows::{Windows, pieces};
 
 /// Kinds of functions looked at beside nothing and beside the heaviest effect.
@@ -92,6 +94,8 @@ pub struct Explanation {
     /// Weight of the function's response \[m, rad\]: of a force as of an effect, of a bend beyond what the set's
     /// own numbers could do.
     pub family_weight: f64,
+    /// The member (candidate) whose law lacks what the function does, a force of the load.
+    pub shoulder: Option<usize>,
     /// Log evidence of both.
     pub log_evidence: f64,
     /// Its members were chosen by what they gain in prediction: no law reaches the noise here.
@@ -109,6 +113,7 @@ impl Explanation {
             family: None,
             twice: None,
             family_weight: 0.0,
+            shoulder: None,
             log_evidence: fit.log_evidence,
             by_prediction: false,
             needed: Vec::new(),
@@ -155,6 +160,9 @@ impl Explanation {
 
     /// The member (candidate index) whose law bends.
     pub fn bent(&self) -> Option<usize> {
+        if self.shoulder.is_some() {
+            return self.shoulder;
+        }
         if let Some((candidate, _)) = &self.twice {
             return Some(*candidate);
         }
@@ -225,9 +233,8 @@ impl Explanation {
 
     /// Whether an unnamed force is part of it.
     pub fn unnamed(&self) -> bool {
-        self.family
-            .as_ref()
-            .is_some_and(|f| f.family.acts == Acts::Force)
+        let force = |f: &FamilyFit| f.family.acts == Acts::Force;
+        self.shoulder.is_none() && self.family.as_ref().is_some_and(force)
     }
 }
 
@@ -353,7 +360,6 @@ pub fn explain(
             > 1
     {
         let bar = bar(&contenders, &best);
-        alone(search, &best);
         contenders.extend(doubled_members(search, &best, bar));
     }
     for seed in &laws {
@@ -537,27 +543,6 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
         }
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
-}
-
-/// Fits each heavy member of an explanation by itself, where that was not done.
-fn alone(search: &mut Search<'_>, found: &Explanation) {
-    let Some(nothing) = search.get(&[]).cloned() else {
-        return;
-    };
-    let jobs = found
-        .matters(search.setting.tolerance)
-        .into_iter()
-        .filter(|c| search.get(&[*c]).is_none())
-        .filter_map(|c| {
-            let member = found.fit.set.iter().position(|m| *m == c)?;
-            let numbers = found.fit.member(search.setting, member);
-            Some(joined(search.setting, &nothing, c, numbers))
-        })
-        .collect();
-    // What does nothing by itself is no blind spot beside others.
-    let blind = search.blind.clone();
-    search.fit_all(jobs);
-    search.blind = blind;
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].

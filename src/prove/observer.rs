@@ -175,12 +175,11 @@ impl Ideal {
     }
 
     /// Additions to a fit worth more than `least`, fitted from their best points.
-    fn larger(&self, fit: &Fit, least: f64, only: Option<usize>) -> Vec<Fit> {
+    fn larger(&self, fit: &Fit, least: f64) -> Vec<Fit> {
         let view = View::new(&self.setting, &self.weights, fit);
         let promises = view.promises(&self.bank, &self.white, &fit.set);
         let jobs: Vec<(Vec<usize>, Vec<f64>)> = promises
             .iter()
-            .filter(|l| only.is_none_or(|c| l[0].candidate == c))
             .filter(|l| l[0].gain > least)
             .take(WIDTH)
             .flat_map(|l| l.iter().take(2))
@@ -188,7 +187,7 @@ impl Ideal {
                 let point = &self.setting.vocabulary[p.candidate].starts[p.start];
                 joined(&self.setting, fit, p.candidate, point)
             })
-            .filter(|(set, _)| only.is_some() || !self.fits.contains_key(set))
+            .filter(|(set, _)| !self.fits.contains_key(set))
             .collect();
         jobs.into_par_iter()
             .filter_map(|(set, from)| self.fit(&set, from))
@@ -229,13 +228,13 @@ impl Ideal {
     pub fn choice(&mut self) -> Vec<(String, f64)> {
         let mut current = self.truth.clone();
         for _ in 0..ROUNDS {
-            let mut made = self.larger(&current, LEAST_GAIN, None);
+            let mut made = self.larger(&current, LEAST_GAIN);
             for member in 0..current.set.len() {
                 let Some(less) = self.smaller(&current, member) else {
                     continue;
                 };
                 let lost = less.cost - current.cost;
-                made.extend(self.larger(&less, (lost - CLOSE).max(LEAST_GAIN), None));
+                made.extend(self.larger(&less, (lost - CLOSE).max(LEAST_GAIN)));
                 made.push(less);
             }
             self.keep(made);
@@ -286,7 +285,7 @@ impl Ideal {
 
     /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`;
     /// infinite where that is no question.
-    pub fn gap(&mut self, missing: &str, wrong: &str) -> f64 {
+    pub fn gap(&self, missing: &str, wrong: &str) -> f64 {
         let index = |id: &str| self.setting.vocabulary.iter().position(|c| c.info.id == id);
         let (Some(t), Some(f)) = (index(missing), index(wrong)) else {
             return f64::INFINITY;
@@ -297,28 +296,31 @@ impl Ideal {
         if self.truth.set.contains(&f) {
             return f64::INFINITY;
         }
-        let truth = self.truth.clone();
-        let Some(less) = self.smaller(&truth, member) else {
-            return f64::INFINITY;
+        // From the true numbers and from those that the others have without it. What the data say nothing of beside these
+        // two (a wall far off) is no reason not to compare them.
+        let plainly = |(set, from): (Vec<usize>, Vec<f64>)| {
+            let posed = Posed::new(&self.setting, &self.weights, &set);
+            posed.fit(from).ok().filter(|f| f.log_evidence.is_finite())
         };
-        let mut other = self.larger(&less, 0.0, Some(f));
-        if other.is_empty() {
-            // It promises nothing (it would have to act the other way round): fitted all the same, it loses.
-            let starts = &self.setting.vocabulary[f].starts;
-            other = starts
-                .par_iter()
-                .map(|start| joined(&self.setting, &less, f, start))
-                .filter_map(|(set, from)| {
-                    Posed::new(&self.setting, &self.weights, &set)
-                        .fit(from)
-                        .ok()
-                })
-                .filter(|fit| fit.log_evidence.is_finite())
-                .collect();
-        }
-        other
+        let (set, at) = without(&self.setting, &self.truth, member);
+        let from = Fit {
+            set,
+            at,
+            ..self.truth.clone()
+        };
+        let less = plainly((from.set.clone(), from.at.clone()));
+        let starts = &self.setting.vocabulary[f].starts;
+        let jobs: Vec<(Vec<usize>, Vec<f64>)> = [Some(&from), less.as_ref()]
+            .into_iter()
+            .flatten()
+            .flat_map(|rest| starts.iter().map(|s| joined(&self.setting, rest, f, s)))
+            .collect();
+        let other: Vec<Fit> = jobs.into_par_iter().filter_map(plainly).collect();
+        let gap = other
             .iter()
             .map(|o| self.truth.log_evidence - o.log_evidence)
-            .fold(f64::INFINITY, f64::min)
+            .fold(f64::INFINITY, f64::min);
+        tracing::debug!("{wrong} for {missing}: {gap:.2} less");
+        gap
     }
 }

@@ -133,9 +133,12 @@ pub fn effects(
                     .map(|(c, two)| twice_note(setting, *c, two))
                     .or_else(|| {
                         found.family.as_ref().map(|f| {
+                            let what = match found.shoulder {
+                                Some(_) => "what it leaves over".to_owned(),
+                                None => format!("{} is not constant but", info.parameters[0].name),
+                            };
                             format!(
-                                "{} is not constant but depends on {} (log Bayes factor {:.1})",
-                                info.parameters[0].name,
+                                "{what} depends on {} (log Bayes factor {:.1})",
                                 f.family.variable.name(),
                                 f.gain
                             )

@@ -62,13 +62,33 @@ pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Ve
         .matters(search.setting.tolerance)
         .into_iter()
         .filter_map(|candidate| {
-            let fit = search.get(&[candidate])?;
-            let view = View::new(search.setting, &search.weights, fit);
-            let two = twice(search, fit, &view, 0)?;
-            (two.log_evidence > fit.log_evidence + INEXACT)
-                .then(|| grown(search, candidate, two, &found.fit, bar))?
+            // From where it is best by itself, and from the numbers that it has beside the others: so far from the noise
+            // two may be no better than one where that one does the work of what is lacking.
+            let own = by_itself(search, found, candidate);
+            let two = search
+                .get(&[candidate])
+                .into_iter()
+                .chain(&own)
+                .filter_map(|fit| {
+                    let view = View::new(search.setting, &search.weights, fit);
+                    let two = twice(search, fit, &view, 0)?;
+                    (two.log_evidence > fit.log_evidence + INEXACT).then_some(two)
+                })
+                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+            grown(search, candidate, two, &found.fit, bar)
         })
         .collect()
+}
+
+/// A member fitted alone, from its numbers in the explanation.
+fn by_itself(search: &Search<'_>, found: &Explanation, candidate: usize) -> Option<Fit> {
+    let setting = search.setting;
+    let member = found.fit.set.iter().position(|c| *c == candidate)?;
+    let nothing = search.get(&[])?;
+    let numbers = found.fit.member(setting, member);
+    let (set, at) = joined(setting, nothing, candidate, numbers);
+    let posed = Posed::new(setting, &search.weights, &set);
+    posed.fit_with(at, search.weights.to_a_percent()).ok()
 }
 
 /// Members with a corner in the load as several thrusters side by side have it, in the place of a free force of the load.

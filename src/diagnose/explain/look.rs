@@ -58,7 +58,7 @@ const BENT: usize = 3;
 /// See [`BENT`].
 const DOUBLED: usize = 2;
 /// Of an effect's weight, what a bend of its law may do.
-const MODEST: f64 = 0.5;
+pub(super) const MODEST: f64 = 0.5;
 /// What a function gains over what it promises linearly, at most, and some log evidence on top: a
 /// set that would stay below the bar even so is not looked at closer.
 const AT_MOST: (f64, f64) = (1.3, 10.0);

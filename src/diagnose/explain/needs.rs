@@ -23,7 +23,9 @@ pub fn needs(search: &Search<'_>, found: &Explanation) -> Vec<(usize, f64, bool)
         .par_iter()
         .enumerate()
         .map(|(member, candidate)| {
-            let known = found.needed.iter().find(|(c, _)| c == candidate);
+            // Without a law that lacks something a force of the load would do all of it.
+            let asked = |c: usize| c == *candidate && found.shoulder != Some(c);
+            let known = found.needed.iter().find(|(c, _)| asked(*c));
             match known
                 .map(|k| k.1)
                 .or_else(|| lacking(search, found, member))
@@ -63,7 +65,9 @@ fn lacking(search: &Search<'_>, found: &Explanation, member: usize) -> Option<f6
             plain(now.set, now.at)? - penalty
         }
         // A bend is nothing without what it bends.
-        (None, Some(f)) if f.family.acts != Acts::Bends(candidate) => {
+        (None, Some(f))
+            if f.family.acts != Acts::Bends(candidate) && found.shoulder != Some(candidate) =>
+        {
             let from = Fit {
                 set,
                 at,
