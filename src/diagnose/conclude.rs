@@ -177,13 +177,14 @@ fn halves(held: &[Track]) -> (Vec<Track>, Vec<Track>) {
     (every(0), every(1))
 }
 
-/// The explanation: by prediction where no law is exact, else from the search; where it has a free function
-/// that leaves clearly less noise, searched once more under that.
+/// The explanation of a search; a force of the load in it is a thruster's law.
 fn found(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
     let found = searched(search, choosing)?;
     Some(of_a_thruster(search, found))
 }
 
+/// The explanation: by prediction where no law is exact, else from the search; where it has a free function
+/// that leaves clearly less noise, searched once more under that.
 fn searched(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> {
     search.prepare();
     if search.no_law_is_exact()
@@ -325,8 +326,13 @@ fn one(
         &groups,
         second.as_ref(),
     ));
-    if let [(_, _, gain), ..] = search.shown[..] {
-        let ids = search.shown.iter();
+    let only: Vec<_> = search
+        .shown
+        .iter()
+        .filter(|s| !first.set.contains(&s.0))
+        .collect();
+    if let [(_, _, gain), ..] = only[..] {
+        let ids = only.iter();
         let ids: Vec<&str> = ids.map(|s| setting.vocabulary[s.0].info.id).collect();
         verdict.notes.push(format!(
             "{}: the runs held out show {} (log Bayes factor {gain:.1}), which the runs fitted do not reach; fit such a run too to have it named",
@@ -339,11 +345,7 @@ fn one(
     }
     if found.unnamed() && found.family_weight > setting.tolerance {
         verdict.unexplained.extend(unexplained(&setting, &found));
-    } else if let Some(f) = found
-        .family
-        .as_ref()
-        .filter(|f| f.family.acts == Acts::Force && found.unnamed())
-    {
+    } else if let Some(f) = found.family.as_ref().filter(|_| found.unnamed()) {
         verdict.notes.push(format!(
             "{}: a remaining dependence on {} weighs {:.2e}, below what matters",
             dof.name(),

@@ -28,15 +28,15 @@ use super::posterior::near;
 use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
-use super::weight::{weight_beyond, weight_of, weight_of_all, weights};
+use super::weight::{weight_beyond, weight_of, weight_of_all, weight_of_bent, weights};
 use along::shown;
 use beside::{beside, squeezed};
-use covered::covered;
-use doubled::{doubled, doubled_from, doubled_members, side_by_side};
+use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
 
+pub use covered::covered;
 pub use forward::forward;
 pub use look::{Care, look};
 pub use needs::needs;
@@ -68,6 +68,8 @@ const MANY: usize = 3;
 const FAR_FROM_NOISE: f64 = 0.75;
 /// rms of the runs held out over the noise above which a free force foretells nothing.
 const FAR_FROM_FORETOLD: f64 = 4.0;
+/// Bent laws that are asked with what another explanation has.
+const CROSSED: usize = 3;
 /// Half chi-square per sample below which a function explains all there is.
 const ALL_BUT_NOISE: f64 = 0.6;
 /// Log evidence that another prior of a function must gain for its set to be searched again.
@@ -127,10 +129,18 @@ impl Explanation {
             Acts::Force => weight_of,
             Acts::Bends(_) => weight_beyond,
         };
+        let mut made = Explanation::plain(search, &joint);
+        // An effect weighs what its law does, as it bends.
+        if let Acts::Bends(candidate) = family.family.acts
+            && let Some(member) = joint.set.iter().position(|c| *c == candidate)
+            && let Some(own) = weight_of_bent(search.setting, &joint, candidate, &family)
+        {
+            made.weights[member] = own;
+        }
         Explanation {
             family_weight: weight(search.setting, &joint, &family.response),
             family: Some(family),
-            ..Explanation::plain(search, &joint)
+            ..made
         }
     }
 
@@ -319,6 +329,11 @@ pub fn explain(
         .filter(|e| lasting(e) && e.log_evidence > first.log_evidence)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         .cloned();
+    let notable = best.matters(elect::NOTABLE * search.setting.tolerance);
+    let imitates = explained.is_some() || may_imitate(search, &best, held);
+    if imitates && (best.simple() || best.bent().is_some()) && notable.len() > 1 {
+        laws.extend(in_the_place(search, &best.fit, &notable));
+    }
     if let Some(unnamed) = &explained {
         search.singles();
         let floor = bar(&contenders, &best) - OUT_OF_REACH;
@@ -333,12 +348,8 @@ pub fn explain(
             // How far these are is seen only when others have joined them.
             laws.extend(bent_alone(search));
         }
-    } else if may_imitate(search, &best, held) {
+    } else if imitates {
         let bar = bar(&contenders, &best);
-        let notable = best.matters(elect::NOTABLE * search.setting.tolerance);
-        if best.simple() && notable.len() > 1 {
-            laws.extend(in_the_place(search, &best.fit, &notable));
-        }
         if search.early.is_empty() {
             search.singles();
             contenders.extend(doubled(search, &best.fit, bar));
@@ -353,7 +364,7 @@ pub fn explain(
     // A force in time does anything, and says nothing of other runs: it is no bar for a law.
     let says = |e: &&Explanation| !e.unnamed() || lasts(e);
     // Two stages look like one and a delay: that foretells as well, and only the two tell it from there.
-    if best.simple()
+    if (best.simple() || best.bent().is_some())
         && best
             .matters(elect::NOTABLE * search.setting.tolerance)
             .len()
@@ -369,6 +380,27 @@ pub fn explain(
             .fold(f64::NEG_INFINITY, f64::max);
         contenders.extend(grow(search, seed, &best.fit, bar));
     }
+    let bar = bar(&contenders, &best);
+    let of_a_corner = |e: &&Explanation| e.bent().is_some() && e.log_evidence > bar - OUT_OF_REACH;
+    let laws = contenders.iter().chain([&best]).filter(of_a_corner);
+    let likeliest = laws
+        .filter(|e| bends_a_corner(search, e))
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+    if let Some(law) = likeliest.cloned() {
+        contenders.extend(side_by_side(search, &law, bar));
+    }
+    let all = contenders.iter().chain([&best]);
+    let curve = all
+        .filter(|e| {
+            e.family
+                .as_ref()
+                .and_then(FamilyFit::straightened)
+                .is_some()
+        })
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+        .cloned();
+    contenders.extend(curve.and_then(|e| straightened(search, &e, &best.fit, bar)));
+    contenders.extend(crossed(search, &contenders));
     contenders.extend(also.and_then(|e| again(search, e)));
     // What the search ended for.
     contenders.extend(search.instead.as_ref().and_then(|e| again(search, e)));
@@ -614,11 +646,78 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
             grown = beside(search, &sharper, also, bar);
         }
     }
+    if let Some(line) = straightened(search, &grown, also, bar)
+        && line.log_evidence > grown.log_evidence
+    {
+        grown = line;
+    }
     let kept = grown
         .family
         .as_ref()
         .is_some_and(|f| modest(search.setting, &grown.fit, f));
     kept.then_some(grown)
+}
+
+/// Laws that bend, each with what the likeliest explanation has beside another one and with the numbers it has there: what
+/// is found beside one (a limit just below the largest load) no start leads to beside another.
+fn crossed(search: &Search<'_>, contenders: &[Explanation]) -> Vec<Explanation> {
+    let by_evidence =
+        |a: &&Explanation, b: &&Explanation| a.log_evidence.total_cmp(&b.log_evidence);
+    let Some(top) = contenders.iter().max_by(by_evidence) else {
+        return Vec::new();
+    };
+    let mut others: Vec<&Explanation> = contenders
+        .iter()
+        .filter(|e| e.family.is_some() && e.bent().is_some() && e.kind() != top.kind())
+        .filter(|e| e.log_evidence > top.log_evidence - LAW_OUT_OF_REACH)
+        .collect();
+    others.sort_by(|a, b| by_evidence(b, a));
+    let mut seen = Vec::new();
+    others.retain(|e| {
+        let new = !seen.contains(&e.kind());
+        seen.push(e.kind());
+        new
+    });
+    others
+        .into_iter()
+        .take(CROSSED)
+        .filter_map(|e| {
+            let found = beside(search, e, &top.fit, top.log_evidence);
+            tracing::debug!(
+                "with what {:?} has: {:?} {:.1} for {:.1}",
+                top.fit.set,
+                found.fit.set,
+                found.log_evidence,
+                e.log_evidence
+            );
+            (found.log_evidence > e.log_evidence).then_some(found)
+        })
+        .collect()
+}
+
+/// A law that bends along the tank as a line, with what joins it then: a curve takes up small effects that a line leaves
+/// to be named.
+fn straightened(
+    search: &Search<'_>,
+    grown: &Explanation,
+    also: &Fit,
+    bar: f64,
+) -> Option<Explanation> {
+    let line = grown.family.as_ref()?.straightened()?;
+    let (setting, weights) = (search.setting, &search.weights);
+    let (joint, line) = line.refine(setting, weights, &grown.fit, Effort::FULL)?;
+    let (joint, line) = FamilyFit::smooth(setting, weights, (joint, line), Effort::FULL);
+    if joint.log_evidence < grown.log_evidence - LAW_OUT_OF_REACH {
+        return None;
+    }
+    let found = beside(search, &Explanation::with(search, joint, line), also, bar);
+    tracing::debug!(
+        "straight along the tank {:?}: {:.1} for {:.1}",
+        found.fit.set,
+        found.log_evidence,
+        grown.log_evidence
+    );
+    Some(found)
 }
 
 /// The same explanation under another noise, with what joins it now; `None` unless it has an unnamed force that

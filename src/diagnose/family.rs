@@ -29,6 +29,8 @@ pub use prior::Prior;
 const TURN_MPS: f64 = 0.004;
 /// How far a straight line is followed beyond its two knots, over what lies between them.
 const STRAIGHT_ON: f64 = 1.0;
+/// Least factor on a law that varies evenly: a parameter keeps its sign.
+const LEAST_FACTOR: f64 = 0.05;
 /// Log of the choice among a dozen functions.
 const PENALTY: f64 = 3.0;
 
@@ -43,6 +45,8 @@ pub enum Variable {
     Rate,
     /// Its size.
     Speed,
+    /// The same with knots by ratio: what a friction does near rest, where it begins.
+    SpeedRatio,
     /// The same, of a force against the motion \[m/s\]: a drag that depends on speed as it likes.
     SpeedAgainst,
     /// Commanded load \[N\].
@@ -70,7 +74,7 @@ impl Variable {
             Variable::Place => "position".to_owned(),
             Variable::PlaceAgainst => "position, against the motion".to_owned(),
             Variable::Rate => "rate".to_owned(),
-            Variable::Speed => "speed".to_owned(),
+            Variable::Speed | Variable::SpeedRatio => "speed".to_owned(),
             Variable::SpeedAgainst => "speed, against the motion".to_owned(),
             Variable::Load => "command".to_owned(),
             Variable::LoadSize | Variable::LoadRatio => "size of the command".to_owned(),
@@ -92,6 +96,7 @@ impl Variable {
             Variable::PlaceAgainst => Variable::Place,
             Variable::SpeedAgainst => Variable::Rate,
             Variable::LoadRatio => Variable::LoadSize,
+            Variable::SpeedRatio => Variable::Speed,
             other => other,
         }
     }
@@ -110,7 +115,7 @@ impl Variable {
         match self {
             Variable::Place | Variable::PlaceAgainst => here.position,
             Variable::Rate => here.rate,
-            Variable::Speed | Variable::SpeedAgainst => here.rate.abs(),
+            Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst => here.rate.abs(),
             Variable::Load => plain(here.load),
             Variable::LoadSize | Variable::LoadRatio => plain(here.load.abs()),
             Variable::Time | Variable::TimeIn(_) | Variable::TimeEach => plain(here.t_s.value()),
@@ -133,7 +138,7 @@ impl Variable {
 pub enum Acts {
     /// A force \[N, N m\] of its own.
     Force,
-    /// The logarithm of a factor on the first parameter of this candidate.
+    /// The logarithm of a factor on the first parameter of this candidate; of a straight line the factor less one.
     Bends(usize),
 }
 
@@ -235,6 +240,16 @@ impl Family {
         self.knots.len() == 2
     }
 
+    /// The factor on a parameter where the function is `f`: e^f keeps the parameter's sign. What varies evenly (a current
+    /// v (1 + s x)) does so itself, not by its logarithm.
+    fn bend<T: Real>(&self, f: T) -> T {
+        if self.straight() {
+            (T::one() + f).max(T::from_f64(LEAST_FACTOR))
+        } else {
+            f.exp()
+        }
+    }
+
     /// How far beyond its outermost knots it still says what it says between them, over their span.
     pub fn beyond(&self) -> f64 {
         if self.straight() { STRAIGHT_ON } else { 0.0 }
@@ -308,9 +323,8 @@ impl Family {
             }),
             Acts::Bends(candidate) => {
                 let member = set.iter().position(|c| *c == candidate).unwrap_or(0);
-                // A factor e^f keeps the parameter's sign.
                 setting.simulate_bent(run, set, globals, start, member, |h| {
-                    self.profile(setting, run, h, amplitudes, mark).exp()
+                    self.bend(self.profile(setting, run, h, amplitudes, mark))
                 })
             }
         }
@@ -348,6 +362,22 @@ mod tests {
     use crate::diagnose::fit::Posed;
     use crate::diagnose::testing::{candidate, setting, surge};
     use crate::diagnose::weights::Weights;
+
+    /// A line through two knots is a line of the parameter itself: halfway lies the mean of both ends.
+    #[test]
+    fn what_varies_evenly_has_the_mean_of_its_ends_halfway_and_keeps_its_sign() {
+        let over = |knots: &[f64]| Family {
+            acts: Acts::Bends(0),
+            variable: Variable::Place,
+            knots: knots.to_vec(),
+            measured: false,
+        };
+        let (line, bend) = (over(&[0.0, 1.0]), over(&[0.0, 0.5, 1.0]));
+        let (low, high) = (line.bend(-0.4), line.bend(0.8));
+        assert!((line.bend(0.5 * (-0.4 + 0.8)) - 0.5 * (low + high)).abs() < 1e-12);
+        assert_eq!(line.bend(-3.0), LEAST_FACTOR);
+        assert!((bend.bend(0.2) - 0.2_f64.exp()).abs() < 1e-12);
+    }
 
     /// A straight line goes on where its knots end, for the motion and for its derivatives alike.
     #[test]

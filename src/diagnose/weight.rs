@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::bank::{basis, motion, outside};
+use super::family::FamilyFit;
 use super::fit::Fit;
 use super::setting::{COEFFICIENTS, Setting};
 
@@ -62,6 +63,21 @@ pub fn weight_of_all(setting: &Setting, fit: &Fit, candidate: usize) -> f64 {
     Alone::new(setting, fit).weight(first..end)
 }
 
+/// The same of a candidate whose law bends, as it bends.
+pub fn weight_of_bent(
+    setting: &Setting,
+    fit: &Fit,
+    candidate: usize,
+    function: &FamilyFit,
+) -> Option<f64> {
+    let member = fit.set.iter().position(|c| *c == candidate)?;
+    let alone = Alone::new(setting, fit);
+    let globals = alone.globals(member..member + 1);
+    let with = function.motion(setting, &[candidate], &globals, &alone.starts);
+    let weight = rms(&outside(&alone.span, &(with - &alone.none)));
+    weight.is_finite().then_some(weight)
+}
+
 /// The vehicle of a fit with few of its members.
 struct Alone<'a> {
     setting: &'a Setting,
@@ -92,11 +108,16 @@ impl<'a> Alone<'a> {
         }
     }
 
-    fn weight(&self, members: std::ops::Range<usize>) -> f64 {
+    fn globals(&self, members: std::ops::Range<usize>) -> Vec<f64> {
         let mut globals = self.fit.at[..COEFFICIENTS].to_vec();
-        for member in members.clone() {
+        for member in members {
             globals.extend_from_slice(self.fit.member(self.setting, member));
         }
+        globals
+    }
+
+    fn weight(&self, members: std::ops::Range<usize>) -> f64 {
+        let globals = self.globals(members.clone());
         let with = motion(self.setting, &self.fit.set[members], &globals, &self.starts);
         rms(&outside(&self.span, &(with - &self.none)))
     }
@@ -118,4 +139,51 @@ pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f
     }
     let taken = span(setting, fit, &fit.set, globals, &has);
     rms(&outside(&taken, response))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::family::{Acts, Family, Prior, Variable};
+    use crate::diagnose::search::Search;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// A law bent by the same factor everywhere weighs what the same law with that parameter does; it weighed as if nothing
+    /// bent it, half as much again as the truth where the bend did most of the work.
+    #[test]
+    fn a_bent_law_weighs_what_it_does_as_it_bends() {
+        let made = setting(&[surge(0, &[("current", &[("vx_mps", 0.02)])]), surge(1, &[])]);
+        let current = candidate(&made, "current");
+        let mut search = Search::still(&made, &|_| {});
+        search.nothing();
+        search.singles();
+        let fit = search.finished(&[current]).unwrap();
+        let place = made.places(&fit.set)[0];
+        let bent_by = |factor: f64| {
+            let function = FamilyFit {
+                family: Family {
+                    acts: Acts::Bends(current),
+                    variable: Variable::Place,
+                    knots: vec![-1.0, 0.0, 1.0],
+                    measured: false,
+                },
+                amplitudes: vec![factor.ln(); 3],
+                sds: vec![0.1; 3],
+                gain: 0.0,
+                prior: Prior {
+                    sd: 0.3,
+                    length: 0.0,
+                },
+                response: DVector::zeros(0),
+            };
+            weight_of_bent(&made, &fit, current, &function).unwrap()
+        };
+        for factor in [1.0, 0.6] {
+            let mut like = fit.clone();
+            like.at[place] *= factor;
+            let plain = weights(&made, &like)[0];
+            let apart = (bent_by(factor) / plain - 1.0).abs();
+            assert!(plain > 0.0 && apart < 1e-9, "{factor}: {apart}");
+        }
+    }
 }

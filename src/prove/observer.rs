@@ -315,7 +315,16 @@ impl Ideal {
             .flatten()
             .flat_map(|rest| starts.iter().map(|s| joined(&self.setting, rest, f, s)))
             .collect();
-        let other: Vec<Fit> = jobs.into_par_iter().filter_map(plainly).collect();
+        // One that does nothing there stands for nothing.
+        let does = |f: &Fit| {
+            less.as_ref()
+                .is_none_or(|l| f.log_evidence > l.log_evidence)
+        };
+        let other: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(plainly)
+            .filter(does)
+            .collect();
         let gap = other
             .iter()
             .map(|o| self.truth.log_evidence - o.log_evidence)

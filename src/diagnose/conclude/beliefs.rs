@@ -6,7 +6,8 @@
 
 use super::found;
 use crate::diagnose::choosing::Choosing;
-use crate::diagnose::explain::Explanation;
+use crate::diagnose::explain::{Explanation, covered};
+use crate::diagnose::family::Acts;
 use crate::diagnose::rest::{WORTH, places, still};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
@@ -54,7 +55,11 @@ fn better<'a>(
         return kept;
     };
     // A free force does the work of slow noise and of drifts; whether it is one was asked on the way.
-    if made.unnamed() && !kept.1.unnamed() {
+    let free = |e: &Explanation| {
+        let of = e.family.as_ref();
+        of.is_some_and(|f| f.family.acts == Acts::Force)
+    };
+    if free(&made) && !free(&kept.1) {
         return kept;
     }
     // Of the samples that count under both.
@@ -84,15 +89,20 @@ fn told(
     held: &[Track],
 ) -> (f64, f64) {
     let setting = kept.0.setting;
+    // What is left of a function beyond its range is nobody's.
+    let held = covered(&[kept.1, other.1], held);
+    if held.is_empty() {
+        return (0.0, 0.0);
+    }
     let like =
-        |of: (&Search<'_>, &Explanation)| Choosing::like(setting, &of.0.weights, held, &of.1.fit);
+        |of: (&Search<'_>, &Explanation)| Choosing::like(setting, &of.0.weights, &held, &of.1.fit);
     let used = in_both(like(kept).used(), like(other).used());
     if used.len() != held.len() {
         return (0.0, 0.0);
     }
     let asked = |of: (&Search<'_>, &Explanation)| {
         let weights = &of.0.weights;
-        let choosing = Choosing::new(setting, weights, held, used.clone()).with(&kept.0.shown);
+        let choosing = Choosing::new(setting, weights, &held, used.clone()).with(&kept.0.shown);
         Some((of.1.told(of.0, &choosing)?, of.1.foretells(of.0, &choosing)))
     };
     match asked(kept).zip(asked(other)) {

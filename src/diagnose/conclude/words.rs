@@ -33,28 +33,16 @@ pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
 pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
     let (range, force) = stands_out(setting, f);
-    let unit =
-        match f.family.variable {
-            Variable::Place | Variable::PlaceAgainst => {
-                if setting.dof.index() < 3 {
-                    "m"
-                } else {
-                    "rad"
-                }
-            }
-            Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
-                if setting.dof.index() < 3 {
-                    "m/s"
-                } else {
-                    "rad/s"
-                }
-            }
-            Variable::Load | Variable::LoadSize | Variable::LoadRatio => {
-                if setting.dof.index() < 3 { "N" } else { "N m" }
-            }
-            _ => "s",
-        };
-    let load = if setting.dof.index() < 3 { "N" } else { "N m" };
+    let (length, rate, load) = match setting.dof.index() {
+        0..3 => ("m", "m/s", "N"),
+        _ => ("rad", "rad/s", "N m"),
+    };
+    let unit = match f.family.variable.quantity() {
+        Variable::Place => length,
+        Variable::Rate => rate,
+        Variable::Load => load,
+        _ => "s",
+    };
     let (of, range) = told(setting, f.family.variable, range);
     Some(Unexplained {
         channel: setting.channel().to_owned(),

@@ -5,7 +5,7 @@
 //! promise outside of the span of set AND function, removals where a member is hardly known to differ
 //! from nothing.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -54,6 +54,9 @@ const SQUEEZES: usize = 4;
 
 /// A set fitted together with a function.
 type Pair = (Fit, FamilyFit);
+
+/// A set with where its fit begins, and whether a member has joined it.
+type Job = (Vec<usize>, Vec<f64>, bool);
 
 /// What is known of a set with the function: `None` where the fit failed.
 type Tried = BTreeMap<Vec<usize>, Option<Pair>>;
@@ -129,25 +132,32 @@ fn climb(
     bar: f64,
 ) -> (Pair, Vec<(usize, f64)>) {
     let mut tried = Tried::new();
+    let mut joined_before: BTreeSet<Vec<usize>> = BTreeSet::new();
     tried.insert(now.0.set.clone(), Some(now.clone()));
     for step in 0..STEPS {
         let removals = removals(search, &now);
-        let mut jobs: Vec<(Vec<usize>, Vec<f64>)> = removals
+        let mut jobs: Vec<Job> = removals
             .iter()
             .filter(|r| r.2 < SURELY_THERE)
-            .map(|r| (r.1.0.clone(), r.1.1.clone()))
+            .map(|r| (r.1.0.clone(), r.1.1.clone(), false))
             .collect();
         if now.0.set.len() < MOST {
             jobs.extend(additions(search, bank, &now, also));
         }
-        jobs.retain(|j| !tried.contains_key(&j.0));
+        // What was left when another one went may have been stuck with the numbers it had then: it is tried once more as
+        // one that joins.
+        jobs.retain(|(set, _, joins)| match joins {
+            true => !joined_before.contains(set),
+            false => !tried.contains_key(set),
+        });
+        joined_before.extend(jobs.iter().filter(|j| j.2).map(|j| j.0.clone()));
         let effort = Effort {
             limit: now.0.cost + TOO_FAR,
             ..search.weights.to_a_percent()
         };
         let made: Vec<(Vec<usize>, Option<Pair>)> = jobs
             .into_par_iter()
-            .map(|(set, at)| {
+            .map(|(set, at, _)| {
                 let from = Fit {
                     set: set.clone(),
                     at,
@@ -244,12 +254,7 @@ fn removals(search: &Search<'_>, now: &Pair) -> Vec<Removal> {
 
 /// The most promising additions: from the bank's starting points, or with the numbers of `also`, where a period
 /// or a place once found is not found from every start.
-fn additions(
-    search: &Search<'_>,
-    bank: &Bank,
-    (fit, function): &Pair,
-    also: &Fit,
-) -> Vec<(Vec<usize>, Vec<f64>)> {
+fn additions(search: &Search<'_>, bank: &Bank, (fit, function): &Pair, also: &Fit) -> Vec<Job> {
     let setting = search.setting;
     let motion: Motion<'_> = &|set, globals, starts| function.motion(setting, set, globals, starts);
     let at = function.unknowns(fit);
@@ -265,7 +270,8 @@ fn additions(
         .map(|p| {
             let point = known(&points, &p)
                 .unwrap_or_else(|| begin(setting, fit, &bank.responses, &p, motion));
-            joined(setting, fit, p.candidate, &point)
+            let (set, at) = joined(setting, fit, p.candidate, &point);
+            (set, at, true)
         })
         .collect()
 }

@@ -71,7 +71,7 @@ fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
     match variable {
         Variable::Place | Variable::PlaceAgainst => track.measured[k],
         Variable::Rate => track.rate_at(t_s),
-        Variable::Speed | Variable::SpeedAgainst => track.rate_at(t_s).abs(),
+        Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst => track.rate_at(t_s).abs(),
         Variable::Load => load_n(),
         Variable::LoadSize | Variable::LoadRatio => load_n().abs(),
         Variable::SinceEdge | Variable::AfterEdge => t_s - edge().map_or(track.start_s, |e| e.0),

@@ -10,7 +10,7 @@ use super::beside::{SURELY_THERE, known, lacking, likeliest, too_slow};
 use super::look::{INEXACT, TWICE_PENALTY, twice};
 use crate::diagnose::bank::{View, joined, motion, responses_at, whitened, without};
 use crate::diagnose::descent::Effort;
-use crate::diagnose::family::Variable;
+use crate::diagnose::family::{Acts, Variable};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::rest::reduced;
 use crate::diagnose::search::Search;
@@ -33,7 +33,6 @@ const TOO_FAR: f64 = 40.0;
 
 /// The likeliest single effects doubled, each with what joins it; members of `also` with their numbers there.
 pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
-    let setting = search.setting;
     let ranked = search.ranked();
     let singles: Vec<&Fit> = ranked
         .into_iter()
@@ -42,11 +41,7 @@ pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
         .collect();
     let mut pairs: Vec<(usize, Fit)> = singles
         .into_par_iter()
-        .filter_map(|fit| {
-            let view = View::new(setting, &search.weights, fit);
-            let two = twice(search, fit, &view, 0)?;
-            (two.log_evidence > fit.log_evidence + INEXACT).then(|| (fit.set[0], two))
-        })
+        .filter_map(|fit| Some((fit.set[0], two_of(search, fit, 0)?)))
         .collect();
     pairs.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
     pairs
@@ -56,8 +51,15 @@ pub fn doubled(search: &Search<'_>, also: &Fit, bar: f64) -> Vec<Explanation> {
         .collect()
 }
 
-/// Each heavy member of an explanation doubled from itself alone on, with what joins it.
+/// Each heavy member of an explanation doubled, from itself alone on, with its numbers there or beside others, with what joins it.
 pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Vec<Explanation> {
+    let all = match found.simple() {
+        true => Some(found.fit.clone()),
+        // Without its function, and without the copy of what is two already.
+        false => Posed::new(search.setting, &search.weights, &found.fit.set)
+            .fit_with(found.fit.at.clone(), search.weights.to_a_percent())
+            .ok(),
+    };
     found
         .matters(search.setting.tolerance)
         .into_iter()
@@ -69,15 +71,29 @@ pub fn doubled_members(search: &Search<'_>, found: &Explanation, bar: f64) -> Ve
                 .get(&[candidate])
                 .into_iter()
                 .chain(&own)
-                .filter_map(|fit| {
-                    let view = View::new(search.setting, &search.weights, fit);
-                    let two = twice(search, fit, &view, 0)?;
-                    (two.log_evidence > fit.log_evidence + INEXACT).then_some(two)
+                .filter_map(|fit| two_of(search, fit, 0))
+                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                // A light one does too little by itself for a second one to show: beside the heaviest then, or all others.
+                .or_else(|| {
+                    let few = beside_the_heaviest(search, found, candidate)?;
+                    let member = few.set.iter().position(|c| *c == candidate)?;
+                    two_of(search, &few, member)
                 })
-                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+                .or_else(|| {
+                    let all = all.as_ref()?;
+                    let member = all.set.iter().position(|c| *c == candidate)?;
+                    two_of(search, all, member)
+                })?;
             grown(search, candidate, two, &found.fit, bar)
         })
         .collect()
+}
+
+/// A set with a member a second time, where that gains.
+fn two_of(search: &Search<'_>, fit: &Fit, member: usize) -> Option<Fit> {
+    let view = View::new(search.setting, &search.weights, fit);
+    let two = twice(search, fit, &view, member)?;
+    (two.log_evidence > fit.log_evidence + INEXACT).then_some(two)
 }
 
 /// A member fitted alone, from its numbers in the explanation.
@@ -88,21 +104,50 @@ fn by_itself(search: &Search<'_>, found: &Explanation, candidate: usize) -> Opti
     let numbers = found.fit.member(setting, member);
     let (set, at) = joined(setting, nothing, candidate, numbers);
     let posed = Posed::new(setting, &search.weights, &set);
+    let fit = posed.fit_with(at, search.weights.to_a_percent()).ok()?;
+    fit.log_evidence.is_finite().then_some(fit)
+}
+
+/// A member fitted with the heaviest other one, from their numbers in the explanation.
+fn beside_the_heaviest(search: &Search<'_>, found: &Explanation, candidate: usize) -> Option<Fit> {
+    let setting = search.setting;
+    let heaviest = (0..found.fit.set.len())
+        .filter(|m| found.fit.set[*m] != candidate)
+        .max_by(|a, b| found.weights[*a].total_cmp(&found.weights[*b]))?;
+    let first = by_itself(search, found, found.fit.set[heaviest])?;
+    let member = found.fit.set.iter().position(|c| *c == candidate)?;
+    let (set, at) = joined(
+        setting,
+        &first,
+        candidate,
+        found.fit.member(setting, member),
+    );
+    let posed = Posed::new(setting, &search.weights, &set);
     posed.fit_with(at, search.weights.to_a_percent()).ok()
 }
 
-/// Members with a corner in the load as several thrusters side by side have it, in the place of a free force of the load.
-pub fn side_by_side(search: &Search<'_>, unnamed: &Explanation, bar: f64) -> Vec<Explanation> {
+/// Whether an explanation bends, by the load, a law that has a corner in it.
+pub fn bends_a_corner(search: &Search<'_>, e: &Explanation) -> bool {
+    let corner = |c: usize| search.setting.vocabulary[c].info.parameters[0].corner;
+    let of_load = |(_, v): (Acts, Variable)| v.quantity() == Variable::Load;
+    e.kind().is_some_and(of_load) && e.bent().is_some_and(corner)
+}
+
+/// Members with a corner in the load as several thrusters side by side have it, in the place of a free function of the
+/// load: of a force all such members, of a bend the one that bends.
+pub fn side_by_side(search: &Search<'_>, free: &Explanation, bar: f64) -> Vec<Explanation> {
     let setting = search.setting;
-    let of_load = unnamed
+    let of_load = free
         .kind()
         .is_some_and(|(_, v)| v.quantity() == Variable::Load);
     if !of_load {
         return Vec::new();
     }
-    let corner = |c: &&usize| setting.vocabulary[**c].info.parameters[0].corner;
-    let fit = Posed::new(setting, &search.weights, &unnamed.fit.set)
-        .fit(unnamed.fit.at.clone())
+    let corner = |c: &&usize| {
+        setting.vocabulary[**c].info.parameters[0].corner && free.bent().is_none_or(|b| b == **c)
+    };
+    let fit = Posed::new(setting, &search.weights, &free.fit.set)
+        .fit(free.fit.at.clone())
         .ok();
     let Some(fit) = fit else { return Vec::new() };
     fit.set
@@ -112,7 +157,7 @@ pub fn side_by_side(search: &Search<'_>, unnamed: &Explanation, bar: f64) -> Vec
             let member = fit.set.iter().position(|c| c == candidate)?;
             let view = View::new(setting, &search.weights, &fit);
             let two = twice(search, &fit, &view, member)?;
-            grown(search, *candidate, two, &unnamed.fit, bar)
+            grown(search, *candidate, two, &free.fit, bar)
         })
         .collect()
 }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::covered::covered;
-use super::look::BELIEVED;
+use super::look::{BELIEVED, modest};
 use crate::diagnose::bank::without;
 use crate::diagnose::choosing::Choosing;
 use crate::diagnose::descent::Effort;
@@ -234,7 +234,7 @@ pub fn lightened(
             let function = e.family.as_ref()?;
             let (joint, function) =
                 function.refine(setting, &search.weights, &from, Effort::FULL)?;
-            Some(Explanation::with(search, joint, function))
+            modest(setting, &joint, &function).then(|| Explanation::with(search, joint, function))
         })
         .collect()
 }
@@ -320,7 +320,7 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
         (false, false) => {}
     }
     let slight = |e: &Explanation| e.bends_slightly(search.setting.tolerance);
-    let hardly = match slight(best) && !slight(other) {
+    let hardly = match slight(best) && other.bent().is_none() {
         true => BELIEVED,
         false => 0.0,
     };
@@ -366,7 +366,7 @@ mod tests {
         assert_eq!(sparing(&search, &heavy, &heavy), 0.0);
         // One that does not matter is asked elsewhere.
         assert_eq!(sparing(&search, &named, &light), 0.0);
-        // So it is with a law that hardly bends, beside one that does and beside what does without.
+        // So it is with a law that hardly bends, beside what does without.
         let mut bends = function.clone();
         if let Some(f) = &mut bends {
             f.family.acts = Acts::Bends(candidate(&own, "coulomb_friction"));
@@ -377,7 +377,7 @@ mod tests {
             ..named.clone()
         };
         assert_eq!(sparing(&search, &named, &bend(0.04)), BELIEVED);
-        assert_eq!(sparing(&search, &bend(0.06), &bend(0.04)), BELIEVED);
+        assert_eq!(sparing(&search, &bend(0.06), &bend(0.04)), 0.0);
         assert_eq!(sparing(&search, &bend(0.04), &bend(0.03)), 0.0);
         assert_eq!(sparing(&search, &named, &bend(0.06)), 0.0);
         assert_eq!(sparing(&search, &heavy, &bend(0.04)), 0.0);

@@ -87,8 +87,8 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
     let candidates: Vec<usize> = heavy.iter().take(BENT).map(|m| fit.set[*m]).collect();
     families.extend(bends(setting, fit, &candidates));
     if care == Care::Glance {
-        // What bends at small loads only hides no force.
-        families.retain(|f| f.variable != Variable::LoadRatio);
+        // What bends at small loads or speeds only hides no force.
+        families.retain(|f| !matches!(f.variable, Variable::LoadRatio | Variable::SpeedRatio));
     }
     heavy.truncate(if care == Care::Glance { 0 } else { DOUBLED });
     let mut double: Option<(usize, Fit)> = None;
@@ -282,8 +282,9 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
         Posed::new(setting, &search.weights, &set)
             .fit_with(at, effort)
             .ok()
-            .filter(|f| f.log_evidence.is_finite() && f.confounded(setting).is_empty())
+            .filter(|f| f.log_evidence.is_finite())
     };
+    let sound = |f: &Fit| f.confounded(setting).is_empty();
     let ranked = search.ranked();
     let singles: Vec<&&Fit> = ranked
         .iter()
@@ -307,9 +308,10 @@ pub fn instead(search: &Search<'_>, unnamed: &Explanation) -> Vec<Explanation> {
                 None => beside.clone(),
             };
             let job = joined(setting, &rest, candidate, single.member(setting, 0));
-            Some((fit(job)?, vec![candidate]))
+            Some((fit(job).filter(sound)?, vec![candidate]))
         })
         .collect();
+    // Without the force others may do its work that are confounded then; the bend that takes it over ends that.
     let own: Option<Base> = fit((beside.set.clone(), beside.at.clone())).map(|own| {
         let heavy = weights(setting, &own)
             .into_iter()

@@ -78,6 +78,10 @@ fn beside(
     let view = View::new(setting, weights, &plain);
     let linear = function.family.fit(setting, weights, &plain, &view)?;
     let (joint, function) = linear.close(setting, weights, &plain, Effort::FULL)?;
+    // One that only takes back what another one does is no law of a thruster.
+    if search.blind.contains(&candidate) || !joint.confounded(setting).is_empty() {
+        return None;
+    }
     let e = Explanation::with(search, joint, function);
     tracing::debug!(
         "{candidate} beside a force of the load: {:.1}, weighs {:.5}, members {:.5?}",

@@ -12,8 +12,9 @@ use crate::diagnose::setting::Setting;
 const EACH_RUN: (usize, usize, usize) = (17, 8, 120);
 /// Between runs laid end to end \[s\]: far enough that what pulls in one says nothing of the next.
 pub(super) const BETWEEN_S: f64 = 1000.0;
-/// Smallest load with a knot of its own, of the largest: a deadband is some twentieth of that.
-pub(super) const SMALL_LOAD: f64 = 0.02;
+/// Smallest load and speed with a knot of its own, of the largest: a deadband is some twentieth of that, and so is the
+/// speed at which a friction that falls has fallen.
+pub(super) const SMALL: f64 = 0.02;
 /// First knot after a command edge \[s\].
 pub(super) const AFTER_EDGE_S: f64 = 0.15;
 
@@ -56,6 +57,7 @@ impl Ranges {
             Variable::TimeIn(run) => (Variable::Time, Some(run)),
             Variable::AfterEdge => (Variable::SinceEdge, None),
             Variable::LoadRatio => (Variable::LoadSize, None),
+            Variable::SpeedRatio => (Variable::Speed, None),
             other => (other, None),
         };
         let (low, high) = self
@@ -71,7 +73,7 @@ impl Ranges {
         (high > low + 1e-12).then_some((low, high))
     }
 
-    /// Even knots over the range of a variable; times since an edge, and small loads, by ratio.
+    /// Even knots over the range of a variable; times since an edge, and small loads and speeds, by ratio.
     fn family(&self, acts: Acts, variable: Variable, count: usize) -> Option<Family> {
         // Without any command there is no edge and no load to depend on.
         let commanded = matches!(
@@ -86,10 +88,10 @@ impl Ranges {
             return None;
         }
         let (low, high) = self.get(variable)?;
-        let knots = if variable == Variable::LoadRatio {
-            let ratio = SMALL_LOAD.powf(-1.0 / (count as f64 - 2.0));
+        let knots = if matches!(variable, Variable::LoadRatio | Variable::SpeedRatio) {
+            let ratio = SMALL.powf(-1.0 / (count as f64 - 2.0));
             std::iter::once(0.0)
-                .chain((0..count - 1).map(|k| high * SMALL_LOAD * ratio.powi(k as i32)))
+                .chain((0..count - 1).map(|k| high * SMALL * ratio.powi(k as i32)))
                 .collect()
         } else if matches!(variable, Variable::SinceEdge | Variable::AfterEdge) {
             if high < 4.0 * AFTER_EDGE_S {
@@ -193,6 +195,7 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
         (Variable::Place, 2),
         (Variable::Rate, 10),
         (Variable::Speed, 8),
+        (Variable::SpeedRatio, 10),
         (Variable::Load, 10),
         (Variable::LoadSize, 8),
         (Variable::LoadRatio, 10),
@@ -211,6 +214,7 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
                 .iter()
                 .filter(move |(v, _)| !(placeless && *v == Variable::Place))
                 .filter(move |(v, _)| thruster || *v != Variable::LoadRatio)
+                .filter(move |(v, _)| !(placeless && *v == Variable::SpeedRatio))
                 .map(|(v, n)| ranges.family(Acts::Bends(*c), *v, *n))
                 .collect::<Vec<_>>()
         })
@@ -225,7 +229,7 @@ mod tests {
     use crate::diagnose::testing::{candidate, setting, surge};
 
     #[test]
-    fn only_thrusters_bend_at_small_loads() {
+    fn only_thrusters_bend_at_small_loads_and_all_but_them_at_small_speeds() {
         let setting = setting(&[surge(0, &[]), surge(1, &[])]);
         let mut search = Search::new(&setting, &|_| {});
         search.nothing();
@@ -240,10 +244,20 @@ mod tests {
         };
         let (first, second, last) = small("thruster_deadband").unwrap();
         assert_eq!(first, 0.0);
-        assert!((second - SMALL_LOAD).abs() < 1e-9 && (last - 1.0).abs() < 1e-9);
+        assert!((second - SMALL).abs() < 1e-9 && (last - 1.0).abs() < 1e-9);
         assert!(small("current").is_none() && small("command_latency").is_none());
         assert_eq!(Variable::LoadRatio.kind(), Variable::LoadSize);
         assert_eq!(Variable::LoadRatio.quantity(), Variable::Load.quantity());
+        // A friction varies near rest; a thruster knows nothing of that.
+        let near_rest = |id: &str| {
+            let all = bends(&setting, nothing, &[candidate(&setting, id)]);
+            let found = all.into_iter().find(|f| f.variable == Variable::SpeedRatio);
+            found.map(|f| f.knots[1] / f.knots.last().copied().unwrap())
+        };
+        let share = near_rest("coulomb_friction").unwrap();
+        assert!((share - SMALL).abs() < 1e-9);
+        assert!(near_rest("thruster_deadband").is_none() && near_rest("command_latency").is_none());
+        assert_eq!(Variable::SpeedRatio.kind(), Variable::Speed);
     }
 
     #[test]

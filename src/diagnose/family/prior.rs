@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 
-use super::kinds::{AFTER_EDGE_S, BETWEEN_S, SMALL_LOAD};
+use super::kinds::{AFTER_EDGE_S, BETWEEN_S, SMALL};
 use super::{Family, Variable};
 
 /// Lengths tried, over the span of the knots; 0 = every amplitude by itself.
@@ -79,10 +79,10 @@ impl Prior {
 fn place(family: &Family, knot: f64) -> f64 {
     match family.variable {
         Variable::SinceEdge | Variable::AfterEdge => (1.0 + knot.max(0.0) / AFTER_EDGE_S).ln(),
-        Variable::LoadRatio => {
-            // By the largest load, which stays where it is when knots become denser.
+        Variable::LoadRatio | Variable::SpeedRatio => {
+            // By the largest one, which stays where it is when knots become denser.
             let largest = family.knots.last().copied().unwrap_or(1.0);
-            (1.0 + knot.max(0.0) / (SMALL_LOAD * largest)).ln()
+            (1.0 + knot.max(0.0) / (SMALL * largest)).ln()
         }
         _ => knot,
     }

@@ -3,7 +3,8 @@
 use nalgebra::DVector;
 
 use super::linear::Smooth;
-use super::{FamilyFit, Joint, PENALTY};
+use super::prior::Prior;
+use super::{Acts, Family, FamilyFit, Joint, PENALTY, Variable};
 use crate::diagnose::descent::{Effort, Linearised, descend};
 use crate::diagnose::fit::Fit;
 use crate::diagnose::setting::Setting;
@@ -16,6 +17,8 @@ const SHARPENED: usize = 5;
 const FAR_FROM_NOISE: f64 = 0.53;
 /// Log evidence that they must gain.
 const WORTH_KNOTS: f64 = 5.0;
+/// Length over which both ends of a line are alike at first, over what lies between them.
+const LINE_LENGTH: f64 = 0.6;
 /// Bends about which intervals are halved at once.
 const BENDS_SPLIT: usize = 6;
 
@@ -142,6 +145,54 @@ impl FamilyFit {
         }
     }
 
+    /// A law that bends along the tank as a line between the ends of what the runs saw: one number, and it goes on where
+    /// they did not go. `None` for what is no such law, or is a line already.
+    pub fn straightened(&self) -> Option<FamilyFit> {
+        let bends = matches!(self.family.acts, Acts::Bends(_));
+        if !bends || self.family.variable != Variable::Place || self.family.straight() {
+            return None;
+        }
+        let (first, last) = (*self.family.knots.first()?, *self.family.knots.last()?);
+        let family = Family {
+            knots: vec![first, last],
+            ..self.family.clone()
+        };
+        // Through the factors at the knots, each as it is known: at the ends hardly.
+        let sums = self
+            .family
+            .knots
+            .iter()
+            .zip(&self.amplitudes)
+            .zip(&self.sds)
+            .fold([0.0; 5], |s, ((knot, a), sd)| {
+                let (at, factor) = ((knot - first) / (last - first), a.exp());
+                let w = (factor * sd.max(f64::EPSILON)).powi(-2);
+                let y = factor - 1.0;
+                [
+                    s[0] + w,
+                    s[1] + w * at,
+                    s[2] + w * at * at,
+                    s[3] + w * y,
+                    s[4] + w * at * y,
+                ]
+            });
+        let [w, x, xx, y, xy] = sums;
+        let slope = (w * xy - x * y) / (w * xx - x * x);
+        let begin = (y - slope * x) / w;
+        if !(begin.is_finite() && slope.is_finite()) {
+            return None;
+        }
+        Some(FamilyFit {
+            amplitudes: vec![begin, begin + slope],
+            prior: Prior {
+                length: Prior::length(&family, LINE_LENGTH, 1),
+                ..self.prior
+            },
+            family,
+            ..self.clone()
+        })
+    }
+
     /// The same function with the intervals around its sharpest bends halved.
     fn split(&self) -> FamilyFit {
         let (k, a) = (&self.family.knots, &self.amplitudes);
@@ -219,5 +270,46 @@ impl FamilyFit {
         let own = h.view((n, n), (m, m)).into_owned();
         joint.hessian = h.view((0, 0), (n, n)) - &cross * own.cholesky()?.solve(&cross.transpose());
         Some((joint, made))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Through factors on a line goes that line, whatever a knot says that the runs say nothing of.
+    #[test]
+    fn a_law_that_varies_evenly_along_the_tank_is_straightened_to_its_line() {
+        let knots: Vec<f64> = (0..9).map(|k| -0.5 + 0.25 * f64::from(k)).collect();
+        let mut curve = FamilyFit {
+            amplitudes: knots.iter().map(|x| (1.0 + 0.4 * x).ln()).collect(),
+            sds: vec![0.05; 9],
+            gain: 0.0,
+            prior: Prior {
+                sd: 0.3,
+                length: 0.2,
+            },
+            response: DVector::zeros(0),
+            family: Family {
+                acts: Acts::Bends(0),
+                variable: Variable::Place,
+                knots,
+                measured: false,
+            },
+        };
+        let line = curve.straightened().unwrap();
+        assert_eq!(line.family.knots, [-0.5, 1.5]);
+        let ends = [line.amplitudes[0] - -0.2, line.amplitudes[1] - 0.6];
+        assert!(ends.iter().all(|e| e.abs() < 1e-9), "{:?}", line.amplitudes);
+        (curve.amplitudes[8], curve.sds[8]) = (-0.9, 50.0);
+        let end = curve.straightened().unwrap().amplitudes[1];
+        assert!((end - 0.6).abs() < 1e-3, "{end}");
+        // A line has no straighter one, and what depends on the load or is a force goes nowhere along the tank.
+        assert!(line.straightened().is_none());
+        curve.family.variable = Variable::Load;
+        assert!(curve.straightened().is_none());
+        curve.family.variable = Variable::Place;
+        curve.family.acts = Acts::Force;
+        assert!(curve.straightened().is_none());
     }
 }

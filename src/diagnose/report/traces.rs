@@ -203,7 +203,10 @@ impl Regime {
         let value = |k: usize| -> f64 {
             match self.found.family.variable {
                 Variable::Place | Variable::PlaceAgainst => trace.before[k],
-                Variable::Rate | Variable::Speed | Variable::SpeedAgainst => {
+                Variable::Rate
+                | Variable::Speed
+                | Variable::SpeedRatio
+                | Variable::SpeedAgainst => {
                     let (a, b) = (k.saturating_sub(1), (k + 1).min(t.len() - 1));
                     let rate = (trace.before[b] - trace.before[a]) / (t[b] - t[a]).max(1e-9);
                     if self.found.family.variable == Variable::Rate {
