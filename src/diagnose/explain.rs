@@ -8,6 +8,7 @@
 mod along;
 mod beside;
 mod covered;
+mod crossed;
 mod doubled;
 mod elect;
 mod forward;
@@ -31,6 +32,7 @@ use super::setting::Track;
 use super::weight::{weight_beyond, weight_of, weight_of_all, weight_of_bent, weights};
 use along::shown;
 use beside::{beside, squeezed};
+use crossed::crossed;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
@@ -68,8 +70,6 @@ const MANY: usize = 3;
 const FAR_FROM_NOISE: f64 = 0.75;
 /// rms of the runs held out over the noise above which a free force foretells nothing.
 const FAR_FROM_FORETOLD: f64 = 4.0;
-/// Bent laws that are asked with what another explanation has.
-const CROSSED: usize = 3;
 /// Half chi-square per sample below which a function explains all there is.
 const ALL_BUT_NOISE: f64 = 0.6;
 /// Log evidence that another prior of a function must gain for its set to be searched again.
@@ -656,43 +656,6 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
         .as_ref()
         .is_some_and(|f| modest(search.setting, &grown.fit, f));
     kept.then_some(grown)
-}
-
-/// Laws that bend, each with what the likeliest explanation has beside another one and with the numbers it has there: what
-/// is found beside one (a limit just below the largest load) no start leads to beside another.
-fn crossed(search: &Search<'_>, contenders: &[Explanation]) -> Vec<Explanation> {
-    let by_evidence =
-        |a: &&Explanation, b: &&Explanation| a.log_evidence.total_cmp(&b.log_evidence);
-    let Some(top) = contenders.iter().max_by(by_evidence) else {
-        return Vec::new();
-    };
-    let mut others: Vec<&Explanation> = contenders
-        .iter()
-        .filter(|e| e.family.is_some() && e.bent().is_some() && e.kind() != top.kind())
-        .filter(|e| e.log_evidence > top.log_evidence - LAW_OUT_OF_REACH)
-        .collect();
-    others.sort_by(|a, b| by_evidence(b, a));
-    let mut seen = Vec::new();
-    others.retain(|e| {
-        let new = !seen.contains(&e.kind());
-        seen.push(e.kind());
-        new
-    });
-    others
-        .into_iter()
-        .take(CROSSED)
-        .filter_map(|e| {
-            let found = beside(search, e, &top.fit, top.log_evidence);
-            tracing::debug!(
-                "with what {:?} has: {:?} {:.1} for {:.1}",
-                top.fit.set,
-                found.fit.set,
-                found.log_evidence,
-                e.log_evidence
-            );
-            (found.log_evidence > e.log_evidence).then_some(found)
-        })
-        .collect()
 }
 
 /// A law that bends along the tank as a line, with what joins it then: a curve takes up small effects that a line leaves

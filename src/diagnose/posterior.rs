@@ -335,3 +335,52 @@ impl Posterior {
         kept
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// A friction of nothing was said to be tied with nothing: it is never ruled out by much.
+    #[test]
+    fn what_is_surely_nothing_is_tied_with_nothing_else() {
+        let own = setting(&[surge(0, &[]), surge(1, &[])]);
+        let friction = candidate(&own, "coulomb_friction");
+        let force = candidate(&own, "constant_force");
+        let mut search = Search::still(&own, &|_| {});
+        search.nothing();
+        search.singles();
+        let tied = |first: &[usize], second: &[usize], probability: f64| {
+            let of = |set: &[usize], probability: f64| {
+                let fit = search.get(set).unwrap().clone();
+                let fitted = Fitted {
+                    probability,
+                    log_evidence: probability.ln(),
+                    cost: fit.cost,
+                    unknowns: 3 + set.len(),
+                };
+                Group {
+                    matters: set.to_vec(),
+                    fit,
+                    probability,
+                    told: 0.0,
+                    fitted,
+                }
+            };
+            let posterior = Posterior {
+                groups: vec![of(first, probability), of(second, 1.0 - probability)],
+                inclusion: BTreeMap::new(),
+                members: Vec::new(),
+                choosing: Choosing::default(),
+                beyond: None,
+            };
+            posterior.tied().len()
+        };
+        // Within TIE both of them.
+        assert_eq!(tied(&[], &[friction], 0.92), 1);
+        assert_eq!(tied(&[], &[friction], 0.88), 2);
+        assert_eq!(tied(&[force], &[friction], 0.92), 2);
+        // exp(-TIE) = .018, and by one number more it does not fit alike.
+        assert_eq!(tied(&[], &[friction], 0.99), 1);
+    }
+}

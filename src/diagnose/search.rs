@@ -744,3 +744,38 @@ impl<'a> Search<'a> {
         self.fit(jobs);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// One at a time a search ends where no single step gains: the wrong one of two must be exchanged.
+    #[test]
+    fn a_wrong_member_is_exchanged_for_the_right_one() {
+        let effects: [(&str, &[(&str, f64)]); 2] = [
+            ("coulomb_friction", &[("f_n", 0.4)]),
+            ("thruster_saturation", &[("limit_n", 5.0)]),
+        ];
+        let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
+        let [friction, limit, wrong] =
+            ["coulomb_friction", "thruster_saturation", "battery_sag"].map(|e| candidate(&own, e));
+        let mut search = Search::new(&own, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[friction]).unwrap();
+        let sag = search.finished(&[wrong]).unwrap().member(&own, 0).to_vec();
+        search.fit(vec![joined(&own, &single, wrong, &sag)]);
+        let mut pair = vec![friction, wrong];
+        pair.sort_unstable();
+        let before = search.get(&pair).unwrap().log_evidence;
+        search.exchange();
+        let best = search.best().unwrap();
+        let mut right = vec![friction, limit];
+        right.sort_unstable();
+        assert!(right.iter().all(|c| best.set.contains(c)), "{:?}", best.set);
+        assert!(best.log_evidence > before + 10.0);
+        let member = best.set.iter().position(|c| *c == limit).unwrap();
+        assert!((best.member(&own, member)[0] - 5.0).abs() < 0.3);
+    }
+}

@@ -122,3 +122,41 @@ fn evidence(search: &Search<'_>, of: &Explanation, used: &[Vec<bool>]) -> f64 {
     of.log_evidence - (cost(&weights) - cost(&search.weights)) - 0.5 * weights.log_variance()
         + 0.5 * begins * believed.ln()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::testing::{setting, surge};
+
+    #[test]
+    fn runs_held_out_tell_between_beliefs_where_one_of_them_foretells_them() {
+        let effects: [(&str, &[(&str, f64)]); 1] = [("coulomb_friction", &[("f_n", 0.5)])];
+        let own = setting(&[surge(0, &effects), surge(1, &effects)]);
+        let held = setting(&[surge(2, &effects)]).tracks;
+        let mut search = Search::still(&own, &|_| {});
+        search.nothing();
+        let empty = search.get(&[]).unwrap().clone();
+        let right = found(&mut search, &[]).unwrap();
+        assert!(!right.fit.set.is_empty());
+        let wrong = Explanation {
+            fit: empty,
+            weights: Vec::new(),
+            family: None,
+            twice: None,
+            ..right.clone()
+        };
+        let (first, second) = told((&search, &right), (&search, &wrong), &held);
+        assert!(first > second + 10.0, "{first} {second}");
+        // Whichever comes first.
+        assert_eq!(
+            told((&search, &wrong), (&search, &right), &held),
+            (second, first)
+        );
+        // Nobody is asked of runs that no explanation comes near, or of none.
+        assert_eq!(
+            told((&search, &wrong), (&search, &wrong), &held),
+            (0.0, 0.0)
+        );
+        assert_eq!(told((&search, &right), (&search, &wrong), &[]), (0.0, 0.0));
+    }
+}

@@ -311,6 +311,7 @@ fn equal(search: &Search<'_>, candidate: usize, two: &Fit) -> std::ops::Range<us
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::family::bends;
     use crate::diagnose::setting::{COEFFICIENTS, Setting};
     use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
     use crate::diagnose::weight::{weight_of, weight_of_all};
@@ -396,6 +397,38 @@ mod tests {
         let does = moved(&two.set, two.globals(&made)) - moved(&[], &two.at[..COEFFICIENTS]);
         let expected = weight_of(&made, &two, &does);
         assert!((all / expected - 1.0).abs() < 1e-9, "{all} {expected}");
+    }
+
+    /// A limit bent by the load stood for a round shoulder where the search had come to it from a free force.
+    #[test]
+    fn a_limit_that_bends_by_the_load_is_asked_for_many_side_by_side() {
+        let mut made = setting(&[surge(0, &[]), surge(1, &[]), surge(2, &[])]);
+        let limit = candidate(&made, "thruster_saturation");
+        tracked(&mut made, &[limit, limit], &[3.0, 8.0]);
+        let mut search = Search::new(&made, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[limit]).unwrap();
+        let view = View::new(&made, &search.weights, &single);
+        let bent_by = |variable: Variable| {
+            let all = bends(&made, &single, &[limit]);
+            let family = all.into_iter().find(|f| f.variable == variable).unwrap();
+            let linear = family.fit(&made, &search.weights, &single, &view).unwrap();
+            let (joint, function) = linear
+                .close(&made, &search.weights, &single, Effort::FULL)
+                .unwrap();
+            Explanation::with(&search, joint, function)
+        };
+        let bend = bent_by(Variable::Load);
+        assert!(bends_a_corner(&search, &bend) && bend.log_evidence > single.log_evidence);
+        let many = side_by_side(&search, &bend, f64::NEG_INFINITY);
+        assert_eq!(many.len(), 1);
+        assert!(many[0].twice.as_ref().is_some_and(|(c, _)| *c == limit));
+        assert!(many[0].log_evidence > bend.log_evidence);
+        // What depends on speed is no corner in the load.
+        let other = bent_by(Variable::Rate);
+        assert!(!bends_a_corner(&search, &other));
+        assert!(side_by_side(&search, &other, f64::NEG_INFINITY).is_empty());
     }
 
     /// The difference of two equal stages can only grow: taken as free it did in the linear view what a delay

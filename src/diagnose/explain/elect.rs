@@ -337,8 +337,8 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::View;
-    use crate::diagnose::family::forces;
+    use crate::diagnose::bank::{View, joined};
+    use crate::diagnose::family::{bends, forces};
     use crate::diagnose::testing::{candidate, setting, surge};
 
     /// A bent law and a free force may be the same function: then what has a name stands.
@@ -381,6 +381,49 @@ mod tests {
         assert_eq!(sparing(&search, &bend(0.04), &bend(0.03)), 0.0);
         assert_eq!(sparing(&search, &named, &bend(0.06)), 0.0);
         assert_eq!(sparing(&search, &heavy, &bend(0.04)), 0.0);
+    }
+
+    /// A limit above the loads fitted, which a bent law had beside it, refuted it in the runs held out.
+    #[test]
+    fn a_bent_law_that_misses_is_asked_without_what_hardly_weighs() {
+        let effects: [(&str, &[(&str, f64)]); 1] = [("coulomb_friction", &[("f_n", 0.4)])];
+        let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
+        let friction = candidate(&own, "coulomb_friction");
+        let limit = candidate(&own, "thruster_saturation");
+        let mut search = Search::new(&own, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[friction]).unwrap();
+        // The loads are 8 N at most: above them a limit does nothing, and nothing is known of it.
+        let (set, at) = joined(&own, &single, limit, &[8.2]);
+        let fit = Posed::new(&own, &search.weights, &set).fit(at).unwrap();
+        let member = fit.set.iter().position(|c| *c == limit).unwrap();
+        assert!((8.0..9.5).contains(&fit.member(&own, member)[0]));
+        let view = View::new(&own, &search.weights, &fit);
+        let law = bends(&own, &fit, &[friction])
+            .into_iter()
+            .find(|f| f.variable == Variable::SinceEdge)
+            .and_then(|f| f.fit(&own, &search.weights, &fit, &view))
+            .unwrap();
+        let bent = Explanation::with(&search, fit, law);
+        assert_eq!(bent.bent(), Some(friction));
+        assert!(bent.weights[member] < NOTABLE * own.tolerance);
+        let missed = |e: &Explanation, held: &[Track]| {
+            foretold(&search, e, &covered(&[e], held)).unwrap() / search.weights.noise.total_sd()
+        };
+        let larger = setting(&[surge(4, &effects)]).tracks;
+        assert!(missed(&bent, &larger) > MISSED);
+        let found = lightened(&search, std::slice::from_ref(&bent), &larger);
+        assert_eq!(found.len(), 1);
+        assert_eq!(
+            (found[0].fit.set.clone(), found[0].bent()),
+            (vec![friction], Some(friction))
+        );
+        assert!(missed(&found[0], &larger) < MISSED);
+        // Nothing is asked of one that foretells them.
+        let smaller = setting(&[surge(1, &effects)]).tracks;
+        assert!(missed(&bent, &smaller) < MISSED);
+        assert!(lightened(&search, &[bent], &smaller).is_empty());
     }
 
     /// Whatever the order they come in: the likeliest.

@@ -510,3 +510,42 @@ pub(super) fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) 
         })
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// A search may have come to an effect that is not there by a law that is not quite the vocabulary's.
+    #[test]
+    fn each_of_the_members_is_done_without_where_another_one_bends() {
+        let effects: [(&str, &[(&str, f64)]); 2] = [
+            ("coulomb_friction", &[("f_n", 0.4)]),
+            ("thruster_saturation", &[("limit_n", 7.7)]),
+        ];
+        let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
+        let limit = candidate(&own, "thruster_saturation");
+        let friction = candidate(&own, "coulomb_friction");
+        let mut search = Search::new(&own, &|_| {});
+        search.nothing();
+        search.singles();
+        let single = search.finished(&[friction]).unwrap();
+        let (set, at) = joined(&own, &single, limit, &[7.6]);
+        let best = Posed::new(&own, &search.weights, &set).fit(at).unwrap();
+        let found = in_the_place(&search, &best, &[limit, friction]);
+        let without = |out: usize, bent: usize| {
+            let of = |e: &&Explanation| !e.fit.set.contains(&out) && e.bent() == Some(bent);
+            found.iter().find(of)
+        };
+        let plain = search.get(&[limit]).unwrap().log_evidence;
+        let bent = without(friction, limit).unwrap();
+        assert!(bent.log_evidence > plain + 10.0);
+        for e in &found {
+            assert_eq!(e.fit.set.len(), 1);
+            assert!(modest(&own, &e.fit, e.family.as_ref().unwrap()));
+        }
+        // What is no member is nothing to do without.
+        let other = candidate(&own, "seiche");
+        assert!(in_the_place(&search, &best, &[other]).is_empty());
+    }
+}
