@@ -766,12 +766,12 @@ mod tests {
         let single = search.finished(&[friction]).unwrap();
         let sag = search.finished(&[wrong]).unwrap().member(&own, 0).to_vec();
         search.fit(vec![joined(&own, &single, wrong, &sag)]);
-        let mut pair = vec![friction, wrong];
+        let mut pair = [friction, wrong];
         pair.sort_unstable();
         let before = search.get(&pair).unwrap().log_evidence;
         search.exchange();
         let best = search.best().unwrap();
-        let mut right = vec![friction, limit];
+        let mut right = [friction, limit];
         right.sort_unstable();
         assert!(right.iter().all(|c| best.set.contains(c)), "{:?}", best.set);
         assert!(best.log_evidence > before + 10.0);

@@ -67,7 +67,7 @@ mod tests {
         search.singles();
         let single = search.finished(&[friction]).unwrap();
         search.fit(vec![joined(&own, &single, limit, &[7.94])]);
-        let mut both = vec![friction, limit];
+        let mut both = [friction, limit];
         both.sort_unstable();
         let both = search.finished(&both).unwrap();
         let top = Explanation::plain(&search, &both);
