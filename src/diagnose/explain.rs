@@ -11,6 +11,7 @@ mod covered;
 mod crossed;
 mod doubled;
 mod elect;
+mod evenly;
 mod forward;
 mod look;
 mod needs;
@@ -36,6 +37,7 @@ use crossed::crossed;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
+use evenly::evenly;
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
 
 pub use covered::covered;
@@ -373,6 +375,10 @@ pub fn explain(
         let bar = bar(&contenders, &best);
         contenders.extend(doubled_members(search, &best, bar));
     }
+    if best.simple() {
+        let heavy = best.matters(search.setting.tolerance);
+        laws.extend(evenly(search, &best.fit, &heavy));
+    }
     for seed in &laws {
         let all = contenders.iter().chain([&best]).filter(says);
         let bar = all
@@ -658,8 +664,8 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
     kept.then_some(grown)
 }
 
-/// A law that bends along the tank as a line, with what joins it then: a curve takes up small effects that a line leaves
-/// to be named.
+/// A law that bends evenly along the tank or in the course of a log, with what joins it then: a curve takes up small
+/// effects that a line leaves to be named.
 fn straightened(
     search: &Search<'_>,
     grown: &Explanation,
@@ -675,7 +681,7 @@ fn straightened(
     }
     let found = beside(search, &Explanation::with(search, joint, line), also, bar);
     tracing::debug!(
-        "straight along the tank {:?}: {:.1} for {:.1}",
+        "as a line {:?}: {:.1} for {:.1}",
         found.fit.set,
         found.log_evidence,
         grown.log_evidence

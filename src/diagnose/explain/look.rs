@@ -352,20 +352,28 @@ fn bent_by(
     measured_where_far(search, fit, &mut families);
     families
         .par_iter()
-        .filter_map(|f| {
-            let linear = f.fit(setting, &search.weights, fit, &view)?;
-            let effort = search.weights.to_a_percent();
-            let (joint, function) = linear.close(setting, &search.weights, fit, effort)?;
-            tracing::debug!(
-                "bent {:?} {:?} as the force, by {:?}: {:.1}",
-                fit.set,
-                f.acts,
-                f.variable,
-                joint.log_evidence
-            );
-            Some(Explanation::with(search, joint, function))
-        })
+        .filter_map(|f| closed(search, fit, &view, f))
         .collect()
+}
+
+/// A set with this function as fitted, whatever it promises.
+pub(super) fn closed(
+    search: &Search<'_>,
+    fit: &Fit,
+    view: &View,
+    family: &Family,
+) -> Option<Explanation> {
+    let (setting, weights) = (search.setting, &search.weights);
+    let linear = family.fit(setting, weights, fit, view)?;
+    let (joint, function) = linear.close(setting, weights, fit, weights.to_a_percent())?;
+    tracing::debug!(
+        "bent {:?} {:?} by {:?}, without a promise: {:.1}",
+        fit.set,
+        family.acts,
+        family.variable,
+        joint.log_evidence
+    );
+    Some(Explanation::with(search, joint, function))
 }
 
 /// Few effects of which one bends: what is named beside a free force may only imitate its law. The best of each

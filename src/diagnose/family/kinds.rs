@@ -200,6 +200,8 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
         (Variable::LoadSize, 8),
         (Variable::LoadRatio, 10),
         (Variable::Time, 8),
+        // So does what changes in the course of a log: one number gains where eight would cost more than they bring.
+        (Variable::Time, 2),
         (Variable::SinceEdge, 8),
     ];
     let ranges = Ranges::of(setting, fit);

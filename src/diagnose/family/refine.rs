@@ -145,11 +145,12 @@ impl FamilyFit {
         }
     }
 
-    /// A law that bends along the tank as a line between the ends of what the runs saw: one number, and it goes on where
-    /// they did not go. `None` for what is no such law, or is a line already.
+    /// A law that bends along the tank, or in the course of a log, as a line between the ends of what the runs saw: one
+    /// number, and it goes on where they did not go. `None` for what is no such law, or is a line already.
     pub fn straightened(&self) -> Option<FamilyFit> {
         let bends = matches!(self.family.acts, Acts::Bends(_));
-        if !bends || self.family.variable != Variable::Place || self.family.straight() {
+        let evenly = matches!(self.family.variable, Variable::Place | Variable::Time);
+        if !bends || !evenly || self.family.straight() {
             return None;
         }
         let (first, last) = (*self.family.knots.first()?, *self.family.knots.last()?);
@@ -304,8 +305,10 @@ mod tests {
         (curve.amplitudes[8], curve.sds[8]) = (-0.9, 50.0);
         let end = curve.straightened().unwrap().amplitudes[1];
         assert!((end - 0.6).abs() < 1e-3, "{end}");
-        // A line has no straighter one, and what depends on the load or is a force goes nowhere along the tank.
+        // In the course of a log as well; a line has no straighter one, and what depends on the load or is a force goes nowhere along the tank.
         assert!(line.straightened().is_none());
+        curve.family.variable = Variable::Time;
+        assert!(curve.straightened().is_some());
         curve.family.variable = Variable::Load;
         assert!(curve.straightened().is_none());
         curve.family.variable = Variable::Place;
