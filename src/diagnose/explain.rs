@@ -652,6 +652,16 @@ fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option
             grown = beside(search, &sharper, also, bar);
         }
     }
+    if let Some(family) = grown.family.clone().filter(|_| grown.unnamed()) {
+        let before = grown.log_evidence;
+        let pair = (grown.fit.clone(), family);
+        let (joint, family) =
+            FamilyFit::in_windows(search.setting, &search.weights, &grown.fit, pair);
+        if joint.log_evidence > before {
+            let windows = Explanation::with(search, joint, family);
+            grown = beside(search, &windows, also, bar);
+        }
+    }
     if let Some(line) = straightened(search, &grown, also, bar)
         && line.log_evidence > grown.log_evidence
     {

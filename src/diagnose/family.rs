@@ -11,6 +11,7 @@ mod kinds;
 mod linear;
 mod prior;
 mod refine;
+mod windows;
 
 use std::cell::Cell;
 
@@ -154,6 +155,8 @@ pub struct Family {
     /// Place and rate are those that were measured, not those of the model: far from the noise
     /// only so the motion is nearly linear in the function.
     pub measured: bool,
+    /// Knots at which nothing is expected; empty = none of them.
+    pub quiet: Vec<bool>,
 }
 
 /// A fitted free function beside a set.
@@ -371,6 +374,7 @@ mod tests {
             variable: Variable::Place,
             knots: knots.to_vec(),
             measured: false,
+            quiet: Vec::new(),
         };
         let (line, bend) = (over(&[0.0, 1.0]), over(&[0.0, 0.5, 1.0]));
         let (low, high) = (line.bend(-0.4), line.bend(0.8));
@@ -397,6 +401,7 @@ mod tests {
             variable: Variable::Place,
             knots: vec![low + first * (high - low), low + last * (high - low)],
             measured: false,
+            quiet: Vec::new(),
         };
         // The same line by its values at two other places: a change of unknowns, by the same derivatives.
         let (whole, part) = (over(0.0, 1.0), over(0.3, 0.8));

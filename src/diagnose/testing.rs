@@ -17,6 +17,11 @@ fn rough(i: u32) -> f64 {
 
 /// A surge run of 16 s at 12.5 Hz of the built-in rig with these effects at work; `k` varies the commands.
 pub fn surge(k: usize, effects: &[(&str, &[(&str, f64)])]) -> Run {
+    pulled(k, effects, None)
+}
+
+/// The same with a force \[N\] from and to these times \[s\] (between 7 s and 11 s) that no command shows.
+pub fn pulled(k: usize, effects: &[(&str, &[(&str, f64)])], pull: Option<(f64, f64, f64)>) -> Run {
     let mut rig = Rig::builtin("lshpi").unwrap();
     rig.physics.extend(effects.iter().map(|(effect, numbers)| {
         PhysicsEntry {
@@ -34,12 +39,17 @@ pub fn surge(k: usize, effects: &[(&str, &[(&str, f64)])]) -> Run {
         ..Run::default()
     };
     let step_s = k as f64;
+    let surge = |load: f64| [load, 0.0, 0.0, 0.0, 0.0, 0.0];
     for (t_s, load) in [
         (0.0, 4.0 + 2.0 * k as f64),
         (5.0 + step_s, -6.0),
         (11.0, 0.0),
     ] {
-        let wrench = [load, 0.0, 0.0, 0.0, 0.0, 0.0];
+        if let Some((from_s, to_s, force)) = pull.filter(|p| t_s == 11.0 && p.0 >= 7.0) {
+            path.command(from_s, surge(-6.0 + force)).unwrap();
+            path.command(to_s, surge(-6.0)).unwrap();
+        }
+        let wrench = surge(load);
         path.command(t_s, wrench).unwrap();
         made.commands.push(Command { t_s, wrench });
     }

@@ -166,6 +166,7 @@ mod tests {
                     variable: Variable::Place,
                     knots: vec![-1.0, 0.0, 1.0],
                     measured: false,
+                    quiet: Vec::new(),
                 },
                 amplitudes: vec![factor.ln(); 3],
                 sds: vec![0.1; 3],

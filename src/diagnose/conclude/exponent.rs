@@ -131,6 +131,7 @@ fn with_factor(
             variable: Variable::Speed,
             knots,
             measured: false,
+            quiet: Vec::new(),
         },
         sds: vec![0.0; amplitudes.len()],
         amplitudes,

@@ -107,6 +107,7 @@ mod tests {
             variable,
             knots: vec![0.0, 0.5 * high, high],
             measured: false,
+            quiet: Vec::new(),
         };
         let known = samples_known(&of(Variable::Place, 0.4), &track);
         assert!((101..=104).contains(&known), "{known}");

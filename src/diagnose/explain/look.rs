@@ -63,6 +63,11 @@ pub(super) const MODEST: f64 = 0.5;
 /// set that would stay below the bar even so is not looked at closer.
 const AT_MOST: (f64, f64) = (1.3, 10.0);
 
+/// Half chi-square per sample below which a function leaves little more than noise, which leaves 0.5.
+const LITTLE_MORE: f64 = 0.75;
+/// Log evidence that a knot costs at which nothing is, at most.
+const A_KNOT: f64 = 3.0;
+
 /// How closely a set is looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Care {
@@ -129,7 +134,13 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         Care::Glance => (REFINED - 1, f64::NEG_INFINITY),
         Care::Above(bar) => (REFINED, bar),
     };
-    if fit.log_evidence + AT_MOST.0 * top + AT_MOST.1 < bar {
+    // A force that does nothing at most knots gains what they cost.
+    let quiet = found
+        .iter()
+        .filter(|f| f.family.acts == Acts::Force)
+        .map(|f| A_KNOT * f.family.knots.len() as f64)
+        .fold(0.0, f64::max);
+    if fit.log_evidence + AT_MOST.0 * top + AT_MOST.1 + quiet < bar {
         found.clear();
     }
     // Large ones are not linear: the front runners are fitted again, together with the set; far from
@@ -168,6 +179,9 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
             .refine(setting, &search.weights, &from, effort)
             .or(refined);
     }
+    if let (Care::Above(_), Some(made)) = (care, refined.take_if(|r| near_noise(search, &r.0))) {
+        refined = Some(FamilyFit::in_windows(setting, &search.weights, fit, made));
+    }
     tracing::debug!(
         "beside {:?} ({:.1}): {:?}",
         fit.set
@@ -195,6 +209,11 @@ pub fn look(search: &Search<'_>, fit: &Fit, care: Care) -> Explanation {
         Some((joint, family)) => Explanation::with(search, joint, family),
         None => Explanation::plain(search, fit),
     }
+}
+
+/// Whether a function leaves little more than noise: windows are seen only there.
+fn near_noise(search: &Search<'_>, joint: &Fit) -> bool {
+    joint.cost < LITTLE_MORE * search.weights.samples() as f64
 }
 
 /// Far from the noise functions are asked about the place and rate measured: only so the motion is nearly linear

@@ -111,6 +111,7 @@ impl Ranges {
             variable,
             knots,
             measured: false,
+            quiet: Vec::new(),
         })
     }
 }
@@ -149,6 +150,7 @@ fn each_run(setting: &Setting) -> Family {
         variable: Variable::TimeEach,
         knots,
         measured: false,
+        quiet: Vec::new(),
     }
 }
 

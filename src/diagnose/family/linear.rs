@@ -112,7 +112,7 @@ impl Family {
             response: &raw * &amplitudes,
             amplitudes: amplitudes.iter().copied().collect(),
             sds,
-            gain: best.gain - PENALTY,
+            gain: best.gain - PENALTY - self.choice(),
             prior: best.prior(),
         })
     }

@@ -39,19 +39,20 @@ impl Prior {
         share * (last - first - between) / parts
     }
 
-    /// Correlation of the amplitudes.
+    /// Covariance of the amplitudes, of the prior's variance: their correlation, and less where nothing is expected.
     pub fn correlation(length: f64, family: &Family) -> DMatrix<f64> {
         let m = family.knots.len();
         DMatrix::from_fn(m, m, |i, k| {
+            let both = family.expected_at(i) * family.expected_at(k);
             if i == k {
-                return 1.0 + NUGGET;
+                return both * (1.0 + NUGGET);
             }
             if length <= 0.0 {
                 return 0.0;
             }
             let apart = place(family, family.knots[i]) - place(family, family.knots[k]);
             let r = 3f64.sqrt() * apart.abs() / length;
-            (1.0 + r) * (-r).exp()
+            both * (1.0 + r) * (-r).exp()
         })
     }
 
@@ -60,7 +61,7 @@ impl Prior {
         let m = family.knots.len();
         let scale = 1.0 / (self.sd * self.sd);
         let own = |m: usize| (DMatrix::identity(m, m) * scale, -(m as f64) * self.sd.ln());
-        if self.length <= 0.0 {
+        if self.length <= 0.0 && family.quiet.is_empty() {
             return own(m);
         }
         match Cholesky::<f64, Dyn>::new(Prior::correlation(self.length, family)) {
@@ -102,6 +103,7 @@ mod tests {
                 variable: Variable::LoadRatio,
                 knots: knots.to_vec(),
                 measured: false,
+                quiet: Vec::new(),
             };
             Prior::correlation(0.7, &family)
         };
@@ -119,6 +121,7 @@ mod tests {
             variable: Variable::Place,
             knots: (0..9).map(|k| 0.1 * f64::from(k)).collect(),
             measured: false,
+            quiet: Vec::new(),
         };
         for share in LENGTHS {
             let prior = Prior {

@@ -211,10 +211,16 @@ impl FamilyFit {
             .collect();
         let mut finer = self.clone();
         (finer.family.knots, finer.amplitudes) = (Vec::new(), Vec::new());
+        let quiet = std::mem::take(&mut finer.family.quiet);
         for i in 0..k.len() {
             finer.family.knots.push(k[i]);
             finer.amplitudes.push(a[i]);
+            finer.family.quiet.extend(quiet.get(i));
             if halved.contains(&i) {
+                finer
+                    .family
+                    .quiet
+                    .extend(quiet.get(i..i + 2).map(|q| q[0] && q[1]));
                 finer.family.knots.push(0.5 * (k[i] + k[i + 1]));
                 finer.amplitudes.push(0.5 * (a[i] + a[i + 1]));
             }
@@ -253,7 +259,9 @@ impl FamilyFit {
             log_evidence: 0.0,
             rough: found.rough,
         };
-        joint.log_evidence = problem.posed.log_evidence(&joint) + problem.prior_half_log - PENALTY;
+        joint.log_evidence = problem.posed.log_evidence(&joint) + problem.prior_half_log
+            - PENALTY
+            - self.family.choice();
         if !joint.log_evidence.is_finite() {
             return None;
         }
@@ -296,6 +304,7 @@ mod tests {
                 variable: Variable::Place,
                 knots,
                 measured: false,
+                quiet: Vec::new(),
             },
         };
         let line = curve.straightened().unwrap();
