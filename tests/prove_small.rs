@@ -70,3 +70,11 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
     }
     assert_eq!(passed(&all, "paper_split"), 1, "{}", all[0].sentence);
 }
+
+/// Was asked for too: a limit that does nothing beside the true effect is told apart from it, not "never fitted".
+#[test]
+fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
+    let all = judged(1, &["paper-0"]);
+    let paper = all[0].paper.as_ref().unwrap();
+    assert!(paper.right_set, "lacking {:?}", paper.lacking);
+}

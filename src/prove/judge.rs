@@ -312,8 +312,8 @@ fn by_effect(case: &Case, verdict: &Verdict, judged: &mut Judged, observe: bool)
         let or = |f: &Found| f.effect == wrong && f.or.iter().any(|o| o == missing);
         let apart = if said.iter().any(or) { SAID } else { SPLIT };
         ideal
-            .as_mut()
-            .is_some_and(|i| i.gap(missing, wrong) < apart)
+            .as_ref()
+            .is_some_and(|i| i.gap(missing, wrong).is_some_and(|g| g < apart))
     };
     judged.tool = Some(compare(
         &judged.truth,
@@ -324,8 +324,8 @@ fn by_effect(case: &Case, verdict: &Verdict, judged: &mut Judged, observe: bool)
     if let Some(choice) = ideal.as_mut().map(Ideal::choice) {
         let mut same = |missing: &str, wrong: &str| {
             ideal
-                .as_mut()
-                .is_some_and(|i| i.gap(missing, wrong) < SPLIT)
+                .as_ref()
+                .is_some_and(|i| i.gap(missing, wrong).is_some_and(|g| g < SPLIT))
         };
         judged.ideal = Some(compare(&judged.truth, &choice, &[], &mut same));
         judged.held_ideal_m = ideal.as_ref().and_then(|i| i.held_out(case));
@@ -423,14 +423,14 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
         .map_or_else(String::new, |t| t.effect.clone());
     // Which of the five these very data leave open is for the ideal observer to say: a limit and
     // friction bend the two runs in opposite directions, a strong one gives itself away.
-    let mut ideal = Ideal::new(case);
+    let ideal = Ideal::new(case);
     let rivals: Vec<&str> = paper::SET
         .into_iter()
         .filter(|id| *id != truth)
         .filter(|id| {
             // Told apart only where the rival was fitted and lost: no fit is no evidence.
-            let gap = ideal.as_mut().map_or(f64::INFINITY, |i| i.gap(&truth, id));
-            !(gap.is_finite() && gap >= SPLIT)
+            let gap = ideal.as_ref().and_then(|i| i.gap(&truth, id));
+            gap.is_none_or(|g| g < SPLIT)
         })
         .collect();
     let lacking: Vec<String> = rivals

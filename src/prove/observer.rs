@@ -283,18 +283,14 @@ impl Ideal {
         held_out(&self.setting, last, self.best(), self.weights.noise)
     }
 
-    /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`;
-    /// infinite where that is no question.
-    pub fn gap(&self, missing: &str, wrong: &str) -> f64 {
+    /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`: infinite where that
+    /// one, fitted there, is worth no more than nothing; none where that is no question or it could not be fitted.
+    pub fn gap(&self, missing: &str, wrong: &str) -> Option<f64> {
         let index = |id: &str| self.setting.vocabulary.iter().position(|c| c.info.id == id);
-        let (Some(t), Some(f)) = (index(missing), index(wrong)) else {
-            return f64::INFINITY;
-        };
-        let Some(member) = self.truth.set.iter().position(|c| *c == t) else {
-            return f64::INFINITY;
-        };
+        let (t, f) = (index(missing)?, index(wrong)?);
+        let member = self.truth.set.iter().position(|c| *c == t)?;
         if self.truth.set.contains(&f) {
-            return f64::INFINITY;
+            return None;
         }
         // From the true numbers and from those that the others have without it. What the data say nothing of beside these
         // two (a wall far off) is no reason not to compare them.
@@ -320,16 +316,13 @@ impl Ideal {
             less.as_ref()
                 .is_none_or(|l| f.log_evidence > l.log_evidence)
         };
-        let other: Vec<Fit> = jobs
-            .into_par_iter()
-            .filter_map(plainly)
-            .filter(does)
-            .collect();
+        let other: Vec<Fit> = jobs.into_par_iter().filter_map(plainly).collect();
         let gap = other
             .iter()
+            .filter(|o| does(o))
             .map(|o| self.truth.log_evidence - o.log_evidence)
             .fold(f64::INFINITY, f64::min);
         tracing::debug!("{wrong} for {missing}: {gap:.2} less");
-        gap
+        (!other.is_empty()).then_some(gap)
     }
 }
