@@ -1,12 +1,13 @@
 //! What was left out: where simulation and recording differ, which physics explains it, and proof.
 //!
-//! `faults` (is it the data?) -> per DOF that moves: `setting` (runs, rig's model, candidates from
+//! `alone` (one log only: what of it is predicted) -> `faults` (is it the data?) -> per DOF that moves: `setting` (runs, rig's model, candidates from
 //! the registry) -> `search` (noise from the richest model; sets of effects fitted jointly with the
 //! vehicle's coefficients) -> `explain` (is a law only inexact, is something unnamed at work?) ->
 //! `posterior` (what is tied) -> `predict`, `locate`, `next` -> `verdict`.
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
 
+mod alone;
 pub mod bank;
 pub mod candidate;
 pub mod choosing;
@@ -33,6 +34,7 @@ pub mod verdict;
 pub mod weight;
 pub mod weights;
 
-pub use conclude::{DiagnoseError, Diagnosis, diagnose};
-pub use source::{Source, read};
+pub use alone::diagnose;
+pub use conclude::{DiagnoseError, Diagnosis};
+pub use source::{Part, Source, read};
 pub use verdict::Verdict;

@@ -206,7 +206,7 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
 /// lacks is found by prediction: no law reaches the noise of the encoder. Over the whole run small steady forces add
 /// up to metres, so effects are judged in windows: friction first, then drag that depends on the direction.
 ///
-/// An offset is not named, and these data do not hold one. Force over acceleration and rate, the second half predicted
+/// An offset is told in the place of the drag and is not named beside it: these data do not hold both. Force over acceleration and rate, the second half predicted
 /// by least squares from the first, misses 9.62 N; with friction 3.95 N; with an offset beside it 2.19 N; with drag by
 /// the direction in its place 1.598 N, with both 1.596 N (and the offset is then -.3 of the -3.1 N).
 #[test]
@@ -245,6 +245,15 @@ fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
         .map(|r| r.held_out_in_windows["x_m"])
         .collect();
     assert!(rms.windows(2).all(|r| r[1] < 0.9 * r[0]), "{rms:?}");
+    // An offset gains in the place of the drag, and less.
+    assert!(
+        v.ladder[2]
+            .instead
+            .get("constant_force")
+            .is_some_and(|held| *held > rms[2] && *held < 0.5 * rms[1]),
+        "{:?}",
+        v.ladder
+    );
     assert!(
         v.fit.held_out.after["x_m"] < 0.3 * v.fit.held_out.before["x_m"],
         "{:?}",
@@ -276,13 +285,40 @@ fn a_free_force_that_foretells_nothing_is_not_believed() {
     }
 }
 
+/// The recording as it comes from the tank, all in one log: at rest, pressed to one side, let go, two minutes and a half
+/// of swinging. It is taken from where it swings freely, and its second and third quarter are predicted.
+#[test]
+fn a_whole_decay_needs_no_windows() {
+    let Some(real) = shared() else { return };
+    let rig = ship();
+    let all = source(&real.join("roll-decay/model_test_21338.csv"), ROLL, &rig);
+    let begins = |f: &&hydroline::diagnose::verdict::DataFault| f.fault == "before_release";
+    assert!(all.faults.iter().find(begins).is_some_and(|f| !f.fatal));
+    let first_s = all.run.samples[0].t_s;
+    assert!((8.5..10.5).contains(&first_s), "{first_s}");
+    let found = diagnose(&[all], &[], &rig, &|_| {}).unwrap();
+    show(&found.verdict);
+    let v = &found.verdict;
+    assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
+    // Restoring and one damping that grows faster than the rate: a set of many that fits to the noise foretells worse.
+    let mut heavy: Vec<&str> = v.effects.iter().map(|e| e.effect.as_str()).collect();
+    heavy.sort_unstable();
+    assert!(
+        heavy == ["cubic_damping", "nonlinear_restoring"]
+            || heavy == ["nonlinear_restoring", "quadratic_damping"],
+        "{}",
+        v.sentence
+    );
+    assert!(v.fit.held_out.after["phi_rad"] < v.fit.held_out.before["phi_rad"] / 5.0);
+}
+
 /// The published simulation of the same test is inviscid. A rig is made to move as it does (its own
 /// refitted coefficients, and what its restoring has beyond a straight line), and is then asked what it
-/// lacks of the recording: damping that grows faster than the rate. Its restoring depends on the angle in another way
-/// than the cube, which a rig file cannot hold: what is left of it stands beside the damping as a force of the angle, unnamed.
-/// With every sample (the command line) cubic damping stands beside that force; with every tenth, as here, friction does.
+/// lacks of the recording: damping that grows faster than the rate, which matters, and more of the linear one. Its
+/// restoring depends on the angle in another way than the cube, which a rig file cannot hold: what is left of it stands
+/// beside the damping as a force of the angle, unnamed, and the verdict says so (`unknown`).
 #[test]
-#[ignore = "a minute of processor time; not reached: damping by name, for want of a rig that moves as the simulation does"]
+#[ignore = "two minutes of processor time"]
 fn the_inviscid_simulation_left_out_damping() {
     let Some(real) = shared() else { return };
     let rig = ship();
@@ -291,31 +327,23 @@ fn the_inviscid_simulation_left_out_damping() {
         FNPF,
         &rig,
     );
-    let parts = [
-        stretch(&sim, "a", 0.0, 45.0, 5),
-        stretch(&sim, "b", 90.0, 135.0, 5),
-    ];
-    let apart = [stretch(&sim, "c", 45.0, 90.0, 5)];
-    let inviscid = diagnose(&parts, &apart, &rig, &|_| {}).unwrap();
+    let inviscid = diagnose(&[sim], &[], &rig, &|_| {}).unwrap();
     show(&inviscid.verdict);
     let all = source(
         &real.join("roll-decay/model_test_21338.csv"),
         ROLL,
         &inviscid.rig,
     );
-    let (fitted, held) = swings(&all, 10);
-    let found = diagnose(&fitted, &held, &inviscid.rig, &|_| {}).unwrap();
+    let found = diagnose(&[all], &[], &inviscid.rig, &|_| {}).unwrap();
     show(&found.verdict);
     let v = &found.verdict;
-    // What a simulation without viscosity leaves out is damping, of a kind that grows faster than the rate. Beside
-    // the linear one that the recording brings along each law of it weighs less than the 0.1 deg that matter.
     let damping: Vec<_> = v
         .effects
         .iter()
         .filter(|e| ["quadratic_damping", "cubic_damping"].contains(&e.effect.as_str()))
         .collect();
     assert!(
-        damping.iter().any(|e| e.probability > 0.95),
+        damping.iter().any(|e| e.probability > 0.95 && e.matters),
         "{} {:?}",
         v.sentence,
         v.effects
@@ -325,19 +353,11 @@ fn the_inviscid_simulation_left_out_damping() {
         v.fit.held_out.after["phi_rad"],
     );
     assert!(after < 0.4 * before, "{before} {after}");
-    // And linear damping: the recording has at least twice the simulation's.
+    // And linear damping: the recording has more of it than the simulation.
     let linear = |p: &std::collections::BTreeMap<String, hydroline::diagnose::verdict::Value>| {
         p["k_p"].value
     };
-    assert!(
-        linear(&v.parameters.before) < 2.0 * linear(&inviscid.verdict.parameters.before),
-        "{:?} {:?}",
-        v.parameters.before,
-        inviscid.verdict.parameters.before
-    );
-    println!(
-        "K_p of the simulation {:?}, of the recording {:?}",
-        linear(&inviscid.verdict.parameters.written),
-        linear(&v.parameters.written)
-    );
+    let [simulated, measured] = [&inviscid.verdict, v].map(|v| linear(&v.parameters.written));
+    assert!(measured < 1.3 * simulated, "{simulated} {measured}");
+    println!("K_p of the simulation {simulated}, of the recording {measured}");
 }

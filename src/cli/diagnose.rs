@@ -7,7 +7,7 @@ use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
 use crate::diagnose::profiles::{Findings, level};
 use crate::diagnose::verdict::{Rung, Verdict, Word};
-use crate::diagnose::{Diagnosis, Source, diagnose, read, report};
+use crate::diagnose::{Diagnosis, Part, Source, diagnose, read, report};
 use crate::identify::data::LoadError;
 use crate::identify::report::significant;
 
@@ -16,20 +16,23 @@ use crate::identify::report::significant;
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or
 images: their stripes say what of camera, sheet, target and water the rig leaves out.
 The verdict is one of none, named, ambiguous, unknown, data_fault. Runs that differ in kind (steps,
-reversals, coast-down, two tones) tell effects apart; constant thrust hardly does.
+reversals, coast-down, two tones) tell effects apart; constant thrust hardly does. A decay test (no thruster
+runs) is taken from where the hull swings freely; given alone, its second and third quarter
+are held out.
 
 Example: hydroline diagnose run*.mcap --rig lshpi --hold-out other.mcap --write-rig better.toml")]
 pub struct Args {
-    /// Logs to explain, all of the same vehicle
+    /// Logs to explain, all of the same vehicle; LOG@9..34 is a window of one \[s since its first stamp\]
     #[arg(required = true, value_name = "LOG")]
-    logs: Vec<PathBuf>,
+    logs: Vec<Part>,
     /// Rig file or built-in name: the model that is asked what it left out
     #[arg(long, value_name = "RIG")]
     rig: String,
     /// Log that is predicted and never fitted (repeatable): of several every second one only tells how well, the
-    /// others help to choose between explanations, as one alone does; without any, each run is predicted by the others
+    /// others help to choose between explanations, as one alone does; without any, each run is predicted by the others.
+    /// LOG@34..64 is a window of one
     #[arg(long, value_name = "LOG")]
-    hold_out: Vec<PathBuf>,
+    hold_out: Vec<Part>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -53,11 +56,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         bar.inc(1);
     };
     // What the images show comes first: it needs no pose.
-    let images = level(&args.logs, &rig, &tell).map_err(CliError::run)?;
-    let load = |paths: &[PathBuf]| -> Result<Vec<Source>, CliError> {
+    let logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
+    let images = level(&logs, &rig, &tell).map_err(CliError::run)?;
+    let load = |parts: &[Part]| -> Result<Vec<Source>, CliError> {
         let mut sources = Vec::new();
-        for path in paths {
-            match read(path, &rig) {
+        for part in parts {
+            match read(part.clone(), &rig) {
                 Ok(source) => sources.push(source),
                 // Frames alone are what the image level is for.
                 Err(LoadError::NoMotion { .. }) if images.is_some() => {}
@@ -158,6 +162,20 @@ fn rms_of(rung: &Rung) -> &BTreeMap<String, f64> {
     }
 }
 
+/// What else gains in a rung's place.
+fn instead(rung: &Rung) -> String {
+    let mut others: Vec<(&String, &f64)> = rung.instead.iter().collect();
+    others.sort_by(|a, b| a.1.total_cmp(b.1));
+    let others: Vec<String> = others
+        .iter()
+        .map(|(id, rms)| format!("{id} {rms:.3e}"))
+        .collect();
+    match others.is_empty() {
+        true => String::new(),
+        false => format!("; in its place {}", others.join(", ")),
+    }
+}
+
 fn print(v: &Verdict) {
     outln!("{}", v.sentence);
     for e in &v.effects {
@@ -226,13 +244,14 @@ fn print(v: &Verdict) {
         for (channel, after) in rms_of(&pair[1]) {
             let before = rms_of(&pair[0]).get(channel).copied().unwrap_or(f64::NAN);
             outln!(
-                "  + {}: {channel} {before:.3e} -> {after:.3e}{}",
+                "  + {}: {channel} {before:.3e} -> {after:.3e}{}{}",
                 pair[1].effect,
                 if pair[1].held_out_in_windows.is_empty() {
                     ""
                 } else {
                     " (in windows)"
-                }
+                },
+                instead(&pair[1])
             );
         }
     }

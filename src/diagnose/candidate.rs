@@ -2,8 +2,12 @@
 //!
 //! Nothing here knows an effect: stage, parameters, plausible range and words come from its info.
 
+use std::f64::consts::TAU;
+
 use hydroline_rigs::Dof;
 use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo};
+
+use super::fit::is_phase;
 
 /// An effect that may have been left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +22,7 @@ pub struct Candidate {
     pub bounds: Vec<(f64, f64)>,
     /// Width of the prior per parameter.
     pub widths: Vec<f64>,
-    /// Range in which the prior is flat per parameter: the plausible one and "not there".
+    /// Range in which the prior is flat per parameter: the plausible one and "not there". A point where it is normal.
     pub flat: Vec<(f64, f64)>,
     /// How large it is, by its first parameter.
     pub size: Option<Size>,
@@ -65,17 +69,23 @@ impl Candidate {
             words,
             starts: starts(info),
             bounds: info.parameters.iter().map(bound).collect(),
-            widths: info
+            widths: info.parameters.iter().enumerate().map(width).collect(),
+            flat: info
                 .parameters
                 .iter()
-                .map(|p| {
-                    let (low, high) = flat(p);
-                    (high - low).max(1e-12)
-                })
+                .enumerate()
+                .map(|(i, p)| mostly(i, p).map_or_else(|| flat(p), |v| (v, v)))
                 .collect(),
-            flat: info.parameters.iter().map(flat).collect(),
             size: info.parameters.first().and_then(Size::of),
         })
+    }
+}
+
+impl Candidate {
+    /// sd of a parameter's prior where that is normal, about the value that a rig file need not give.
+    pub fn normal_sd(&self, i: usize) -> Option<f64> {
+        let (low, high) = self.flat[i];
+        (low == high).then(|| self.widths[i] / TAU.sqrt())
     }
 }
 
@@ -169,6 +179,19 @@ fn flat(p: &ParameterInfo) -> (f64, f64) {
     (p.plausible.0.min(nothing), p.plausible.1.max(nothing))
 }
 
+/// The value that a parameter beside the first mostly has: the one of which a rig file says nothing. The runs of one DOF
+/// hardly show it (a current across the heading), and a flat prior leaves it anywhere.
+fn mostly(i: usize, p: &ParameterInfo) -> Option<f64> {
+    p.absent.filter(|_| i > 0 && !is_phase(p))
+}
+
+/// Width of the prior: of a normal one that of the flat one as high, whose sd is that of the plausible range.
+fn width((i, p): (usize, &ParameterInfo)) -> f64 {
+    let (low, high) = flat(p);
+    let flat = (high - low).max(1e-12);
+    mostly(i, p).map_or(flat, |_| flat * (TAU / 12.0).sqrt())
+}
+
 /// Whether shares of the plausible range go by ratio: it has one sign and spans a factor of four.
 fn by_ratio((low, high): (f64, f64)) -> bool {
     low > 0.0 && high >= 4.0 * low
@@ -255,6 +278,20 @@ mod tests {
             })
             .sum();
         assert!((total - 1.0).abs() < 0.01, "{total}");
+    }
+
+    /// A current across the heading came out at an end of its range, sure to a third of it, where no run showed it.
+    #[test]
+    fn what_a_rig_file_need_not_say_is_mostly_not_there() {
+        let all = vocabulary(Dof::Surge, &[]);
+        let current = all.iter().find(|c| c.info.id == "current").unwrap();
+        assert_eq!(current.normal_sd(0), None);
+        assert_eq!(current.flat[1], (0.0, 0.0));
+        let sd = current.normal_sd(1).unwrap();
+        assert!((sd - 0.04 / 12.0_f64.sqrt()).abs() < 1e-12, "{sd}");
+        // A phase is anywhere on its circle.
+        let seiche = all.iter().find(|c| c.info.id == "seiche").unwrap();
+        assert!((0..3).all(|i| seiche.normal_sd(i).is_none()));
     }
 
     #[test]

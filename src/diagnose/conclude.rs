@@ -27,9 +27,9 @@ use super::search::Search;
 use super::setting::{Setting, Track};
 use super::source::Source;
 use super::verdict::{Effect, FitTable, Parameters, Test, Verdict, Where, Word};
-use super::weight::weights;
+use super::weight::{weight_together, weights};
 use crate::identify::data::{Run, is_still};
-use active::active;
+pub(super) use active::active;
 use adopt::adopt;
 use beliefs::likeliest;
 use effects::effects;
@@ -77,7 +77,7 @@ pub struct Diagnosis {
 ///
 /// # Errors
 /// [`DiagnoseError`].
-pub fn diagnose(
+pub fn explained(
     sources: &[Source],
     held: &[Source],
     rig: &Rig,
@@ -217,6 +217,21 @@ fn searched(search: &mut Search<'_>, choosing: &[Track]) -> Option<Explanation> 
     explain(search, choosing, Some(&found)).or(Some(found))
 }
 
+/// Effects of this DOF that matter by themselves no longer do; their names.
+fn cancelling(verdict: &mut Verdict, setting: &Setting) -> String {
+    let own = verdict
+        .effects
+        .iter_mut()
+        .filter(|e| e.matters && e.weight.contains_key(setting.channel()));
+    let names: Vec<&str> = own
+        .map(|e| {
+            e.matters = false;
+            e.effect.as_str()
+        })
+        .collect();
+    names.join(", ")
+}
+
 fn one(
     made: &mut Diagnosis,
     runs: &[Run],
@@ -353,10 +368,22 @@ fn one(
             found.family_weight
         ));
     }
+    // Effects that matter one by one and cancel each other leave nothing out that does.
+    let together = weight_together(&setting, &first, found.family.as_ref());
+    let cancel = shares.iter().filter(|w| **w > setting.tolerance).count() > 1
+        && together <= setting.tolerance
+        && !found.unnamed();
+    if cancel {
+        let names = cancelling(verdict, &setting);
+        verdict.notes.push(format!(
+            "{}: {names} cancel each other: together they weigh {together:.2e}, below what matters",
+            dof.name()
+        ));
+    }
     let matters = verdict.effects.iter().any(|e| e.matters);
     let word = if !verdict.unexplained.is_empty() {
         Word::Unknown
-    } else if groups.len() > 1 {
+    } else if groups.len() > 1 && !cancel {
         Word::Ambiguous
     } else if matters {
         Word::Named
@@ -364,7 +391,7 @@ fn one(
         Word::None
     };
     verdict.verdict = verdict.verdict.max(word);
-    if groups.len() > 1 {
+    if groups.len() > 1 && !cancel {
         verdict.equivalent = groups.iter().map(|g| names(&search, &g.matters)).collect();
     }
     progress("predictions");
@@ -377,7 +404,7 @@ fn one(
         &telling,
         chose,
     );
-    let mut rivals = Rivals::of(&search, &written, &shares, &telling);
+    let mut rivals = Rivals::of(&search, &written, &shares, &telling).beside(&found.also);
     if found.by_prediction && !setting.is_restored() {
         rivals = rivals.in_windows();
     }

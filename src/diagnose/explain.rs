@@ -36,11 +36,15 @@ use beside::{beside, squeezed};
 use crossed::crossed;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
-use elect::{SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing};
+use elect::{
+    SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing,
+    straight_is_better,
+};
 use evenly::evenly;
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
 
 pub use covered::covered;
+pub(super) use forward::GAINS;
 pub use forward::forward;
 pub use look::{Care, look};
 pub use needs::needs;
@@ -72,6 +76,9 @@ const MANY: usize = 3;
 const FAR_FROM_NOISE: f64 = 0.75;
 /// rms of the runs held out over the noise above which a free force foretells nothing.
 const FAR_FROM_FORETOLD: f64 = 4.0;
+/// rms of the runs held out with the few effects that each gain in prediction over that with many that fit: no law is
+/// exact where even these miss them.
+const AS_GOOD_AS_MANY: f64 = 1.25;
 /// Half chi-square per sample below which a function explains all there is.
 const ALL_BUT_NOISE: f64 = 0.6;
 /// Log evidence that another prior of a function must gain for its set to be searched again.
@@ -106,6 +113,8 @@ pub struct Explanation {
     pub by_prediction: bool,
     /// Members (candidates) with what the best explanation without them lacks in log evidence.
     pub needed: Vec<(usize, f64)>,
+    /// Candidates that would have gained in prediction where another one gained more.
+    pub also: Vec<usize>,
 }
 
 impl Explanation {
@@ -121,6 +130,7 @@ impl Explanation {
             log_evidence: fit.log_evidence,
             by_prediction: false,
             needed: Vec::new(),
+            also: Vec::new(),
         }
     }
 
@@ -482,16 +492,29 @@ pub fn explain(
     // the named effects what they explain: the best explanation without one stands. A law that hardly bends is
     // compared with all that does without; a force, which it has beaten, is not.
     let light = best.unnamed() && best.family_weight <= search.setting.tolerance;
-    if light || best.bends_slightly(search.setting.tolerance) {
+    let refuted = straight_is_better(search, &best, held);
+    if light || refuted || best.bends_slightly(search.setting.tolerance) {
         contenders.extend(tried.into_values());
         contenders.push(Explanation::plain(search, &first));
         let own = search.alone(&best.fit);
         contenders.extend(own.map(|own| Explanation::plain(search, &own)));
-        contenders.retain(|e| !e.unnamed());
+        contenders.retain(|e| !(e.unnamed() || refuted && e.bent().is_some()));
         for e in &mut contenders {
             needed_at_all(search, e);
         }
         best = elect(search, &contenders, held)?;
+    }
+    // Stretches of decays differ in amplitude alone: what all laws together miss there is an error of laws, even where
+    // so many of them fit the others to the noise.
+    let decays = search.setting.tracks.iter().all(|t| t.edges.is_empty());
+    if decays
+        && !best.unnamed()
+        && let Some(own) = foretold(search, &best, held)
+        && own > MISSES * noise.total_sd()
+        && let Some(sparse) = forward(search, held)
+        && foretold(search, &sparse, held).is_some_and(|f| f < AS_GOOD_AS_MANY * own)
+    {
+        return Some(sparse);
     }
     if let (true, Some(plain)) = (best.family.is_some(), search.alone(&best.fit))
         && let Some(family) = &mut best.family

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::setting::{Setting, Track};
 use super::verdict::DataFault;
 use super::weights::Weights;
-use crate::identify::data::{CHANNELS, Run};
+use crate::identify::data::{CHANNELS, Command, Run};
 use crate::import::check::check_motion;
 use crate::import::{Imported, Severity};
 use crate::log::messages::pb;
@@ -18,6 +18,9 @@ const OUTLIERS_MAX: f64 = 0.05;
 const OUTLIERS_SOME: f64 = 0.03;
 /// Drift of the controller's clock worth a line \[ppm\].
 const DRIFT_SOME_PPM: f64 = 20.0;
+
+/// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
+const WAITS_ON_S: f64 = 0.5;
 
 /// What a log holds besides its run.
 #[derive(Debug, Clone, Default)]
@@ -60,7 +63,13 @@ pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     found
 }
 
-fn fault(run: &Run, kind: &str, channel: &str, evidence: String, fatal: bool) -> DataFault {
+pub(super) fn fault(
+    run: &Run,
+    kind: &str,
+    channel: &str,
+    evidence: String,
+    fatal: bool,
+) -> DataFault {
     DataFault {
         fault: kind.to_owned(),
         channel: channel.to_owned(),
@@ -109,7 +118,9 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
             let place = CHANNELS.iter().position(|c| *c == channel);
             let fatal = match f.kind {
                 "dead_channel" => place.is_some_and(|p| driven[p % 6] > 0.0),
-                "stuck_channel" => true,
+                "stuck_channel" => {
+                    !place.is_some_and(|p| waits(run, p % 6, &data.times_s, &data.motion[p]))
+                }
                 // Rates that are noise about rest say nothing.
                 "kinematics" => return None,
                 "units" => f.severity == Severity::Fault,
@@ -118,6 +129,24 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
             Some(fault(run, f.kind, channel, f.message, fatal))
         })
         .collect()
+}
+
+/// Whether a channel stands only before the first load of its DOF: the vehicle waits, and the instrument is coarse.
+fn waits(run: &Run, dof: usize, times_s: &[f64], values: &[f64]) -> bool {
+    let standing = values.iter().take_while(|v| **v == values[0]).count();
+    let longest = values
+        .chunk_by(|a, b| a == b)
+        .map(<[f64]>::len)
+        .max()
+        .unwrap_or(0);
+    let until_s = run.samples.first().map_or(0.0, |s| s.t_s) + times_s[standing - 1];
+    let driven = |c: &&Command| c.wrench[dof] != 0.0;
+    standing == longest
+        && run
+            .commands
+            .iter()
+            .find(driven)
+            .is_none_or(|c| c.t_s >= until_s - WAITS_ON_S)
 }
 
 /// Robust gain and correlation of measured on predicted displacement.

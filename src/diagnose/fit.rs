@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::candidate::Candidate;
 use super::descent::{Effort, Linear, Linearised, descend};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
@@ -122,10 +123,18 @@ impl Fit {
         self.set.iter().flat_map(of)
     }
 
-    /// Information that each effect parameter's prior stands for where the data have none.
+    /// Information that each effect parameter's prior stands for where the data have none; a normal one is in the second
+    /// derivatives as it is.
     pub fn prior_floors(&self, setting: &Setting) -> Vec<f64> {
-        let of = |w: f64| std::f64::consts::TAU / (w * w);
-        self.widths(setting).map(of).collect()
+        let of = |c: &Candidate| -> Vec<f64> {
+            let floor = |i: usize| match c.normal_sd(i) {
+                Some(_) => 0.0,
+                None => std::f64::consts::TAU / c.widths[i].powi(2),
+            };
+            (0..c.widths.len()).map(floor).collect()
+        };
+        let candidates = self.set.iter().map(|c| &setting.vocabulary[*c]);
+        candidates.flat_map(of).collect()
     }
 
     /// Second derivatives under which what the data leave open is no wider than its prior.
@@ -210,10 +219,10 @@ impl<'a> Posed<'a> {
                     high: *high,
                 });
                 // A phase's range is the whole circle: nothing lies outside of it.
-                let precision = if is_phase(p) {
-                    0.0
-                } else {
-                    1.0 / (tail * (to - from)).max(1e-12)
+                let precision = match candidate.normal_sd(i) {
+                    Some(sd) => 1.0 / sd,
+                    None if is_phase(p) => 0.0,
+                    None => 1.0 / (tail * (to - from)).max(1e-12),
                 };
                 priors.push((*from, *to, precision));
             }

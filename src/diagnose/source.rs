@@ -1,10 +1,12 @@
 //! A log, read once: its run, and what shows faults of the data.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use hydroline_rigs::Rig;
 
-use super::faults::{Records, faults};
+use super::alone::let_go;
+use super::faults::{Records, fault, faults};
 use super::verdict::DataFault;
 use crate::identify::data::{LoadError, Run, load_messages};
 use crate::log::messages::{timestamp, unix_ns};
@@ -19,11 +21,74 @@ pub struct Source {
     pub faults: Vec<DataFault>,
 }
 
-/// Reads a log.
+/// A log, or `LOG@FROM..TO`: a window of it \[s since the log's first stamp\]. Either end may be left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// The file.
+    pub path: PathBuf,
+    /// The window \[s\].
+    pub window_s: Option<(f64, f64)>,
+}
+
+impl From<&Path> for Part {
+    fn from(path: &Path) -> Part {
+        Part {
+            path: path.to_owned(),
+            window_s: None,
+        }
+    }
+}
+
+impl From<&PathBuf> for Part {
+    fn from(path: &PathBuf) -> Part {
+        Part::from(path.as_path())
+    }
+}
+
+impl FromStr for Part {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Part, String> {
+        let whole = Part::from(Path::new(text));
+        // A file of that name is that file.
+        let Some((path, window)) = text.rsplit_once('@').filter(|_| !whole.path.exists()) else {
+            return Ok(whole);
+        };
+        let Some((from, to)) = window.split_once("..") else {
+            return Ok(whole);
+        };
+        let end = |text: &str, none: f64| {
+            match text {
+            "" => Ok(none),
+            text => text
+                .parse::<f64>()
+                .ok()
+                .filter(|v| v.is_finite() && *v >= 0.0)
+                .ok_or_else(|| {
+                    format!("'@{window}': '{text}' is not a number >= 0; write LOG@34..64, seconds since the log's start")
+                }),
+        }
+        };
+        let (from_s, to_s) = (end(from, 0.0)?, end(to, f64::INFINITY)?);
+        if to_s <= from_s {
+            return Err(format!(
+                "'@{window}' ends before it begins; write LOG@34..64, seconds since the log's start"
+            ));
+        }
+        Ok(Part {
+            path: PathBuf::from(path),
+            window_s: Some((from_s, to_s)),
+        })
+    }
+}
+
+/// Reads a log or a window of it. A decay without a window is taken from where the hull was let go.
 ///
 /// # Errors
 /// [`LoadError`].
-pub fn read(path: &Path, rig: &Rig) -> Result<Source, LoadError> {
+pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
+    let Part { path, window_s } = part.into();
+    let path = path.as_path();
     let name = path.file_stem().map_or_else(
         || path.display().to_string(),
         |s| s.to_string_lossy().into_owned(),
@@ -58,7 +123,54 @@ pub fn read(path: &Path, rig: &Rig) -> Result<Source, LoadError> {
             frames,
         });
     }
-    let run = load_messages(&name, &commands, &motion, rig)?;
-    let faults = faults(&run, &records, rig);
-    Ok(Source { run, faults })
+    let mut run = load_messages(&name, &commands, &motion, rig)?;
+    if let Some((from_s, to_s)) = window_s {
+        run = cut(run, &mut records, from_s, to_s);
+        run.name = format!("{name}@{from_s}..{:.2}", run.end_s());
+        if run.samples.is_empty() {
+            return Err(LoadError::NoMotion {
+                log: format!("{}, from {from_s} s to {to_s} s", path.display()),
+                frames: 0,
+            });
+        }
+    }
+    let mut found = Vec::new();
+    if window_s.is_none()
+        && let Some((at_s, channel)) = let_go(&run, rig)
+    {
+        found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is left out"), false));
+        run = cut(run, &mut records, at_s, f64::INFINITY);
+    }
+    found.extend(faults(&run, &records, rig));
+    Ok(Source { run, faults: found })
+}
+
+/// Run and records within a window \[s\].
+fn cut(run: Run, records: &mut Records, from_s: f64, to_s: f64) -> Run {
+    let start_ns = run.start_ns;
+    records
+        .motion
+        .retain(|(ns, _)| (from_s..=to_s).contains(&(ns.saturating_sub(start_ns) as f64 * 1e-9)));
+    run.window(from_s, to_s)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_window_is_part_of_the_name_and_checked() {
+        let part: Part = "roll.mcap@9..34.5".parse().unwrap();
+        assert_eq!(part.path, Path::new("roll.mcap"));
+        assert_eq!(part.window_s, Some((9.0, 34.5)));
+        let open: Part = "roll.mcap@9..".parse().unwrap();
+        assert_eq!(open.window_s, Some((9.0, f64::INFINITY)));
+        let whole: Part = "me@work.mcap".parse().unwrap();
+        assert_eq!(whole, Part::from(Path::new("me@work.mcap")));
+        for wrong in ["a@5..3", "a@x..3", "a@1..nan", "a@-1..3"] {
+            let said = wrong.parse::<Part>().unwrap_err();
+            assert!(said.contains("LOG@34..64"), "{said}");
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! Weight of an effect: what it leaves in the motion after the vehicle's coefficients are refitted.
 
+use hydroline_sim::effect::Stage;
 use nalgebra::{DMatrix, DVector};
 
 use super::bank::{basis, motion, outside};
@@ -74,8 +75,19 @@ pub fn weight_of_bent(
     let alone = Alone::new(setting, fit);
     let globals = alone.globals(member..member + 1);
     let with = function.motion(setting, &[candidate], &globals, &alone.starts);
-    let weight = rms(&outside(&alone.span, &(with - &alone.none)));
+    let weight = alone.left(&[candidate], with);
     weight.is_finite().then_some(weight)
+}
+
+/// The same of all members together, one of them bent where a function bends it: less than each weighs where they cancel.
+pub fn weight_together(setting: &Setting, fit: &Fit, function: Option<&FamilyFit>) -> f64 {
+    let alone = Alone::new(setting, fit);
+    let Some(function) = function else {
+        return alone.weight(0..fit.set.len());
+    };
+    let globals = alone.globals(0..fit.set.len());
+    let with = function.motion(setting, &fit.set, &globals, &alone.starts);
+    alone.left(&fit.set, with)
 }
 
 /// The vehicle of a fit with few of its members.
@@ -118,8 +130,29 @@ impl<'a> Alone<'a> {
 
     fn weight(&self, members: std::ops::Range<usize>) -> f64 {
         let globals = self.globals(members.clone());
-        let with = motion(self.setting, &self.fit.set[members], &globals, &self.starts);
-        rms(&outside(&self.span, &(with - &self.none)))
+        let set = &self.fit.set[members];
+        self.left(set, motion(self.setting, set, &globals, &self.starts))
+    }
+
+    /// What a motion with these members differs from that of the vehicle alone by.
+    fn left(&self, set: &[usize], with: DVector<f64>) -> f64 {
+        let setting = self.setting;
+        let mut apart = with - &self.none;
+        // Where a run at rest begins is read off the run: what reads that place otherwise (a scale of the position) moves
+        // the start along.
+        let reads = |c: &usize| setting.vocabulary[*c].info.stage == Stage::Measurement;
+        if set.iter().any(reads) {
+            let mut first = 0;
+            for track in &setting.tracks {
+                let rows = track.times_s.len();
+                if !track.starts_under_way(setting.tolerance) {
+                    let start = apart[first];
+                    apart.rows_mut(first, rows).add_scalar_mut(-start);
+                }
+                first += rows;
+            }
+        }
+        rms(&outside(&self.span, &apart))
     }
 }
 
@@ -147,6 +180,26 @@ mod tests {
     use crate::diagnose::family::{Acts, Family, Prior, Variable};
     use crate::diagnose::search::Search;
     use crate::diagnose::testing::{candidate, setting, surge};
+
+    /// Runs that began off the rig's zero made a scale of the position weigh a constant offset.
+    #[test]
+    fn a_scale_of_the_position_does_not_weigh_more_where_runs_begin_off_zero() {
+        let weight = |at_m: f64| {
+            let mut made = setting(&[surge(0, &[]), surge(1, &[])]);
+            for track in &mut made.tracks {
+                track.measured.iter_mut().for_each(|x| *x += at_m);
+            }
+            let scale = candidate(&made, "position_scale");
+            let mut search = Search::still(&made, &|_| {});
+            search.nothing();
+            let mut fit = search.get(&[]).unwrap().clone();
+            fit.set = vec![scale];
+            fit.at.insert(COEFFICIENTS, 1.01);
+            weights(&made, &fit)[0]
+        };
+        let (at_zero, off) = (weight(0.0), weight(0.4));
+        assert!((off / at_zero - 1.0).abs() < 0.05, "{at_zero} {off}");
+    }
 
     /// A law bent by the same factor everywhere weighs what the same law with that parameter does; it weighed as if nothing
     /// bent it, half as much again as the truth where the bend did most of the work.

@@ -79,7 +79,9 @@ pub fn effects(
                 let k = places[member] + i;
                 let variance = covariance[(k, k)];
                 // As scaled to the loads of these runs.
-                let (low, high) = setting.vocabulary[*candidate].flat[i];
+                let asked = &setting.vocabulary[*candidate];
+                let ((low, high), beyond) = (asked.flat[i], asked.normal_sd(i).map_or(0.0, |sd| 3.0 * sd));
+                let (low, high) = (low - beyond, high + beyond);
                 if *weight > setting.tolerance && !(low..=high).contains(&values[i]) {
                     notes.push(format!(
                         "{} = {:.4} {} lies outside of the {low:.4} .. {high:.4} that such a run may show",

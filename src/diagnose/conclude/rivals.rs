@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::tables::rms;
 use crate::diagnose::bank::{joined, without};
-use crate::diagnose::explain::{Windows, pieces};
+use crate::diagnose::explain::{GAINS, Windows, pieces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
 use crate::diagnose::search::Search;
@@ -23,6 +23,8 @@ const AS_GOOD: f64 = 1.1;
 const NOT_FAR: f64 = 1.5;
 /// rms of the runs held out over the noise below which likelihoods decide.
 const AT_NOISE: f64 = 1.5;
+/// Starting points of a candidate that joins a set.
+const STARTS: usize = 5;
 /// Of the tolerance: what is lighter is not asked.
 pub(super) const LIGHT: f64 = 0.25;
 
@@ -51,6 +53,8 @@ pub struct Rivals<'a> {
     windows: Option<(Windows, Vec<Track>)>,
     /// Heavy members (candidates), heaviest first.
     heavy: Vec<usize>,
+    /// Candidates that are asked in the place of each.
+    also: Vec<usize>,
     made: BTreeMap<Vec<usize>, Rival>,
 }
 
@@ -77,6 +81,7 @@ impl<'a> Rivals<'a> {
             held,
             windows: None,
             heavy: heavy.into_iter().map(|h| h.1).collect(),
+            also: Vec::new(),
             made: BTreeMap::new(),
         };
         let mut jobs: Vec<Job> = Vec::new();
@@ -105,21 +110,30 @@ impl<'a> Rivals<'a> {
                 if !near || all.contains(&other) || search.blind.contains(&other) {
                     continue;
                 }
-                let begins: Vec<(Vec<usize>, Vec<f64>)> = kin
-                    .starts
-                    .iter()
-                    .take(5)
-                    .map(|p| joined(setting, &gap, other, p))
-                    .collect();
-                let Some((set, _)) = begins.first().cloned() else {
-                    continue;
-                };
-                let from = begins.into_iter().map(|b| b.1).collect();
-                jobs.push((set, from, Some((*h, other))));
+                jobs.extend(rivals.joining(&gap, other, Some((*h, other))));
             }
         }
         rivals.fit(jobs);
         rivals
+    }
+
+    /// A set, and where its fits begin, with one candidate more.
+    fn joining(&self, to: &Fit, candidate: usize, in_place: Option<(usize, usize)>) -> Option<Job> {
+        let setting = self.search.setting;
+        let begins: Vec<(Vec<usize>, Vec<f64>)> = setting.vocabulary[candidate]
+            .starts
+            .iter()
+            .take(STARTS)
+            .map(|p| joined(setting, to, candidate, p))
+            .collect();
+        let set = begins.first()?.0.clone();
+        Some((set, begins.into_iter().map(|b| b.1).collect(), in_place))
+    }
+
+    /// Candidates that the ladder asks in the place of each of its rungs.
+    pub fn beside(mut self, also: &[usize]) -> Self {
+        self.also = also.to_vec();
+        self
     }
 
     /// The ladder by what each effect gains in windows of the runs held out: where no law is exact, and nothing takes the
@@ -265,6 +279,7 @@ impl<'a> Rivals<'a> {
         }
         let search = self.search;
         let channel = search.setting.channel();
+        let id = |c: usize| search.setting.vocabulary[c].info.id;
         let no_runs = self.held.is_empty();
         // A prediction that failed is no prediction, not a good fit.
         let by_windows = self.windows.is_some();
@@ -280,6 +295,7 @@ impl<'a> Rivals<'a> {
                 train: of(Some(rms(search, &r.fit))),
                 held_out: of(r.held),
                 held_out_in_windows: of(there),
+                instead: BTreeMap::new(),
             }
         };
         let mut rungs: Vec<Rung> = self
@@ -290,6 +306,10 @@ impl<'a> Rivals<'a> {
             .collect();
         let mut now: Vec<usize> = Vec::new();
         let mut left = self.heavy.clone();
+        let mut below = self
+            .made
+            .get(&now)
+            .map_or(f64::INFINITY, |r| miss(r, self.rms_in_windows(r)));
         while !left.is_empty() {
             let grown = |c: usize| -> Vec<usize> { now.iter().copied().chain([c]).collect() };
             let jobs = left
@@ -309,7 +329,31 @@ impl<'a> Rivals<'a> {
                 })
                 .min_by(|a, b| miss(a.1, a.2).total_cmp(&miss(b.1, b.2)));
             let Some((c, r, there)) = best else { break };
-            rungs.push(rung(search.setting.vocabulary[c].info.id, r, there));
+            let mut made = rung(id(c), r, there);
+            let reached = miss(r, there);
+            let others: Vec<usize> = left.iter().copied().filter(|l| *l != c).collect();
+            let base = self.made.get(&self.part(&now).0).map(|r| r.fit.clone());
+            let asked: Vec<(usize, Job)> = self
+                .also
+                .iter()
+                .filter_map(|other| Some((*other, self.joining(base.as_ref()?, *other, None)?)))
+                .collect();
+            let sets: Vec<(usize, Vec<usize>)> = asked
+                .iter()
+                .map(|(other, job)| (*other, job.0.clone()))
+                .chain(others.iter().map(|o| (*o, self.part(&grown(*o)).0)))
+                .collect();
+            self.fit(asked.into_iter().map(|a| a.1).collect());
+            made.instead = sets
+                .into_iter()
+                .filter_map(|(other, set)| {
+                    let rival = self.made.get(&set)?;
+                    let held = miss(rival, self.rms_in_windows(rival));
+                    (held < GAINS * below).then(|| (id(other).to_owned(), held))
+                })
+                .collect();
+            below = reached;
+            rungs.push(made);
             now.push(c);
             left.retain(|l| *l != c);
         }

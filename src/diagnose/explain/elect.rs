@@ -2,15 +2,17 @@
 
 use rayon::prelude::*;
 
-use super::Explanation;
 use super::covered::covered;
 use super::look::{BELIEVED, modest};
+use super::{Explanation, FORETELLS};
 use crate::diagnose::bank::without;
 use crate::diagnose::choosing::Choosing;
 use crate::diagnose::descent::Effort;
 use crate::diagnose::family::{Acts, Variable};
 use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{Prediction, better_t, held_out, predicted, predicted_beside};
+use crate::diagnose::predict::{
+    BETTER_T, Prediction, better_t, held_out, predicted, predicted_beside,
+};
 use crate::diagnose::search::Search;
 use crate::diagnose::setting::Track;
 
@@ -185,6 +187,25 @@ fn prediction(search: &Search<'_>, e: &Explanation, held: &[Track]) -> Option<Pr
         (None, Some((_, two))) => predicted(setting, held, two, noise),
         (None, None) => predicted(setting, held, &e.fit, noise),
     }
+}
+
+/// Whether a law that bends, or acts twice, foretells the runs held out worse than the same law as it is, which foretells
+/// them to the noise: then it took up what the runs fitted have by chance, wherever these runs go.
+pub fn straight_is_better(search: &mut Search<'_>, e: &Explanation, held: &[Track]) -> bool {
+    if e.bent().is_none() || e.family.as_ref().is_some_and(|f| !f.family.lasts()) {
+        return false;
+    }
+    let Some(straight) = search.alone(&e.fit) else {
+        return false;
+    };
+    let noise = search.weights.noise;
+    predicted(search.setting, held, &straight, noise)
+        .zip(prediction(search, e, held))
+        .is_some_and(|(straight, own)| {
+            straight.rms < FORETELLS * noise.total_sd()
+                && straight.rms < own.rms
+                && straight.better_than(&own) > BETTER_T
+        })
 }
 
 /// Its rms; a motion that runs off predicts nothing: that is a miss, not a question that was not asked.

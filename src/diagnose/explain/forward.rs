@@ -28,6 +28,8 @@ const BOTH: f64 = 0.7;
 const WORTH: f64 = 0.75;
 /// The same over whole runs, of what was judged in windows.
 const WORTH_ON_THE_WHOLE: f64 = 0.97;
+/// The same from which an effect is told to gain in the place of another one.
+pub(in crate::diagnose) const GAINS: f64 = 0.9;
 /// Without a member over with it, up to which it is not.
 const AS_WELL: f64 = 1.01;
 
@@ -82,10 +84,15 @@ impl Judge {
                     .is_some_and(|(new, old)| better(&new, &old, WORTH_ON_THE_WHOLE)))
     }
 
-    /// Of sets fitted in windows the one that predicts best, with its fit in windows.
-    fn best(&self, search: &mut Search<'_>, grown: &[Fit]) -> Option<(Judged, Fit)> {
-        self.judged(search, grown)
-            .into_iter()
+    /// Of sets that predict the one that does so best, if it predicts better than another one.
+    fn best(
+        &self,
+        search: &Search<'_>,
+        seen: Vec<(Judged, Fit)>,
+        than: &Judged,
+    ) -> Option<(Judged, Fit)> {
+        seen.into_iter()
+            .filter(|f| self.worth(search, &f.0, than))
             .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
     }
 }
@@ -113,6 +120,7 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     let mut seen = windows.fit(&[], nothing.globals(search.setting))?;
     search.fit_all(vec![windows.whole(search, &seen)]);
     let (mut now, _) = judge.judged(search, std::slice::from_ref(&seen)).pop()?;
+    let mut also = BTreeSet::new();
     while now.0.set.len() < MOST {
         let blind = |c: usize| search.blind.contains(&c);
         let singles = windows.grow(&seen, blind, ADDED);
@@ -123,12 +131,18 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
             .flat_map(|s| windows.grow(s, blind, PAIRED.1))
             .collect();
         pairs.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut seen_pairs = BTreeSet::new();
-        pairs.retain(|f| seen_pairs.insert(f.set.clone()));
-        let single = judge.best(search, first(&singles));
-        let single = single.filter(|s| judge.worth(search, &s.0, &now));
-        let pair = judge.best(search, first(&pairs));
-        let pair = pair.filter(|s| judge.worth(search, &s.0, &now));
+        let mut distinct = BTreeSet::new();
+        pairs.retain(|f| distinct.insert(f.set.clone()));
+        let seen_singles = judge.judged(search, first(&singles));
+        let gaining = seen_singles
+            .iter()
+            .filter(|f| f.0.1.rms < GAINS * now.1.rms);
+        also.extend(
+            gaining.filter_map(|f| f.1.set.iter().copied().find(|c| !now.0.set.contains(c))),
+        );
+        let single = judge.best(search, seen_singles, &now);
+        let seen_pairs = judge.judged(search, first(&pairs));
+        let pair = judge.best(search, seen_pairs, &now);
         // One effect may do a little of the work of two that hide each other.
         let next = match (single, pair) {
             (Some(s), Some(p)) if p.0.1.rms < BOTH * s.0.1.rms => Some(p),
@@ -155,8 +169,10 @@ pub fn forward(search: &mut Search<'_>, held: &[Track]) -> Option<Explanation> {
     search.fit_all(vec![windows.whole(search, &seen)]);
     let whole = search.finished(&now.0.set);
     let fit = whole.or((!in_windows).then_some(now.0))?;
+    also.retain(|c| !fit.set.contains(c));
     Some(Explanation {
         by_prediction: true,
+        also: also.into_iter().collect(),
         ..Explanation::plain(search, &fit)
     })
 }
@@ -173,7 +189,9 @@ fn thinned(search: &mut Search<'_>, judge: &Judge, mut now: Judged) -> Judged {
             })
             .collect();
         let smaller = judge
-            .best(search, &smaller)
+            .judged(search, &smaller)
+            .into_iter()
+            .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
             .map(|(judged, _)| judged)
             .filter(|s| s.1.rms <= AS_WELL * now.1.rms);
         match smaller {

@@ -204,6 +204,10 @@ pub(super) fn ladder(page: &mut String, v: &Verdict) {
     if windows {
         page.push_str("<th>held-out rms in windows, a tenth of a run each</th>");
     }
+    let others = v.ladder.iter().any(|r| !r.instead.is_empty());
+    if others {
+        page.push_str("<th>in its place</th>");
+    }
     page.push_str("</tr>\n");
     for rung in &v.ladder {
         let name = if rung.effect.is_empty() {
@@ -216,9 +220,20 @@ pub(super) fn ladder(page: &mut String, v: &Verdict) {
         } else {
             String::new()
         };
+        let other = if others {
+            let channel = rung.train.keys().next().map_or("", String::as_str);
+            let told: Vec<String> = rung
+                .instead
+                .iter()
+                .map(|(id, rms)| format!("{id} {}", amount(channel, *rms)))
+                .collect();
+            format!("<td>{}</td>", escape(&told.join(", ")))
+        } else {
+            String::new()
+        };
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td>{last}</tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td>{last}{other}</tr>",
             escape(&name),
             escape(&amounts(&rung.train)),
             escape(&amounts(&rung.held_out)),

@@ -1,0 +1,225 @@
+//! One recording by itself: the stretches it is made of.
+//!
+//! What is fitted to all of a recording has nothing left to foretell. So a decay is cut into four stretches of which two
+//! are only predicted, and so is a driven run in which no law reaches the noise: there likelihoods compare
+//! the errors of laws, and prediction has to choose.
+
+use hydroline_rigs::{Dof, Rig};
+
+use super::conclude::{DiagnoseError, Diagnosis, active, explained};
+use super::search::Search;
+use super::setting::Setting;
+use super::source::Source;
+use crate::identify::data::{CHANNELS, Run};
+
+/// Stretches of a recording: two to fit, two to predict, of which the first helps to choose and the second only tells.
+const STRETCHES: usize = 4;
+/// Shortest of them \[s\], and its fewest samples.
+const SHORTEST_S: f64 = 5.0;
+/// See [`SHORTEST_S`].
+const FEWEST: usize = 100;
+/// Swing of a decay over the tolerance below which it is not looked for where it was let go.
+const SWINGS: f64 = 5.0;
+
+/// Diagnoses logs against a rig; `held` are predicted only. One log and nothing held out: see the module.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    let parts = match (sources, held) {
+        ([one], []) if one.faults.iter().all(|f| !f.fatal) => stretches(one),
+        _ => None,
+    };
+    let Some([first, second, third, fourth]) = parts else {
+        return explained(sources, held, rig, progress);
+    };
+    if !is_decay(&first.run) && !no_law_is_exact(&sources[0].run, rig, progress) {
+        return explained(sources, held, rig, progress);
+    }
+    let name = sources[0].run.name.clone();
+    // What is predicted lies between what is fitted: a decay grows smaller.
+    let mut made = explained(&[first, fourth], &[second, third], rig, progress)?;
+    made.verdict.notes.push(format!(
+        "{name} alone was given: its first and last quarter are fitted, the others predicted (choose others as {name}.mcap@FROM..TO, with --hold-out)"
+    ));
+    Ok(made)
+}
+
+/// A run without any load.
+fn is_decay(run: &Run) -> bool {
+    run.largest_wrench().iter().all(|w| *w == 0.0)
+}
+
+/// Whether no law reaches the noise in some DOF that moves.
+fn no_law_is_exact(run: &Run, rig: &Rig, progress: &(dyn Fn(&str) + Sync)) -> bool {
+    let runs = std::slice::from_ref(run);
+    active(runs, rig).into_iter().any(|dof| {
+        Setting::new(runs, rig, dof).is_ok_and(|setting| {
+            let mut search = Search::new(&setting, progress);
+            search.nothing();
+            if search.best().is_none() {
+                return false;
+            }
+            search.prepare();
+            search.no_law_is_exact()
+        })
+    })
+}
+
+/// A recording in equal stretches; `None` where they are too short to say anything.
+fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
+    let run = &source.run;
+    let (first_s, end_s) = (run.samples.first()?.t_s, run.end_s());
+    let each_s = (end_s - first_s) / STRETCHES as f64;
+    if each_s < SHORTEST_S || run.samples.len() < STRETCHES * FEWEST {
+        return None;
+    }
+    let parts = std::array::from_fn(|k| {
+        let from_s = first_s + k as f64 * each_s;
+        // A sample belongs to one stretch only.
+        let to_s = if k + 1 == STRETCHES {
+            end_s
+        } else {
+            (from_s + each_s).next_down()
+        };
+        let mut part = run.clone().window(from_s, to_s);
+        part.name = format!("{}@{from_s:.1}..{:.1}", run.name, from_s + each_s);
+        Source {
+            run: part,
+            faults: if k == 0 {
+                source.faults.clone()
+            } else {
+                Vec::new()
+            },
+        }
+    });
+    let filled = |part: &Source| part.run.samples.len() >= FEWEST;
+    parts.iter().all(filled).then_some(parts)
+}
+
+/// When a log without any load was let go \[s since its start\], and in which channel: a hull is pressed down and swings
+/// freely from then on. `None` = it is free from its first stamp.
+///
+/// The largest excursion may still be held; the next turn on the other side of rest is free for certain.
+pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
+    if !is_decay(run) {
+        return None;
+    }
+    // What has a place to swing about: roll and pitch.
+    [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
+        let channel = dof.index();
+        let rest = run.median(channel)?;
+        let angles: Vec<(f64, f64)> = run
+            .samples
+            .iter()
+            .filter(|s| s.values[channel].is_finite())
+            .map(|s| (s.t_s, s.values[channel] - rest))
+            .collect();
+        let (first_s, _) = *angles.first()?;
+        let farthest = angles
+            .iter()
+            .enumerate()
+            .max_by(|a, b| a.1.1.abs().total_cmp(&b.1.1.abs()))?
+            .0;
+        let (at_s, excursion) = angles[farthest];
+        if excursion.abs() < SWINGS * rig.tolerance.attitude_rad {
+            return None;
+        }
+        let beyond = |a: &(f64, f64)| a.1 * excursion.signum() < 0.0;
+        let crossed = farthest + angles[farthest..].iter().position(beyond)?;
+        let back = angles[crossed..]
+            .iter()
+            .position(|a| !beyond(a))
+            .map_or(angles.len(), |k| crossed + k);
+        let turn = angles[crossed..back]
+            .iter()
+            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        // A log that begins within the swing is free from its start. And it swings on: a hull that only came to rest at
+        // another place was not let go.
+        let swing_s = turn.0 - at_s;
+        (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
+            .then(|| (turn.0, CHANNELS[channel]))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::identify::data::{Command, Sample};
+
+    /// At rest, pressed to one side, held for a second, let go at 8 s.
+    fn decay() -> Run {
+        let samples = (0..2000).map(|k| {
+            let t_s = 0.02 * f64::from(k);
+            let phi = match t_s {
+                t if t < 5.0 => 0.0,
+                t if t < 7.0 => -0.09 * (t - 5.0),
+                t if t < 8.0 => -0.18,
+                t => -0.18 * (-0.03 * (t - 8.0)).exp() * (2.2 * (t - 8.0)).cos(),
+            };
+            let mut values = [f64::NAN; 12];
+            values[3] = phi + 0.01;
+            Sample {
+                t_s,
+                values,
+                covariance: None,
+            }
+        });
+        Run {
+            name: "decay".to_owned(),
+            samples: samples.collect(),
+            ..Run::default()
+        }
+    }
+
+    #[test]
+    fn a_decay_begins_at_the_turn_after_the_hull_was_let_go() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let (at_s, channel) = let_go(&decay(), &rig).unwrap();
+        // Half a period after it was let go, pi / 2.2 s.
+        assert!((at_s - 9.42).abs() < 0.06, "{at_s}");
+        assert_eq!(channel, "phi_rad");
+    }
+
+    #[test]
+    fn a_decay_from_its_first_stamp_and_a_driven_run_stay_whole() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        assert_eq!(let_go(&decay().window(9.42, 40.0), &rig), None);
+        let mut driven = decay();
+        driven.commands.push(Command {
+            t_s: 5.0,
+            wrench: [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        });
+        assert_eq!(let_go(&driven, &rig), None);
+        let mut heeled = decay();
+        heeled.samples.retain(|s| s.t_s < 8.0);
+        assert_eq!(let_go(&heeled, &rig), None, "nobody let it go");
+    }
+
+    #[test]
+    fn stretches_share_no_sample_and_lose_none() {
+        let run = decay();
+        let parts = stretches(&Source {
+            run: run.clone(),
+            faults: Vec::new(),
+        })
+        .unwrap();
+        let all: Vec<f64> = parts
+            .iter()
+            .flat_map(|p| p.run.samples.iter().map(|s| s.t_s))
+            .collect();
+        let own: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
+        assert_eq!(all, own);
+        let short = Source {
+            run: run.window(0.0, 15.0),
+            faults: Vec::new(),
+        };
+        assert!(stretches(&short).is_none());
+    }
+}
