@@ -12,7 +12,9 @@ mod crossed;
 mod doubled;
 mod elect;
 mod evenly;
+mod explanation;
 mod forward;
+mod grow;
 mod look;
 mod needs;
 mod recheck;
@@ -21,31 +23,29 @@ mod windows;
 
 use std::collections::BTreeMap;
 
-use super::bank::without;
 use super::choosing::Choosing;
-use super::descent::Effort;
 use super::family::{Acts, FamilyFit, Variable};
-use super::fit::Fit;
 use super::posterior::near;
 use super::predict::{expected, held_out, predicted_beside};
 use super::search::Search;
 use super::setting::Track;
-use super::weight::{weight_beyond, weight_of, weight_of_all, weight_of_bent, weights};
 use along::shown;
 use beside::{beside, squeezed};
 use crossed::crossed;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{
-    SLIGHT, SPARING, by_prediction, elect, foretold, held_to_account, lightened, sparing,
-    straight_is_better,
+    SLIGHT, by_prediction, elect, foretold, held_to_account, lightened, sparing, straight_is_better,
 };
 use evenly::evenly;
-use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds, modest};
+use grow::{again, grow, reduce, straightened};
+use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds};
 
 pub use covered::covered;
+pub use explanation::Explanation;
 pub(super) use forward::GAINS;
 pub use forward::forward;
+pub use grow::renewed;
 pub use look::{Care, look};
 pub use needs::needs;
 pub use recheck::{Recheck, recheck};
@@ -90,175 +90,6 @@ const LAW_OUT_OF_REACH: f64 = 50.0;
 /// rms of the runs held out with a function over that of named effects alone below which it is believed
 /// where nothing reaches the noise.
 const CLEARLY: f64 = 0.7;
-
-/// A set, and what is left beside it.
-#[derive(Debug, Clone)]
-pub struct Explanation {
-    /// The set, fitted.
-    pub fit: Fit,
-    /// Weight of each member \[m, rad\].
-    pub weights: Vec<f64>,
-    /// A free function that gains beside it.
-    pub family: Option<FamilyFit>,
-    /// Without such a function: the member (candidate) that acts twice, with the fit of both.
-    pub twice: Option<(usize, Fit)>,
-    /// Weight of the function's response \[m, rad\]: of a force as of an effect, of a bend beyond what the set's
-    /// own numbers could do.
-    pub family_weight: f64,
-    /// The member (candidate) whose law lacks what the function does, a force of the load.
-    pub shoulder: Option<usize>,
-    /// Log evidence of both.
-    pub log_evidence: f64,
-    /// Its members were chosen by what they gain in prediction: no law reaches the noise here.
-    pub by_prediction: bool,
-    /// Members (candidates) with what the best explanation without them lacks in log evidence.
-    pub needed: Vec<(usize, f64)>,
-    /// Candidates that would have gained in prediction where another one gained more.
-    pub also: Vec<usize>,
-}
-
-impl Explanation {
-    /// A set as it is.
-    fn plain(search: &Search<'_>, fit: &Fit) -> Explanation {
-        Explanation {
-            fit: fit.clone(),
-            weights: weights(search.setting, fit),
-            family: None,
-            twice: None,
-            family_weight: 0.0,
-            shoulder: None,
-            log_evidence: fit.log_evidence,
-            by_prediction: false,
-            needed: Vec::new(),
-            also: Vec::new(),
-        }
-    }
-
-    /// A set fitted together with a function.
-    fn with(search: &Search<'_>, joint: Fit, family: FamilyFit) -> Explanation {
-        // A force is weighed as the effects are; of a bend counts what no other number of the set could do.
-        let weight = match family.family.acts {
-            Acts::Force => weight_of,
-            Acts::Bends(_) => weight_beyond,
-        };
-        let mut made = Explanation::plain(search, &joint);
-        // An effect weighs what its law does, as it bends.
-        if let Acts::Bends(candidate) = family.family.acts
-            && let Some(member) = joint.set.iter().position(|c| *c == candidate)
-            && let Some(own) = weight_of_bent(search.setting, &joint, candidate, &family)
-        {
-            made.weights[member] = own;
-        }
-        Explanation {
-            family_weight: weight(search.setting, &joint, &family.response),
-            family: Some(family),
-            ..made
-        }
-    }
-
-    /// A mechanism that acts twice; `once` = what a rig file can hold of it.
-    fn doubled(search: &Search<'_>, candidate: usize, two: Fit, once: &Fit) -> Explanation {
-        let setting = search.setting;
-        let mut made = Explanation::plain(search, once);
-        let member = once.set.iter().position(|c| *c == candidate);
-        if let Some(member) = member
-            && setting.vocabulary[candidate].info.parameters[0].corner
-        {
-            made.weights[member] = weight_of_all(setting, &two, candidate);
-        }
-        Explanation {
-            log_evidence: two.log_evidence,
-            twice: Some((candidate, two)),
-            ..made
-        }
-    }
-
-    /// What its function acts on, and of what kind of variable.
-    fn kind(&self) -> Option<(Acts, Variable)> {
-        self.family
-            .as_ref()
-            .map(|f| (f.family.acts, f.family.variable.kind()))
-    }
-
-    /// The member (candidate index) whose law bends.
-    pub fn bent(&self) -> Option<usize> {
-        if self.shoulder.is_some() {
-            return self.shoulder;
-        }
-        if let Some((candidate, _)) = &self.twice {
-            return Some(*candidate);
-        }
-        match self.family.as_ref()?.family.acts {
-            Acts::Bends(candidate) => Some(candidate),
-            Acts::Force => None,
-        }
-    }
-
-    /// Half chi-square of all of it.
-    fn cost(&self) -> f64 {
-        self.twice
-            .as_ref()
-            .map_or(self.fit.cost, |(_, two)| two.cost)
-    }
-
-    /// What all of it leaves, predicted minus measured, run by run \[m, rad\].
-    pub fn residuals(&self, search: &Search<'_>) -> Vec<Vec<f64>> {
-        let setting = search.setting;
-        match (&self.family, &self.twice) {
-            (Some(f), _) => f.residuals(setting, &search.weights, &self.fit),
-            (None, Some((_, two))) => two.residuals(setting),
-            (None, None) => self.fit.residuals(setting),
-        }
-    }
-
-    /// Log density of runs held out under all of it; `None` where that cannot be asked.
-    pub fn told(&self, search: &Search<'_>, by: &Choosing) -> Option<f64> {
-        let (setting, weights) = (search.setting, &search.weights);
-        match (&self.family, &self.twice) {
-            (Some(f), _) if f.family.lasts() => by.beside(setting, weights, &self.fit, f),
-            (Some(_), _) => None,
-            (None, Some((_, two))) => by.said(setting, weights, two),
-            (None, None) => by.said(setting, weights, &self.fit),
-        }
-    }
-
-    /// Whether all of it foretells runs held out; a force in time foretells nothing.
-    pub fn foretells(&self, search: &Search<'_>, by: &Choosing) -> bool {
-        let (setting, weights) = (search.setting, &search.weights);
-        match (&self.family, &self.twice) {
-            (Some(f), _) => f.family.lasts() && by.foretold_beside(setting, weights, &self.fit, f),
-            (None, Some((_, two))) => by.foretold(setting, weights, two),
-            (None, None) => by.foretold(setting, weights, &self.fit),
-        }
-    }
-
-    /// Whether it is a set among the sets of the search, by their posterior.
-    pub fn simple(&self) -> bool {
-        self.family.is_none() && self.twice.is_none() && !self.by_prediction
-    }
-
-    /// Members (candidates) heavier than this.
-    pub fn matters(&self, tolerance: f64) -> Vec<usize> {
-        self.fit
-            .set
-            .iter()
-            .zip(&self.weights)
-            .filter(|(_, w)| **w > tolerance)
-            .map(|(c, _)| *c)
-            .collect()
-    }
-
-    /// Whether a law bends by so little that small effects which no set holds leave as much.
-    pub fn bends_slightly(&self, tolerance: f64) -> bool {
-        !self.unnamed() && self.family.is_some() && self.family_weight <= SLIGHT * tolerance
-    }
-
-    /// Whether an unnamed force is part of it.
-    pub fn unnamed(&self) -> bool {
-        let force = |f: &FamilyFit| f.family.acts == Acts::Force;
-        self.shoulder.is_none() && self.family.as_ref().is_some_and(force)
-    }
-}
 
 /// The best explanation: sets from the search, sets grown beside a free function, and sets with
 /// members taken out, each with its best free function.
@@ -631,170 +462,4 @@ fn needed_at_all(search: &mut Search<'_>, found: &mut Explanation) {
         );
         *found = Explanation::plain(search, &plain);
     }
-}
-
-/// A seed's set searched again beside its function, and the function made sharper where that pays; `None` where what
-/// bends a law is too large for that (`modest`), or the log evidence `bar` out of reach.
-fn grow(search: &Search<'_>, seed: &Explanation, also: &Fit, bar: f64) -> Option<Explanation> {
-    let mut grown = beside(search, seed, also, bar);
-    // More knots bring a force that begins sharply to the noise from far off, but no law that bends.
-    let sharper_will_do =
-        grown.bent().is_none() && grown.cost() > ALL_BUT_NOISE * search.weights.samples() as f64;
-    let reach = match grown.bent() {
-        Some(_) => LAW_OUT_OF_REACH,
-        None => OUT_OF_REACH,
-    };
-    if grown.log_evidence < bar - reach && !sharper_will_do {
-        return None;
-    }
-    if let Some(family) = grown.family.clone() {
-        let pair = (grown.fit.clone(), family);
-        let (joint, family) =
-            FamilyFit::smooth(search.setting, &search.weights, pair, Effort::FULL);
-        if joint.log_evidence > grown.log_evidence + WORTH_A_CLIMB {
-            let smoother = Explanation::with(search, joint, family);
-            grown = beside(search, &smoother, also, bar);
-        }
-    }
-    if let Some(family) = grown.family.clone() {
-        let knots = family.family.knots.len();
-        let (joint, family) = FamilyFit::sharpen(
-            search.setting,
-            &search.weights,
-            &grown.fit,
-            (grown.fit.clone(), family),
-        );
-        if family.family.knots.len() != knots {
-            let (joint, family) = FamilyFit::smooth(
-                search.setting,
-                &search.weights,
-                (joint, family),
-                Effort::FULL,
-            );
-            let sharper = Explanation::with(search, joint, family);
-            grown = beside(search, &sharper, also, bar);
-        }
-    }
-    if let Some(family) = grown.family.clone().filter(|_| grown.unnamed()) {
-        let before = grown.log_evidence;
-        let pair = (grown.fit.clone(), family);
-        let (joint, family) =
-            FamilyFit::in_windows(search.setting, &search.weights, &grown.fit, pair);
-        if joint.log_evidence > before {
-            let windows = Explanation::with(search, joint, family);
-            grown = beside(search, &windows, also, bar);
-        }
-    }
-    if let Some(line) = straightened(search, &grown, also, bar)
-        && line.log_evidence > grown.log_evidence
-    {
-        grown = line;
-    }
-    let kept = grown
-        .family
-        .as_ref()
-        .is_some_and(|f| modest(search.setting, &grown.fit, f));
-    kept.then_some(grown)
-}
-
-/// A law that bends evenly along the tank or in the course of a log, with what joins it then: a curve takes up small
-/// effects that a line leaves to be named.
-fn straightened(
-    search: &Search<'_>,
-    grown: &Explanation,
-    also: &Fit,
-    bar: f64,
-) -> Option<Explanation> {
-    let line = grown.family.as_ref()?.straightened()?;
-    let (setting, weights) = (search.setting, &search.weights);
-    let (joint, line) = line.refine(setting, weights, &grown.fit, Effort::FULL)?;
-    let (joint, line) = FamilyFit::smooth(setting, weights, (joint, line), Effort::FULL);
-    if joint.log_evidence < grown.log_evidence - LAW_OUT_OF_REACH {
-        return None;
-    }
-    let found = beside(search, &Explanation::with(search, joint, line), also, bar);
-    tracing::debug!(
-        "as a line {:?}: {:.1} for {:.1}",
-        found.fit.set,
-        found.log_evidence,
-        grown.log_evidence
-    );
-    Some(found)
-}
-
-/// The same explanation under another noise, with what joins it now; `None` unless it has an unnamed force that
-/// matters and leaves only noise: sets without one have nothing to add.
-pub fn renewed(
-    search: &mut Search<'_>,
-    found: &Explanation,
-    held: &[Track],
-) -> Option<Explanation> {
-    let now = again(search, found)?;
-    let grown = grow(search, &now, &found.fit, now.log_evidence)?;
-    let mut grown = held_to_account(search, grown, held);
-    let plain = search.alone(&grown.fit)?;
-    if let Some(family) = &mut grown.family {
-        family.gain = grown.log_evidence - plain.log_evidence;
-    }
-    let all = ALL_BUT_NOISE * search.weights.samples() as f64;
-    let stands = grown.unnamed() && grown.cost() < all;
-    (stands && grown.family_weight > search.setting.tolerance).then_some(grown)
-}
-
-/// An explanation with a function, fitted again under the search's present weights.
-fn again(search: &Search<'_>, found: &Explanation) -> Option<Explanation> {
-    let function = found.family.as_ref()?;
-    let (joint, function) =
-        function.refine(search.setting, &search.weights, &found.fit, Effort::FULL)?;
-    Some(Explanation::with(search, joint, function))
-}
-
-/// Members taken out as long as what is left explains more beside its best function.
-fn reduce(
-    search: &mut Search<'_>,
-    mut best: Explanation,
-    tried: &mut BTreeMap<Vec<usize>, Explanation>,
-) -> Explanation {
-    // What is allowed for fewer effects is allowed once, not at every step.
-    let start = best.clone();
-    for _ in 0..ROUNDS {
-        // Without the function's help: a plain set is the parent of its parts.
-        search.reduce_below(std::slice::from_ref(&best.fit.set), f64::INFINITY);
-        let mut better: Option<Explanation> = None;
-        let mut needed = Vec::new();
-        // The likeliest of them are looked at: a look at a large set costs more than all its parts' fits.
-        let mut parts: Vec<(usize, Fit)> = (0..best.fit.set.len())
-            .filter_map(|member| {
-                let (smaller, _) = without(search.setting, &best.fit, member);
-                Some((best.fit.set[member], search.get(&smaller)?.clone()))
-            })
-            .collect();
-        parts.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
-        for (candidate, fit) in parts.into_iter().take(PARTS) {
-            let smaller = fit.set.clone();
-            let least = Care::Above(best.log_evidence - SPARING);
-            let other = tried
-                .entry(smaller)
-                .or_insert_with(|| look(search, &fit, least))
-                .clone();
-            needed.push((candidate, best.log_evidence - other.log_evidence));
-            let bar = better
-                .as_ref()
-                .map_or(best.log_evidence - sparing(search, &other, &best), |b| {
-                    b.log_evidence
-                });
-            let once = start.log_evidence - sparing(search, &other, &start);
-            if other.log_evidence > bar.max(once) {
-                better = Some(other);
-            }
-        }
-        match better {
-            Some(next) => best = next,
-            None => {
-                best.needed = needed;
-                break;
-            }
-        }
-    }
-    best
 }

@@ -47,10 +47,10 @@ pub fn predictions(
     };
     let function = found.family.as_ref().filter(|f| f.family.lasts());
     let two = found.twice.as_ref().map(|(_, two)| two);
-    let trained = match (function, two) {
-        (Some(f), _) => rms_of(search, f.residuals(setting, &search.weights, &found.fit)),
-        (None, Some(two)) => rms(search, two),
-        (None, None) => rms(search, written),
+    // A force in time says nothing of other runs, and is part of what was fitted.
+    let trained = match found.family.is_some() || two.is_some() {
+        true => rms_of(search, found.residuals(search)),
+        false => rms(search, written),
     };
     put(
         &mut verdict.fit.train,
