@@ -95,6 +95,8 @@ pub struct Fitted {
     pub masked: DMatrix<f64>,
     /// What is left of each measurement.
     pub left: Vec<Left>,
+    /// What each frame's measurements belong to, run by run.
+    pub belongs: Vec<Belongs>,
 }
 
 /// Which parts of a fit are free.
@@ -749,6 +751,7 @@ impl Work<'_, '_> {
             sds,
             masked: block.try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n)),
             left: linear.left,
+            belongs: linear.belongs,
         })
     }
 }
