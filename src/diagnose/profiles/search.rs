@@ -203,9 +203,10 @@ pub fn search(
             .find(|f| f.effects.is_empty())
             .map_or(f64::NEG_INFINITY, Searched::score);
         // Deeper only from what beats nothing, and while the last level was worth it.
-        let worth = all.iter().filter(|f| f.effects.len() == size).any(|f| {
-            Searched::score(f) > nothing + 1.0 && Some(Searched::score(f)) == top
-        });
+        let worth = all
+            .iter()
+            .filter(|f| f.effects.len() == size)
+            .any(|f| Searched::score(f) > nothing + 1.0 && Some(Searched::score(f)) == top);
         if !worth {
             break;
         }
@@ -358,11 +359,10 @@ fn share(
     let mut any = false;
     for _ in 0..SHARED {
         sort(all);
-        let size = all.first().map_or(0, |b| b.effects.len()).max(1);
         let owed: Vec<Fitted> = all
             .iter()
             .enumerate()
-            .filter(|(place, f)| *place < 2 * BEAM || f.effects.len() <= size)
+            .filter(|(place, f)| *place < 2 * BEAM || f.effects.len() <= 1)
             .map(|(_, f)| f.clone())
             .collect();
         let mut tries: Vec<(Vec<usize>, State, Option<f64>)> = Vec::new();
@@ -418,25 +418,29 @@ fn share(
 
 /// Starts of [`share`] that were tried already.
 #[derive(Default)]
-struct Tried(HashSet<(Vec<usize>, u64, Vec<usize>, u64, u8)>);
+struct Tried(HashSet<(Vec<usize>, i64, Vec<usize>, i64, u8)>);
 
 impl Tried {
     /// Whether a fit of `to` has not yet begun from what `from` found, in this way.
     fn news(&mut self, to: &Fitted, from: &Fitted, way: u8) -> bool {
-        let key = |f: &Fitted| (f.effects.clone(), f.log_evidence.to_bits());
+        // To a nat: what gained less is no news.
+        let key = |f: &Fitted| (f.effects.clone(), f.log_evidence.round() as i64);
         let ((a, b), (c, d)) = (key(to), key(from));
         self.0.insert((a, b, c, d, way))
     }
 }
 
-/// `to` with frames whose measurements belong elsewhere in `from` moved there: as far off `from`'s
-/// poses as the nearest frame is in which both agree. `None` where they agree in all.
+/// `to` with the wobbles of `from` and with the frames whose measurements belong elsewhere in `from`
+/// moved there: as far off `from`'s poses as the nearest frame is in which both agree. `None` where
+/// they agree in all.
 fn taken_over(to: &Fitted, from: &Fitted) -> Option<State> {
     let agree: Vec<bool> = (to.belongs.iter())
         .zip(&from.belongs)
         .map(|(a, b)| a.agrees(b))
         .collect();
-    if agree.iter().all(|a| *a) {
+    // A stiff path with scattered ends of tops and a path that follows them are two optima of their
+    // own: the wobbles alone are reason enough.
+    if agree.iter().all(|a| *a) && to.state.wobbles == from.state.wobbles {
         return None;
     }
     let mut poses = from.state.poses.clone();
