@@ -348,7 +348,7 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
 ///
 /// Two things are owed. An effect more can do nothing, so a set is worth at least what it is where a
 /// part of it ended. And a frame lies on one flank of one hexagon whatever moved the stripe: where
-/// the best has its measurements belong elsewhere, the others try them there too.
+/// the best has its measurements belong elsewhere, the others try them there too, with its wobbles.
 fn share(
     problem: &Problem<'_>,
     candidates: &[Candidate],
@@ -432,7 +432,7 @@ impl Tried {
 
 /// `to` with the wobbles of `from` and with the frames whose measurements belong elsewhere in `from`
 /// moved there: as far off `from`'s poses as the nearest frame is in which both agree. `None` where
-/// they agree in all.
+/// they agree in all frames and in the wobbles.
 fn taken_over(to: &Fitted, from: &Fitted) -> Option<State> {
     let agree: Vec<bool> = (to.belongs.iter())
         .zip(&from.belongs)
