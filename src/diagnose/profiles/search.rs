@@ -182,7 +182,7 @@ pub fn search(
     extend(
         problem,
         candidates,
-        &[nothing.clone()],
+        std::slice::from_ref(&nothing),
         &singles,
         &mut all,
         progress,
@@ -418,15 +418,17 @@ fn share(
 
 /// Starts of [`share`] that were tried already.
 #[derive(Default)]
-struct Tried(HashSet<(Vec<usize>, i64, Vec<usize>, i64, u8)>);
+struct Tried(HashSet<(Place, Place, u8)>);
+
+/// A set and what its fit is worth \[nat\].
+type Place = (Vec<usize>, i64);
 
 impl Tried {
     /// Whether a fit of `to` has not yet begun from what `from` found, in this way.
     fn news(&mut self, to: &Fitted, from: &Fitted, way: u8) -> bool {
         // To a nat: what gained less is no news.
         let key = |f: &Fitted| (f.effects.clone(), f.log_evidence.round() as i64);
-        let ((a, b), (c, d)) = (key(to), key(from));
-        self.0.insert((a, b, c, d, way))
+        self.0.insert((key(to), key(from), way))
     }
 }
 
