@@ -31,6 +31,9 @@ const UNEXPLAINED_SDS: f64 = 6.0;
 /// What a typical size of an effect must at least be worth, or these frames cannot show it.
 const BLIND: f64 = 3.0;
 
+/// Share by which haze must pull otherwise than was allowed for, and all is fitted anew.
+const PULL_SHARE: f64 = 0.3;
+
 /// Why there is no finding.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
@@ -147,17 +150,25 @@ pub fn explain(
     let base = Base::new(rig)?;
     let candidates = vocabulary(&base);
     let mut problem = problem(&runs, rig, base)?;
-    let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
-    progress("light beside the stripe");
-    let beside = |problem: &Problem<'_>, found: &Searched| {
-        skirt(problem, &candidates, found.best()).and_then(|s| s.haze(rig.laser.sigma_m))
+    let beside = |problem: &Problem<'_>, fit: &Fitted| {
+        skirt(problem, &candidates, fit).and_then(|s| s.haze(rig.laser.sigma_m))
     };
-    let mut haze = beside(&problem, &found);
-    // Haze pulls rows and broadens the line: with that allowed for, is the geometry still off?
-    if let Some(h) = haze.filter(|h| h.found && !found.best().effects.is_empty()) {
-        problem.pull_px = h.pull_px.abs();
+    let pull = |haze: Option<&Haze>| haze.filter(|h| h.found).map_or(0.0, |h| h.pull_px.abs());
+    // Haze pulls rows and broadens the line. Its light is seen wherever about the stripe lies, so it
+    // is measured first: geometry found without it would have to be found all over again.
+    progress("light beside the stripe");
+    let rough = problem
+        .placed(&[], Vec::new(), false)
+        .and_then(|s| problem.glance(&candidates, &[], s));
+    problem.pull_px = pull(rough.and_then(|f| beside(&problem, &f)).as_ref());
+    let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+    let mut haze = beside(&problem, found.best());
+    let (now_px, was_px) = (pull(haze.as_ref()), problem.pull_px);
+    let other = (now_px - was_px).abs() > PULL_SHARE * now_px.max(was_px);
+    if other && (now_px < was_px || !found.best().effects.is_empty()) {
+        problem.pull_px = now_px;
         found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
-        haze = beside(&problem, &found);
+        haze = beside(&problem, found.best());
     }
     let best = found.best();
     let tied = found.tied();

@@ -5,7 +5,7 @@
 //! with the noise it needs itself.
 
 use super::candidate::{Base, Candidate};
-use super::evidence::{Quadratic, half_log_det, inverse_factor, precision};
+use super::evidence::{Quadratic, half_log_det, inverse_factor};
 use super::geometry::{Geometry, Placed};
 use super::model::{Belongs, Kind, Rays, Shared, Widths, belongs, kinds, residuals};
 use super::observe::{ImageRun, Seen};
@@ -95,6 +95,8 @@ pub struct Fitted {
     pub masked: DMatrix<f64>,
     /// What is left of each measurement.
     pub left: Vec<Left>,
+    /// What each frame's measurements belong to, run by run.
+    pub belongs: Vec<Belongs>,
 }
 
 /// Which parts of a fit are free.
@@ -549,7 +551,8 @@ impl Work<'_, '_> {
         let mut first = 0;
         for motion in &self.problem.motions {
             for (d, wobble) in wobbles.iter().enumerate() {
-                let (own, own_half) = precision(motion.covariance(d, wobble) / (UNIT * UNIT))?;
+                let known = motion.precision(d, wobble)?;
+                let (own, own_half) = known.as_ref();
                 half += own_half;
                 for i in 0..motion.frames() {
                     for j in 0..motion.frames() {
@@ -749,6 +752,7 @@ impl Work<'_, '_> {
             sds,
             masked: block.try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n)),
             left: linear.left,
+            belongs: linear.belongs,
         })
     }
 }

@@ -117,6 +117,13 @@ pub struct Belongs {
     pub doubt_px: Vec<f64>,
 }
 
+impl Belongs {
+    /// Whether each measurement belongs to the same height, top and side.
+    pub fn agrees(&self, other: &Belongs) -> bool {
+        self.bins == other.bins && self.edges == other.edges
+    }
+}
+
 /// Lengths along a side within which a corner bends what is seen of it \[m\].
 const CORNER_M: f64 = 0.012;
 /// Doubt of an edge at a corner \[px\]: there the light's fading is no longer symmetric.

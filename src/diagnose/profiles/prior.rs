@@ -9,11 +9,15 @@
 //! b: a constant, the derivatives to the DOF's coefficients, the shift in time that any latency is.
 //! Without this a stretched target would only shift x, and a sloping floor only z and θ.
 
+use super::evidence::precision;
+use super::fit::UNIT;
 use super::observe::ImageRun;
 use crate::identify::parameter::Coefficient;
 use hydroline_rigs::{Dof, Rig, Wrench};
 use hydroline_sim::{SimError, World};
 use nalgebra::{DMatrix, DVector};
+use std::collections::HashMap;
+use std::sync::{Arc, RwLock};
 
 /// Least spread of any DOF: far below what frames can show \[m\], \[rad\].
 const LEAST: f64 = 2e-6;
@@ -66,7 +70,18 @@ pub struct Motion {
     regressors: [Vec<DVector<f64>>; 6],
     /// DOFs that commands drive.
     pub driven: [bool; 6],
+    /// Precisions asked for before, by DOF and wobble: fits walk the same few steps of each number.
+    asked: Arc<RwLock<HashMap<Asked, Arc<Precision>>>>,
 }
+
+/// A DOF and the bits of its wobble.
+type Asked = (usize, [u64; 3]);
+
+/// Inverse of a DOF's covariance in the fit's units, and half the covariance's log determinant.
+pub type Precision = (DMatrix<f64>, f64);
+
+/// Numbers kept of precisions at most, per run: 64 MB.
+const KEPT: usize = 8_000_000;
 
 impl Motion {
     /// From the rig's model and the log's commands.
@@ -106,6 +121,7 @@ impl Motion {
             mean,
             regressors,
             driven,
+            asked: Arc::default(),
         })
     }
 
@@ -114,8 +130,28 @@ impl Motion {
         self.times_s.len()
     }
 
+    /// Precision of a DOF in the fit's units; `None` where the covariance is none.
+    pub fn precision(&self, dof: usize, wobble: &Wobble) -> Option<Arc<Precision>> {
+        let key = (
+            dof,
+            [wobble.sd, wobble.tau_s, wobble.drive].map(f64::to_bits),
+        );
+        if let Ok(asked) = self.asked.read()
+            && let Some(known) = asked.get(&key)
+        {
+            return Some(Arc::clone(known));
+        }
+        let found = Arc::new(precision(self.covariance(dof, wobble) / (UNIT * UNIT))?);
+        if let Ok(mut asked) = self.asked.write()
+            && asked.len() * self.frames().pow(2) < KEPT
+        {
+            asked.insert(key, Arc::clone(&found));
+        }
+        Some(found)
+    }
+
     /// Covariance of a DOF \[m²\], \[rad²\].
-    pub fn covariance(&self, dof: usize, wobble: &Wobble) -> DMatrix<f64> {
+    fn covariance(&self, dof: usize, wobble: &Wobble) -> DMatrix<f64> {
         let n = self.times_s.len();
         let start_s = self.times_s.first().copied().unwrap_or(0.0);
         let mut k = DMatrix::from_fn(n, n, |i, j| {

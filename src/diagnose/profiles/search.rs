@@ -4,9 +4,11 @@ use super::candidate::Candidate;
 use super::fit::{Fitted, Free, Problem, State};
 use super::model::Kind;
 use super::prior::FIRST;
+use super::start;
 use hydroline_sim::effect::CheckedEffect;
 use nalgebra::DVector;
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// log prior odds of each effect more: one in twenty.
 pub const LOG_ODDS: f64 = -3.0;
@@ -28,6 +30,12 @@ const CLOSE: f64 = 40.0;
 const PROMISING: f64 = 0.5;
 /// Explanations that are built upon.
 const BEAM: usize = 3;
+/// log evidence that a start elsewhere must promise \[nat\].
+const GAIN: f64 = 1.0;
+/// Rounds in which explanations give each other what they found, at most.
+const SHARED: usize = 6;
+/// Explanations that each takes from.
+const DONORS: usize = 2;
 /// Effects in one explanation at most.
 const DEEPEST: usize = 3;
 
@@ -170,31 +178,17 @@ pub fn search(
     };
     let mut all = vec![nothing.clone()];
     keep_better(others.into_iter().map(|o| o.1).collect(), &mut all);
-    let mut nothing = nothing;
     let singles: Vec<usize> = (0..candidates.len()).collect();
     extend(
         problem,
         candidates,
-        &[nothing.clone()],
+        std::slice::from_ref(&nothing),
         &singles,
         &mut all,
         progress,
     );
-    // Where an effect's fit found better poses, nothing is owed the same start.
-    sort(&mut all);
-    if let Some(best) = all.first().filter(|b| !b.effects.is_empty()) {
-        let begin = State {
-            numbers: Vec::new(),
-            ..best.state.clone()
-        };
-        if let Some(again) = problem.fit(candidates, &[], begin, Free::All)
-            && again.log_evidence > nothing.log_evidence
-        {
-            nothing = again;
-            all.retain(|f| !f.effects.is_empty());
-            all.push(nothing.clone());
-        }
-    }
+    let mut tried = Tried::default();
+    share(problem, candidates, &mut all, &mut tried, progress);
     for size in 1..DEEPEST {
         sort(&mut all);
         let beam: Vec<Fitted> = all
@@ -204,28 +198,33 @@ pub fn search(
             .cloned()
             .collect();
         let top = all.first().map(Searched::score);
+        let nothing = all
+            .iter()
+            .find(|f| f.effects.is_empty())
+            .map_or(f64::NEG_INFINITY, Searched::score);
         // Deeper only from what beats nothing, and while the last level was worth it.
-        let worth = all.iter().filter(|f| f.effects.len() == size).any(|f| {
-            Searched::score(f) > Searched::score(&nothing) + 1.0 && Some(Searched::score(f)) == top
-        });
+        let worth = all
+            .iter()
+            .filter(|f| f.effects.len() == size)
+            .any(|f| Searched::score(f) > nothing + 1.0 && Some(Searched::score(f)) == top);
         if !worth {
             break;
         }
         extend(problem, candidates, &beam, &singles, &mut all, progress);
+        share(problem, candidates, &mut all, &mut tried, progress);
     }
     exchange(problem, candidates, &mut all, progress);
-    for _ in 0..2 {
+    for _ in 0..3 {
         prune(problem, candidates, &mut all);
         sort(&mut all);
-        if !even(problem, candidates, &mut all) {
+        let evened = even(problem, candidates, &mut all);
+        if !share(problem, candidates, &mut all, &mut tried, progress) && !evened {
             break;
         }
     }
     sort(&mut all);
-    if let Some(again) = all.iter().find(|f| f.effects.is_empty()) {
-        nothing = again.clone();
-    }
-    for f in all.iter().take(2 * BEAM) {
+    let nothing = all.iter().find(|f| f.effects.is_empty())?.clone();
+    for f in all.iter().take(3 * BEAM) {
         f.told("explanation");
     }
     Some(Searched { nothing, all })
@@ -341,6 +340,128 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
         .filter_map(|(f, state)| problem.fit(candidates, &f.effects, state, Free::All))
         .collect();
     keep_better(found, all)
+}
+
+/// Gives every explanation that counts what the others found of the frames, until none becomes
+/// better: a fit ends in one of many optima, and explanations are compared by what they can do, not
+/// by where their fits happened to begin.
+///
+/// Two things are owed. An effect more can do nothing, so a set is worth at least what it is where a
+/// part of it ended. And a frame lies on one flank of one hexagon whatever moved the stripe: where
+/// the best has its measurements belong elsewhere, the others try them there too, with its wobbles.
+fn share(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    all: &mut Vec<Fitted>,
+    tried: &mut Tried,
+    progress: &(dyn Fn(&str) + Sync),
+) -> bool {
+    let mut any = false;
+    for _ in 0..SHARED {
+        sort(all);
+        let owed: Vec<Fitted> = all
+            .iter()
+            .enumerate()
+            .filter(|(place, f)| *place < 2 * BEAM || f.effects.len() <= 1)
+            .map(|(_, f)| f.clone())
+            .collect();
+        let mut tries: Vec<(Vec<usize>, State, Option<f64>)> = Vec::new();
+        for to in &owed {
+            let better = |f: &&Fitted| f.log_evidence > to.log_evidence;
+            let part = all
+                .iter()
+                .filter(better)
+                .filter(|f| f.effects.len() + 1 == to.effects.len())
+                .filter(|f| f.effects.iter().all(|e| to.effects.contains(e)))
+                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+            if let Some(part) = part.filter(|f| tried.news(to, f, 0)) {
+                let mut begin = part.state.clone();
+                let mut effects = part.effects.clone();
+                let more = to.effects.iter().filter(|e| !part.effects.contains(e));
+                for e in more {
+                    begin.numbers.push(candidates[*e].neutral.clone());
+                    effects.push(*e);
+                }
+                tries.push((effects, begin, Some(to.log_evidence + GAIN)));
+            }
+            for from in all.iter().filter(better).take(DONORS) {
+                if let Some(state) = taken_over(to, from).filter(|_| tried.news(to, from, 1)) {
+                    tries.push((to.effects.clone(), state, None));
+                }
+            }
+        }
+        if tries.is_empty() {
+            break;
+        }
+        progress("what one found of the frames, for the others");
+        let found: Vec<Fitted> = tries
+            .into_par_iter()
+            .filter_map(|(effects, begin, promise)| {
+                if let Some(least) = promise
+                    && problem
+                        .glance(candidates, &effects, begin.clone())?
+                        .log_evidence
+                        < least
+                {
+                    return None;
+                }
+                problem.fit(candidates, &effects, begin, Free::All)
+            })
+            .collect();
+        if !keep_better(found, all) {
+            break;
+        }
+        any = true;
+    }
+    any
+}
+
+/// Starts of [`share`] that were tried already.
+#[derive(Default)]
+struct Tried(HashSet<(Place, Place, u8)>);
+
+/// A set and what its fit is worth \[nat\].
+type Place = (Vec<usize>, i64);
+
+impl Tried {
+    /// Whether a fit of `to` has not yet begun from what `from` found, in this way.
+    fn news(&mut self, to: &Fitted, from: &Fitted, way: u8) -> bool {
+        // To a nat: what gained less is no news.
+        let key = |f: &Fitted| (f.effects.clone(), f.log_evidence.round() as i64);
+        self.0.insert((key(to), key(from), way))
+    }
+}
+
+/// `to` with the wobbles of `from` and with the frames whose measurements belong elsewhere in `from`
+/// moved there: as far off `from`'s poses as the nearest frame is in which both agree. `None` where
+/// they agree in all frames and in the wobbles.
+fn taken_over(to: &Fitted, from: &Fitted) -> Option<State> {
+    let agree: Vec<bool> = (to.belongs.iter())
+        .zip(&from.belongs)
+        .map(|(a, b)| a.agrees(b))
+        .collect();
+    // A stiff path with scattered ends of tops and a path that follows them are two optima of their
+    // own: the wobbles alone are reason enough.
+    if agree.iter().all(|a| *a) && to.state.wobbles == from.state.wobbles {
+        return None;
+    }
+    let mut poses = from.state.poses.clone();
+    let mut first = 0;
+    for (own, other) in to.state.poses.iter().zip(&mut poses) {
+        let agree = &agree[first..first + own.len()];
+        first += own.len();
+        let off: Vec<Option<[f64; 6]>> = (own.iter().zip(other.iter()).zip(agree))
+            .map(|((o, f), same)| same.then(|| std::array::from_fn(|d| o[d] - f[d])))
+            .collect();
+        *other = start::filled(&off, other);
+    }
+    let least = Kind::ALL.map(|k| k.floors().1);
+    Some(State {
+        poses,
+        wobbles: from.state.wobbles,
+        floors: std::array::from_fn(|k| to.state.floors[k].max(least[k])),
+        ..to.state.clone()
+    })
 }
 
 fn sort(all: &mut [Fitted]) {

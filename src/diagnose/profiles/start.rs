@@ -160,7 +160,8 @@ fn rough(fitter: &PoseFitter, seen: &Seen, x_m: f64) -> Option<Pose> {
         .map(|g| g.pose)
 }
 
-fn filled(off: &[Option<[f64; 6]>], mean: &[[f64; 6]]) -> Vec<[f64; 6]> {
+/// `mean` moved by what is known of each frame, or else by what is of the nearest one.
+pub(super) fn filled(off: &[Option<[f64; 6]>], mean: &[[f64; 6]]) -> Vec<[f64; 6]> {
     let near = |k: usize| {
         off.iter()
             .enumerate()

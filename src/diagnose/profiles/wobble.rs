@@ -3,8 +3,7 @@
 //! The same path is a quick wobble about the rig's motion or a slow force on the vehicle: each is a
 //! maximum of its own, which no change of one number leaves. So the search starts from each kind.
 
-use super::evidence::{Quadratic, half_log_det, precision};
-use super::fit::UNIT;
+use super::evidence::{Quadratic, half_log_det};
 use super::prior::{Motion, Wobble};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -84,7 +83,8 @@ impl<'a> Alone<'a> {
         let mut with = self.a.clone();
         let (mut half, mut first) = (0.0, 0);
         for motion in self.motions {
-            let (own, own_half) = precision(motion.covariance(self.dof, wobble) / (UNIT * UNIT))?;
+            let known = motion.precision(self.dof, wobble)?;
+            let (own, own_half) = known.as_ref();
             let n = motion.frames();
             let mut block = with.view_mut((first, first), (n, n));
             block += own;
