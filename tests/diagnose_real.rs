@@ -262,9 +262,10 @@ fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
     assert!(v.fit.held_out_by.contains("also helped to choose"));
 }
 
-/// The dense recording, as a user hands it in: a force free in the angle took up what the laws left in the runs fitted,
+/// The dense recording, in windows: a force free in the angle took up what the laws left in the runs fitted,
 /// and predicted the others no better than the laws alone.
 #[test]
+#[ignore = "a minute of processor time; the whole recording, as dense, is asked in every run"]
 fn a_free_force_that_foretells_nothing_is_not_believed() {
     let Some(real) = shared() else { return };
     let rig = ship();
