@@ -302,6 +302,7 @@ fn a_whole_decay_needs_no_windows() {
     let v = &found.verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
     // Restoring and one damping that grows faster than the rate: a set of many that fits to the noise foretells worse.
+    assert!(v.effects.iter().all(|e| e.matters), "{}", v.sentence);
     let mut heavy: Vec<&str> = v.effects.iter().map(|e| e.effect.as_str()).collect();
     heavy.sort_unstable();
     assert!(

@@ -50,13 +50,24 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
     }
+    if let Some(held) = args
+        .hold_out
+        .iter()
+        .find(|h| args.logs.iter().any(|l| l.overlaps(h)))
+    {
+        return Err(CliError::Config(format!(
+            "--hold-out {}: (part of) it is fitted too, and predicts nothing then; give another log, or windows that do not overlap (LOG@FROM..TO)",
+            held.path.display()
+        )));
+    }
     let bar = progress::bar(0, "diagnosing");
     let tell = |what: &str| {
         bar.set_prefix(what.to_owned());
         bar.inc(1);
     };
     // What the images show comes first: it needs no pose.
-    let logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
+    let mut logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
+    logs.dedup();
     let images = level(&logs, &rig, &tell).map_err(CliError::run)?;
     let load = |parts: &[Part]| -> Result<Vec<Source>, CliError> {
         let mut sources = Vec::new();

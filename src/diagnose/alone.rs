@@ -38,14 +38,14 @@ pub fn diagnose(
     let Some([first, second, third, fourth]) = parts else {
         return explained(sources, held, rig, progress);
     };
-    if !is_decay(&first.run) && !no_law_is_exact(&sources[0].run, rig, progress) {
+    if !is_decay(&sources[0].run) && !no_law_is_exact(&sources[0].run, rig, progress) {
         return explained(sources, held, rig, progress);
     }
-    let name = sources[0].run.name.clone();
     // What is predicted lies between what is fitted: a decay grows smaller.
     let mut made = explained(&[first, fourth], &[second, third], rig, progress)?;
     made.verdict.notes.push(format!(
-        "{name} alone was given: its first and last quarter are fitted, the others predicted (choose others as {name}.mcap@FROM..TO, with --hold-out)"
+        "{} alone was given: its first and last quarter are fitted, the others predicted (LOG@FROM..TO and --hold-out choose others)",
+        sources[0].run.name
     ));
     Ok(made)
 }
@@ -79,16 +79,17 @@ fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
     if each_s < SHORTEST_S || run.samples.len() < STRETCHES * FEWEST {
         return None;
     }
+    let edge_s = |k: usize| first_s + k as f64 * each_s;
     let parts = std::array::from_fn(|k| {
-        let from_s = first_s + k as f64 * each_s;
+        let from_s = edge_s(k);
         // A sample belongs to one stretch only.
         let to_s = if k + 1 == STRETCHES {
             end_s
         } else {
-            (from_s + each_s).next_down()
+            edge_s(k + 1).next_down()
         };
         let mut part = run.clone().window(from_s, to_s);
-        part.name = format!("{}@{from_s:.1}..{:.1}", run.name, from_s + each_s);
+        part.name = format!("{}@{from_s:.1}..{:.1}", run.name, edge_s(k + 1));
         Source {
             run: part,
             faults: if k == 0 {
@@ -113,7 +114,10 @@ pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
     // What has a place to swing about: roll and pitch.
     [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
         let channel = dof.index();
-        let rest = run.median(channel)?;
+        // Where it comes to rest, not where it was held.
+        let (start_s, end_s) = (run.samples.first()?.t_s, run.end_s());
+        let late = run.clone().window(end_s - 0.25 * (end_s - start_s), end_s);
+        let rest = late.median(channel)?;
         let angles: Vec<(f64, f64)> = run
             .samples
             .iter()

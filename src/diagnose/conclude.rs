@@ -372,6 +372,8 @@ fn one(
     let together = weight_together(&setting, &first, found.family.as_ref());
     let cancel = shares.iter().filter(|w| **w > setting.tolerance).count() > 1
         && together <= setting.tolerance
+        && groups.len() < 2
+        && found.twice.is_none()
         && !found.unnamed();
     if cancel {
         let names = cancelling(verdict, &setting);
@@ -383,7 +385,7 @@ fn one(
     let matters = verdict.effects.iter().any(|e| e.matters);
     let word = if !verdict.unexplained.is_empty() {
         Word::Unknown
-    } else if groups.len() > 1 && !cancel {
+    } else if groups.len() > 1 {
         Word::Ambiguous
     } else if matters {
         Word::Named
@@ -391,7 +393,7 @@ fn one(
         Word::None
     };
     verdict.verdict = verdict.verdict.max(word);
-    if groups.len() > 1 && !cancel {
+    if groups.len() > 1 {
         verdict.equivalent = groups.iter().map(|g| names(&search, &g.matters)).collect();
     }
     progress("predictions");

@@ -329,7 +329,8 @@ pub fn explain(
         contenders.push(Explanation::plain(search, &first));
         let own = search.alone(&best.fit);
         contenders.extend(own.map(|own| Explanation::plain(search, &own)));
-        contenders.retain(|e| !(e.unnamed() || refuted && e.bent().is_some()));
+        let law = best.bent();
+        contenders.retain(|e| !(e.unnamed() || refuted && e.bent() == law));
         for e in &mut contenders {
             needed_at_all(search, e);
         }
@@ -343,6 +344,7 @@ pub fn explain(
         && let Some(own) = foretold(search, &best, held)
         && own > MISSES * noise.total_sd()
         && let Some(sparse) = forward(search, held)
+        && !sparse.matters(search.setting.tolerance).is_empty()
         && foretold(search, &sparse, held).is_some_and(|f| f < AS_GOOD_AS_MANY * own)
     {
         return Some(sparse);

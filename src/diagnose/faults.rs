@@ -21,6 +21,8 @@ const DRIFT_SOME_PPM: f64 = 20.0;
 
 /// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
 const WAITS_ON_S: f64 = 0.5;
+/// Equal rows that a moving channel does not have.
+const STUCK_ROWS: usize = 25;
 
 /// What a log holds besides its run.
 #[derive(Debug, Clone, Default)]
@@ -131,22 +133,19 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         .collect()
 }
 
-/// Whether a channel stands only before the first load of its DOF: the vehicle waits, and the instrument is coarse.
+/// Whether a channel stands only before the first load that moves it: the vehicle waits, and the instrument is coarse.
 fn waits(run: &Run, dof: usize, times_s: &[f64], values: &[f64]) -> bool {
-    let standing = values.iter().take_while(|v| **v == values[0]).count();
-    let longest = values
-        .chunk_by(|a, b| a == b)
-        .map(<[f64]>::len)
-        .max()
-        .unwrap_or(0);
-    let until_s = run.samples.first().map_or(0.0, |s| s.t_s) + times_s[standing - 1];
-    let driven = |c: &&Command| c.wrench[dof] != 0.0;
-    standing == longest
-        && run
-            .commands
-            .iter()
-            .find(driven)
-            .is_none_or(|c| c.t_s >= until_s - WAITS_ON_S)
+    let mut stands = values.chunk_by(|a, b| a == b).map(<[f64]>::len);
+    let standing = stands.next().unwrap_or(0);
+    let Some(waited_s) = standing.checked_sub(1).and_then(|k| times_s.get(k)) else {
+        return false;
+    };
+    let until_s = run.samples.first().map_or(0.0, |s| s.t_s) + waited_s;
+    // A hull that is turned moves along x and y by both of their loads.
+    let moves = if dof < 2 { 0..2 } else { dof..dof + 1 };
+    let driven = |c: &&Command| c.wrench[moves.clone()].iter().any(|w| *w != 0.0);
+    let first = run.commands.iter().find(driven);
+    stands.all(|rows| rows < STUCK_ROWS) && first.is_some_and(|c| c.t_s >= until_s - WAITS_ON_S)
 }
 
 /// Robust gain and correlation of measured on predicted displacement.
@@ -304,4 +303,46 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
         );
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::data::Sample;
+
+    /// A coarse instrument that shows the same before the first load was taken for a stuck channel.
+    #[test]
+    fn a_vehicle_that_waits_is_not_a_stuck_channel() {
+        let times_s: Vec<f64> = (0..200).map(|k| 0.05 * f64::from(k)).collect();
+        let run = |load_at_s: f64| Run {
+            samples: vec![Sample {
+                t_s: 0.0,
+                values: [0.0; 12],
+                covariance: None,
+            }],
+            commands: vec![Command {
+                t_s: load_at_s,
+                wrench: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            }],
+            ..Run::default()
+        };
+        let from = |row: usize| -> Vec<f64> {
+            (0..200)
+                .map(|k| f64::from(u16::try_from(usize::saturating_sub(k, row)).unwrap_or(0)))
+                .collect()
+        };
+        let mut seen = from(60);
+        assert!(waits(&run(3.0), 0, &times_s, &seen));
+        assert!(
+            !waits(&run(1.0), 0, &times_s, &seen),
+            "it should have moved"
+        );
+        assert!(!waits(&run(3.0), 3, &times_s, &seen), "nothing moves it");
+        seen[100..140].fill(7.0);
+        assert!(!waits(&run(3.0), 0, &times_s, &seen), "it sticks later");
+        let mut missing = from(60);
+        missing[0] = f64::NAN;
+        assert!(!waits(&run(3.0), 0, &times_s, &missing));
+        assert!(!waits(&run(3.0), 0, &[], &[]));
+    }
 }

@@ -39,6 +39,15 @@ impl From<&Path> for Part {
     }
 }
 
+impl Part {
+    /// Whether both hold some of the same recording.
+    pub fn overlaps(&self, other: &Part) -> bool {
+        let ends = |p: &Part| p.window_s.unwrap_or((0.0, f64::INFINITY));
+        let ((from, to), (begin, end)) = (ends(self), ends(other));
+        self.path == other.path && from < end && begin < to
+    }
+}
+
 impl From<&PathBuf> for Part {
     fn from(path: &PathBuf) -> Part {
         Part::from(path.as_path())
@@ -125,12 +134,15 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
     if let Some((from_s, to_s)) = window_s {
+        let end_s = run.end_s();
         run = cut(run, &mut records, from_s, to_s);
         run.name = format!("{name}@{from_s}..{:.2}", run.end_s());
         if run.samples.is_empty() {
-            return Err(LoadError::NoMotion {
-                log: format!("{}, from {from_s} s to {to_s} s", path.display()),
-                frames: 0,
+            return Err(LoadError::EmptyWindow {
+                log: path.display().to_string(),
+                from_s,
+                to_s,
+                end_s,
             });
         }
     }
@@ -166,6 +178,9 @@ mod tests {
         assert_eq!(part.window_s, Some((9.0, 34.5)));
         let open: Part = "roll.mcap@9..".parse().unwrap();
         assert_eq!(open.window_s, Some((9.0, f64::INFINITY)));
+        let next: Part = "roll.mcap@34.5..60".parse().unwrap();
+        assert!(open.overlaps(&part) && !part.overlaps(&next) && !next.overlaps(&part));
+        assert!(next.overlaps(&Part::from(Path::new("roll.mcap"))));
         let whole: Part = "me@work.mcap".parse().unwrap();
         assert_eq!(whole, Part::from(Path::new("me@work.mcap")));
         for wrong in ["a@5..3", "a@x..3", "a@1..nan", "a@-1..3"] {

@@ -229,8 +229,8 @@ pub struct Rung {
     /// it orders the rungs.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub held_out_in_windows: BTreeMap<String, f64>,
-    /// Effects that gain less in this place, with the rms that orders the rungs \[SI\]. What gains here may do nothing
-    /// beside the effect that stands here.
+    /// What else gains in this place, with the rms that orders the rungs \[SI\]: it may do nothing beside the effect that
+    /// stands here.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub instead: BTreeMap<String, f64>,
 }

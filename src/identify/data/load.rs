@@ -29,6 +29,20 @@ pub enum LoadError {
         /// Images in it.
         frames: usize,
     },
+    /// A window without a sample.
+    #[error(
+        "{log}: no motion between {from_s} s and {to_s} s; it ends at {end_s:.2} s: choose another LOG@FROM..TO"
+    )]
+    EmptyWindow {
+        /// File.
+        log: String,
+        /// The window \[s\].
+        from_s: f64,
+        /// See `from_s`.
+        to_s: f64,
+        /// The log's last sample \[s\].
+        end_s: f64,
+    },
     /// A command to a thruster nobody knows.
     #[error(
         "{log}: {commands} commands to '{thruster}', which is neither a thruster of the rig ({known}) nor surge, sway, heave, roll, pitch, yaw; use the rig this log was made with"
