@@ -114,10 +114,7 @@ pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
     // What has a place to swing about: roll and pitch.
     [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
         let channel = dof.index();
-        // Where it comes to rest, not where it was held.
-        let (start_s, end_s) = (run.samples.first()?.t_s, run.end_s());
-        let late = run.clone().window(end_s - 0.25 * (end_s - start_s), end_s);
-        let rest = late.median(channel)?;
+        let rest = run.median(channel)?;
         let angles: Vec<(f64, f64)> = run
             .samples
             .iter()
