@@ -369,13 +369,12 @@ fn one(
         ));
     }
     // Effects that matter one by one and cancel each other leave nothing out that does.
-    let together = weight_together(&setting, &first, found.family.as_ref());
-    let cancel = shares.iter().filter(|w| **w > setting.tolerance).count() > 1
-        && together <= setting.tolerance
+    let several = shares.iter().filter(|w| **w > setting.tolerance).count() > 1
         && groups.len() < 2
         && found.twice.is_none()
         && !found.unnamed();
-    if cancel {
+    let together = several.then(|| weight_together(&setting, &first, found.family.as_ref()));
+    if let Some(together) = together.filter(|w| *w <= setting.tolerance) {
         let names = cancelling(verdict, &setting);
         verdict.notes.push(format!(
             "{}: {names} cancel each other: together they weigh {together:.2e}, below what matters",

@@ -9,6 +9,7 @@ mod along;
 mod beside;
 mod covered;
 mod crossed;
+mod disguise;
 mod doubled;
 mod elect;
 mod evenly;
@@ -32,6 +33,7 @@ use super::setting::Track;
 use along::shown;
 use beside::{beside, squeezed};
 use crossed::crossed;
+use disguise::unmasked;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{
@@ -318,7 +320,12 @@ pub fn explain(
             return Some(sparse);
         }
     }
+    if let Some(force) = unmasked(search, &best) {
+        best = force;
+    }
     best = held_to_account(search, best, held);
+    let unnamed = contenders.iter().chain(tried.values());
+    let unnamed: Vec<Explanation> = unnamed.filter(|e| e.unnamed()).cloned().collect();
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands. A law that hardly bends is
     // compared with all that does without; a force, which it has beaten, is not.
@@ -335,6 +342,11 @@ pub fn explain(
             needed_at_all(search, e);
         }
         best = elect(search, &contenders, held)?;
+    }
+    if foretells_nothing(search, &best, held)
+        && let Some(free) = without_a_name(search, unnamed, held)
+    {
+        best = held_to_account(search, free, held);
     }
     // Stretches of decays differ in amplitude alone: what all laws together miss there is an error of laws, even where
     // so many of them fit the others to the noise.
@@ -437,6 +449,38 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
         }
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
+}
+
+/// Whether names foretell nothing of runs that go where the fitted ones went: they imitate something.
+fn foretells_nothing(search: &Search<'_>, e: &Explanation, held: &[Track]) -> bool {
+    let noise = search.weights.noise;
+    let known = covered(&[e], held);
+    let nothing = search
+        .get(&[])
+        .and_then(|f| held_out(search.setting, &known, f, noise));
+    foretold(search, e, &known)
+        .zip(nothing)
+        .is_some_and(|(own, nothing)| {
+            own > FAR_FROM_FORETOLD * noise.total_sd() && own > CLEARLY * nothing
+        })
+}
+
+/// The likeliest force without a name that matters and is not refuted: of those found, else beside nothing.
+fn without_a_name(
+    search: &Search<'_>,
+    found: Vec<Explanation>,
+    held: &[Track],
+) -> Option<Explanation> {
+    let likeliest = |all: Vec<Explanation>| {
+        all.into_iter()
+            .filter(|e| e.unnamed() && e.family_weight > search.setting.tolerance)
+            .filter(|e| !foretells_nothing(search, e, held))
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    };
+    likeliest(found).or_else(|| {
+        let nothing = search.get(&[])?;
+        likeliest(kinds(search, nothing, KINDS))
+    })
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].

@@ -8,7 +8,7 @@ use super::setting::{Setting, Track};
 use super::verdict::DataFault;
 use super::weights::Weights;
 use crate::identify::data::{CHANNELS, Command, Run};
-use crate::import::check::check_motion;
+use crate::import::check::{STUCK_ROWS, check_motion};
 use crate::import::{Imported, Severity};
 use crate::log::messages::pb;
 
@@ -21,8 +21,6 @@ const DRIFT_SOME_PPM: f64 = 20.0;
 
 /// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
 const WAITS_ON_S: f64 = 0.5;
-/// Equal rows that a moving channel does not have.
-const STUCK_ROWS: usize = 25;
 
 /// What a log holds besides its run.
 #[derive(Debug, Clone, Default)]

@@ -13,6 +13,10 @@ use super::verdict::Where;
 const WINDOW_S: f64 = 0.5;
 /// Mean whitened innovation, in its sd, above which a window counts: 1 in 16 000 by chance.
 const BEYOND: f64 = 4.0;
+/// Ranges in which a free function stands out that are told at most.
+const STRETCHES: usize = 4;
+/// Amplitude over its sd from which it is there for certain.
+const CERTAIN: f64 = 4.0;
 
 /// Windows per run in which the whitened residual of a fit is more than noise.
 pub fn windows(search: &Search<'_>, fit: &Fit) -> BTreeMap<String, Vec<[f64; 2]>> {
@@ -69,16 +73,62 @@ pub fn dependences(search: &Search<'_>, fit: &Fit) -> Vec<FamilyFit> {
     all
 }
 
-/// Range in which a free function stands out: from the first to the last knot with at least half
-/// the largest amplitude next to the strongest, ends between knots; and the mean amplitude there.
+/// Range in which a free function stands out most surely, and its mean amplitude there.
 pub fn stands_out(setting: &Setting, found: &FamilyFit) -> ([f64; 2], f64) {
+    stretches(setting, found)
+        .first()
+        .map_or(([f64::NAN, f64::NAN], 0.0), |s| (s.range, s.mean))
+}
+
+/// A range of a free function's variable in which it stands out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// Ends, between knots.
+    pub range: [f64; 2],
+    /// Mean amplitude there.
+    pub mean: f64,
+    /// First and last knot within.
+    knots: (usize, usize),
+}
+
+/// Ranges in which a free function stands out, the surest first: each from the first to the last knot with at least half
+/// of the amplitude at its surest knot. Those after the first are there for certain and half as strong at least.
+pub fn stretches(setting: &Setting, found: &FamilyFit) -> Vec<Stretch> {
     let a = &found.amplitudes;
-    let knots = &found.family.knots;
     // The surest knot, not the largest: at the ends of a range amplitudes are hardly known.
     let sure = |i: usize| a[i].abs() / found.sds[i].max(1e-300);
-    let Some(peak) = (0..a.len()).max_by(|i, j| sure(*i).total_cmp(&sure(*j))) else {
-        return ([f64::NAN, f64::NAN], 0.0);
+    let mut out: Vec<Stretch> = Vec::new();
+    while out.len() < STRETCHES {
+        let open = |i: usize| out.iter().all(|s| i < s.knots.0 || i > s.knots.1);
+        let strong = |i: usize| {
+            out.first()
+                .is_none_or(|first| a[i].abs() >= 0.5 * first.mean.abs() && sure(i) >= CERTAIN)
+        };
+        let next = (0..a.len())
+            .filter(|i| open(*i) && strong(*i))
+            .max_by(|i, j| sure(*i).total_cmp(&sure(*j)));
+        let Some(peak) = next else { break };
+        let stretch = around(setting, found, peak);
+        out.push(stretch);
+    }
+    out
+}
+
+/// Largest amplitude that is there for certain outside of all stretches.
+pub fn elsewhere(found: &FamilyFit, stretches: &[Stretch]) -> f64 {
+    // The knots at a stretch's feet are its own.
+    let apart = |i: usize| {
+        let mut all = stretches.iter();
+        all.all(|s| i + 1 < s.knots.0 || i > s.knots.1 + 1)
     };
+    (0..found.amplitudes.len())
+        .filter(|i| apart(*i) && found.amplitudes[*i].abs() > CERTAIN * found.sds[*i])
+        .map(|i| found.amplitudes[i].abs())
+        .fold(0.0, f64::max)
+}
+
+fn around(setting: &Setting, found: &FamilyFit, peak: usize) -> Stretch {
+    let (a, knots) = (&found.amplitudes, &found.family.knots);
     let half = 0.5 * a[peak];
     let over = |i: usize| a[i] * half.signum() >= half.abs();
     let (mut low, mut high) = (peak, peak);
@@ -107,8 +157,11 @@ pub fn stands_out(setting: &Setting, found: &FamilyFit) -> ([f64; 2], f64) {
     } else {
         knots[high]
     };
-    let mean = a[low..=high].iter().sum::<f64>() / (high - low + 1) as f64;
-    ([from, to], mean)
+    Stretch {
+        range: [from, to],
+        mean: a[low..=high].iter().sum::<f64>() / (high - low + 1) as f64,
+        knots: (low, high),
+    }
 }
 
 /// Run (from 0) that a time belongs to when the runs are laid end to end \[s\].
@@ -121,17 +174,29 @@ fn run_of(setting: &Setting, laid_s: f64) -> usize {
 }
 
 /// A free force's variable and range as a reader means them: laid end to end the times of the runs
-/// mean nothing, so that they go back to the clock of the run they are of.
+/// mean nothing, so that they go back to the clock of the run they are of (from 1).
 pub fn told(setting: &Setting, variable: Variable, range: [f64; 2]) -> (String, [f64; 2]) {
+    match of_one_run(setting, variable, range) {
+        None => (variable.name(), range),
+        Some((run, range)) => (
+            format!("{}, most clearly in run {run}", variable.name()),
+            range,
+        ),
+    }
+}
+
+/// Run (from 1) and range by its clock \[s\] of a range of time in each run by itself.
+pub fn of_one_run(
+    setting: &Setting,
+    variable: Variable,
+    range: [f64; 2],
+) -> Option<(usize, [f64; 2])> {
     if variable != Variable::TimeEach {
-        return (variable.name(), range);
+        return None;
     }
     let run = run_of(setting, 0.5 * (range[0] + range[1]));
     let offset_s = laid_out(setting).get(run).copied().unwrap_or(0.0);
-    (
-        format!("{}, most clearly in run {}", variable.name(), run + 1),
-        range.map(|v| v - offset_s),
-    )
+    Some((run + 1, range.map(|v| v - offset_s)))
 }
 
 /// Place of the mismatch of the model without effects.
@@ -177,5 +242,56 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
         windows,
         regime,
         depends_on,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::*;
+    use crate::diagnose::family::{Family, Prior};
+    use crate::diagnose::testing::{pulled, setting};
+
+    fn places(amplitudes: &[f64]) -> FamilyFit {
+        FamilyFit {
+            family: Family {
+                acts: Acts::Force,
+                variable: Variable::Place,
+                knots: (0..amplitudes.len()).map(|k| k as f64).collect(),
+                measured: false,
+                quiet: Vec::new(),
+            },
+            amplitudes: amplitudes.to_vec(),
+            sds: vec![0.02; amplitudes.len()],
+            gain: 0.0,
+            prior: Prior {
+                sd: 0.5,
+                length: 0.0,
+            },
+            response: DVector::zeros(0),
+        }
+    }
+
+    #[test]
+    fn every_place_at_which_a_force_is_as_strong_is_told() {
+        let own = setting(&[pulled(0, &[], None)]);
+        let three = [
+            0.0, 0.0, 0.7, 0.0, 0.0, -0.4, -0.5, 0.0, 0.06, 0.0, 0.4, 0.0,
+        ];
+        let found = places(&three);
+        let all = stretches(&own, &found);
+        let told: Vec<([f64; 2], f64)> = all.iter().map(|s| (s.range, s.mean)).collect();
+        assert_eq!(all.len(), 3, "{told:?}");
+        assert_eq!(told[0], ([1.5, 2.5], 0.7));
+        assert_eq!(stands_out(&own, &found), told[0]);
+        assert_eq!(told[1], ([4.625, 6.5], -0.45));
+        assert_eq!(told[2], ([9.5, 10.5], 0.4));
+        // What is weaker, or next to a stretch, is no place of its own.
+        assert_eq!(elsewhere(&found, &all), 0.0);
+        let weaker = places(&[0.0, 0.7, 0.1, 0.0, 0.2, 0.0]);
+        let one = stretches(&own, &weaker);
+        assert_eq!(one.len(), 1);
+        assert_eq!(elsewhere(&weaker, &one), 0.2);
     }
 }

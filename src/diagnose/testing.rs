@@ -67,6 +67,33 @@ pub fn pulled(k: usize, effects: &[(&str, &[(&str, f64)])], pull: Option<(f64, f
     made
 }
 
+/// The same, made by the equation of surge alone, with a force \[N\] around one speed \[m/s\] that no effect has.
+pub fn bumped(k: usize, force_n: f64, speed_mps: f64, width_mps: f64) -> Run {
+    let mut made = surge(k, &[]);
+    let rig = Rig::builtin("lshpi").unwrap();
+    let own = rig.vehicle.coefficients[Dof::Surge.index()];
+    let inertia = rig.vehicle.mass_kg - own.added;
+    let load = |t_s: f64| {
+        let until = made.commands.partition_point(|c| c.t_s <= t_s);
+        made.commands[until - 1].wrench[0]
+    };
+    let (mut x, mut u, mut t_s) = (0.0, 0.0, 0.0);
+    let step_s = 5e-4;
+    for i in 0..200u32 {
+        let at_s = 0.006 + 0.08 * f64::from(i);
+        while t_s < at_s - 0.5 * step_s {
+            let bump = force_n * (-((u - speed_mps) / width_mps).powi(2)).exp();
+            let drag = own.linear * u + own.quadratic * u.abs() * u;
+            u += step_s * (load(t_s) + drag + bump) / inertia;
+            x += step_s * u;
+            t_s += step_s;
+        }
+        let noise = NOISE_M * 3.0_f64.sqrt() * rough(i + 1000 * k as u32);
+        made.samples[i as usize].values[0] = x + noise;
+    }
+    made
+}
+
 /// What is diagnosed of such runs.
 pub fn setting(runs: &[Run]) -> Setting {
     Setting::new(runs, &Rig::builtin("lshpi").unwrap(), Dof::Surge).unwrap()

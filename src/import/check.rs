@@ -11,6 +11,9 @@ use super::table::Imported;
 use crate::identify::data::{CHANNELS, unwrap_turns};
 use crate::identify::statistics::median;
 
+/// Equal rows that a moving channel does not have.
+pub const STUCK_ROWS: usize = 25;
+
 /// How bad.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -284,7 +287,7 @@ fn channel(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Fin
         ));
         return;
     }
-    // Stuck: the same value for a second and 25 rows in a channel that else changes with nearly every row.
+    // Stuck: the same value for a second and so many rows in a channel that else changes with nearly every row.
     let changes = values.windows(2).filter(|w| w[0] != w[1]).count() as f64 / values.len() as f64;
     let (mut longest, mut run, mut at) = (0, 0, 0);
     for i in 1..values.len() {
@@ -297,7 +300,8 @@ fn channel(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Fin
             (longest, at) = (run, i - run);
         }
     }
-    if longest >= 25 && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0 {
+    if longest >= STUCK_ROWS && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0
+    {
         findings.push(Finding::warning(
             "stuck_channel",
             data.lines.get(at).copied(),

@@ -3,9 +3,12 @@
 use crate::diagnose::explain::Explanation;
 use crate::diagnose::family::Variable;
 use crate::diagnose::fit::Fit;
-use crate::diagnose::locate::{stands_out, told};
+use crate::diagnose::locate::{Stretch, elsewhere, of_one_run, stretches, told};
 use crate::diagnose::setting::Setting;
 use crate::diagnose::verdict::{Effect, Unexplained, Verdict, Word};
+
+/// Share of a force's strongest stretch below which it is next to nothing.
+const QUIET: f64 = 0.25;
 
 /// How a mechanism that acts twice is told.
 pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
@@ -32,7 +35,11 @@ pub fn twice_note(setting: &Setting, candidate: usize, two: &Fit) -> String {
 
 pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained> {
     let f = found.family.as_ref()?;
-    let (range, force) = stands_out(setting, f);
+    let all = stretches(setting, f);
+    let [Stretch { range, mean, .. }, others @ ..] = &all[..] else {
+        return None;
+    };
+    let force = *mean;
     let (length, rate, load) = match setting.dof.index() {
         0..3 => ("m", "m/s", "N"),
         _ => ("rad", "rad/s", "N m"),
@@ -43,7 +50,24 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
         Variable::Load => load,
         _ => "s",
     };
-    let (of, range) = told(setting, f.family.variable, range);
+    let (of, range) = told(setting, f.family.variable, *range);
+    let more: String = others
+        .iter()
+        .map(|s| {
+            let (run, [from, to]) = of_one_run(setting, f.family.variable, s.range)
+                .map_or((String::new(), s.range), |(run, range)| {
+                    (format!(" in run {run}"), range)
+                });
+            format!(
+                ", of {:.3}{run} between {from:.3} and {to:.3} {unit}",
+                s.mean
+            )
+        })
+        .collect();
+    let rest = match elsewhere(f, &all) {
+        rest if rest < QUIET * force.abs() => "near 0 elsewhere".to_owned(),
+        rest => format!("at most {rest:.3} elsewhere"),
+    };
     Some(Unexplained {
         channel: setting.channel().to_owned(),
         weight: found.family_weight,
@@ -51,8 +75,8 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
         range,
         force,
         term: format!(
-            "a force of about {force:.3} {load} for {} between {:.3} and {:.3} {unit}, near 0 elsewhere",
-            of, range[0], range[1]
+            "a force of about {force:.3} {load} for {of} between {:.3} and {:.3} {unit}{more}, {rest}",
+            range[0], range[1]
         ),
         knots: f.family.knots.iter().map(|k| f.family.shown(*k)).collect(),
         force_at: f.amplitudes.clone(),

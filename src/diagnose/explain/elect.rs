@@ -103,7 +103,24 @@ pub fn elect(
             e.weights
         );
     }
-    let sound = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
+    // What the runs fitted leave open of its numbers may take a right explanation far off in a long run: one that foretells
+    // as well as those within the bar, by its own account of that, has not missed.
+    let within = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
+    let as_told = missed
+        .iter()
+        .zip(&told)
+        .filter(|(m, _)| within(m))
+        .filter_map(|(_, told)| *told)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let missed: Vec<Option<f64>> = missed
+        .iter()
+        .zip(&told)
+        .map(|(m, told)| match told {
+            Some(told) if as_told.is_finite() && *told >= as_told => m.map(|m| m.min(bar)),
+            _ => *m,
+        })
+        .collect();
+    let sound = within;
     // A bent law that misses is none even where nothing else predicts either: the bend was a free force.
     let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
     let sound =

@@ -218,7 +218,7 @@ fn near_noise(search: &Search<'_>, joint: &Fit) -> bool {
 
 /// Far from the noise functions are asked about the place and rate measured: only so the motion is nearly linear
 /// in them.
-fn measured_where_far(search: &Search<'_>, fit: &Fit, families: &mut [Family]) {
+pub(super) fn measured_where_far(search: &Search<'_>, fit: &Fit, families: &mut [Family]) {
     if fit.cost > FAR_FROM_NOISE * search.weights.samples() as f64 {
         families.iter_mut().for_each(|f| f.measured = true);
     }
