@@ -320,9 +320,6 @@ pub fn explain(
             return Some(sparse);
         }
     }
-    if let Some(force) = unmasked(search, &best) {
-        best = force;
-    }
     best = held_to_account(search, best, held);
     let unnamed = contenders.iter().chain(tried.values());
     let unnamed: Vec<Explanation> = unnamed.filter(|e| e.unnamed()).cloned().collect();
@@ -343,14 +340,17 @@ pub fn explain(
         }
         best = elect(search, &contenders, held)?;
     }
-    if foretells_nothing(search, &best, held)
-        && let Some(free) = without_a_name(search, unnamed, held)
-    {
-        best = held_to_account(search, free, held);
-    }
     // Stretches of decays differ in amplitude alone: what all laws together miss there is an error of laws, even where
     // so many of them fit the others to the noise.
     let decays = search.setting.tracks.iter().all(|t| t.edges.is_empty());
+    if !decays {
+        if let Some(force) = unmasked(search, &best, held) {
+            best = held_to_account(search, force, held);
+        }
+        if let Some(free) = without_a_name(search, &best, unnamed, held) {
+            best = free;
+        }
+    }
     if decays
         && !best.unnamed()
         && let Some(own) = foretold(search, &best, held)
@@ -451,36 +451,54 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
     }
 }
 
-/// Whether names foretell nothing of runs that go where the fitted ones went: they imitate something.
+/// Whether what is named foretells nothing of runs that go where the fitted ones went, beyond what these leave open of
+/// its numbers: it imitates something.
 fn foretells_nothing(search: &Search<'_>, e: &Explanation, held: &[Track]) -> bool {
-    let noise = search.weights.noise;
     let known = covered(&[e], held);
     let nothing = search
         .get(&[])
-        .and_then(|f| held_out(search.setting, &known, f, noise));
+        .and_then(|f| held_out(search.setting, &known, f, search.weights.noise));
     foretold(search, e, &known)
         .zip(nothing)
         .is_some_and(|(own, nothing)| {
-            own > FAR_FROM_FORETOLD * noise.total_sd() && own > CLEARLY * nothing
+            own > FAR_FROM_FORETOLD * at_best(search, e, &known) && own > CLEARLY * nothing
         })
 }
 
-/// The likeliest force without a name that matters and is not refuted: of those found, else beside nothing.
+/// In the place of names that foretell nothing, the likeliest force without one that matters, is as likely by the runs
+/// fitted and is not refuted itself: of those found, else beside nothing.
 fn without_a_name(
     search: &Search<'_>,
+    best: &Explanation,
     found: Vec<Explanation>,
     held: &[Track],
 ) -> Option<Explanation> {
+    if best.unnamed() || best.by_prediction || !foretells_nothing(search, best, held) {
+        return None;
+    }
+    let matters = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;
     let likeliest = |all: Vec<Explanation>| {
         all.into_iter()
-            .filter(|e| e.unnamed() && e.family_weight > search.setting.tolerance)
+            .filter(|e| matters(e) && e.log_evidence > best.log_evidence - LAW_OUT_OF_REACH)
             .filter(|e| !foretells_nothing(search, e, held))
+            .map(|e| held_to_account(search, e, held))
+            .filter(matters)
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     };
-    likeliest(found).or_else(|| {
-        let nothing = search.get(&[])?;
-        likeliest(kinds(search, nothing, KINDS))
-    })
+    let free = likeliest(found).or_else(|| {
+        let seeds = kinds(search, search.get(&[])?, KINDS);
+        let grown = seeds
+            .iter()
+            .filter_map(|seed| grow(search, seed, &best.fit, best.log_evidence));
+        likeliest(grown.collect())
+    });
+    tracing::debug!(
+        "{:?} foretells nothing: {:?}",
+        best.fit.set,
+        free.as_ref()
+            .map(|f| (f.kind(), &f.fit.set, f.log_evidence))
+    );
+    free
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].

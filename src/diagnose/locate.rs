@@ -87,6 +87,8 @@ pub struct Stretch {
     pub range: [f64; 2],
     /// Mean amplitude there.
     pub mean: f64,
+    /// Amplitude at its surest knot.
+    peak: f64,
     /// First and last knot within.
     knots: (usize, usize),
 }
@@ -102,13 +104,13 @@ pub fn stretches(setting: &Setting, found: &FamilyFit) -> Vec<Stretch> {
         let open = |i: usize| out.iter().all(|s| i < s.knots.0 || i > s.knots.1);
         let strong = |i: usize| {
             out.first()
-                .is_none_or(|first| a[i].abs() >= 0.5 * first.mean.abs() && sure(i) >= CERTAIN)
+                .is_none_or(|first| a[i].abs() >= 0.5 * first.peak.abs() && sure(i) >= CERTAIN)
         };
         let next = (0..a.len())
             .filter(|i| open(*i) && strong(*i))
             .max_by(|i, j| sure(*i).total_cmp(&sure(*j)));
         let Some(peak) = next else { break };
-        let stretch = around(setting, found, peak);
+        let stretch = around(setting, found, peak, &out);
         out.push(stretch);
     }
     out
@@ -116,21 +118,27 @@ pub fn stretches(setting: &Setting, found: &FamilyFit) -> Vec<Stretch> {
 
 /// Largest amplitude that is there for certain outside of all stretches.
 pub fn elsewhere(found: &FamilyFit, stretches: &[Stretch]) -> f64 {
-    // The knots at a stretch's feet are its own.
+    let a = &found.amplitudes;
+    // The knot at a stretch's foot is its own where it has its sign.
     let apart = |i: usize| {
         let mut all = stretches.iter();
-        all.all(|s| i + 1 < s.knots.0 || i > s.knots.1 + 1)
+        all.all(|s| {
+            let foot = (i + 1 == s.knots.0 || i == s.knots.1 + 1) && a[i] * s.mean > 0.0;
+            !foot && (i < s.knots.0 || i > s.knots.1)
+        })
     };
-    (0..found.amplitudes.len())
-        .filter(|i| apart(*i) && found.amplitudes[*i].abs() > CERTAIN * found.sds[*i])
-        .map(|i| found.amplitudes[i].abs())
+    (0..a.len())
+        .filter(|i| apart(*i) && a[*i].abs() > CERTAIN * found.sds[*i])
+        .map(|i| a[i].abs())
         .fold(0.0, f64::max)
 }
 
-fn around(setting: &Setting, found: &FamilyFit, peak: usize) -> Stretch {
+/// The stretch about a knot, up to those that are taken.
+fn around(setting: &Setting, found: &FamilyFit, peak: usize, taken: &[Stretch]) -> Stretch {
     let (a, knots) = (&found.amplitudes, &found.family.knots);
     let half = 0.5 * a[peak];
-    let over = |i: usize| a[i] * half.signum() >= half.abs();
+    let free = |i: usize| taken.iter().all(|s| i < s.knots.0 || i > s.knots.1);
+    let over = |i: usize| free(i) && a[i] * half.signum() >= half.abs();
     let (mut low, mut high) = (peak, peak);
     // Run by run the end of one is no neighbour of the next one's start.
     let joined = |i: usize, j: usize| {
@@ -144,6 +152,13 @@ fn around(setting: &Setting, found: &FamilyFit, peak: usize) -> Stretch {
         high += 1;
     }
     let cross = |inside: usize, outside: usize| {
+        // Up to where one that is taken ends.
+        if let Some(s) = taken
+            .iter()
+            .find(|s| (s.knots.0..=s.knots.1).contains(&outside))
+        {
+            return s.range[usize::from(outside < inside)];
+        }
         let share = (a[inside] - half) / (a[inside] - a[outside]);
         knots[inside] + share.clamp(0.0, 1.0) * (knots[outside] - knots[inside])
     };
@@ -160,6 +175,7 @@ fn around(setting: &Setting, found: &FamilyFit, peak: usize) -> Stretch {
     Stretch {
         range: [from, to],
         mean: a[low..=high].iter().sum::<f64>() / (high - low + 1) as f64,
+        peak: a[peak],
         knots: (low, high),
     }
 }
@@ -293,5 +309,14 @@ mod tests {
         let one = stretches(&own, &weaker);
         assert_eq!(one.len(), 1);
         assert_eq!(elsewhere(&weaker, &one), 0.2);
+        // Its flanks are part of it.
+        let flanks = places(&[0.4, 0.5, 0.6, 0.9, 0.6, 0.5, 0.4]);
+        let smooth = stretches(&own, &flanks);
+        assert_eq!(smooth.len(), 1, "{smooth:?}");
+        assert_eq!(elsewhere(&flanks, &smooth), 0.0);
+        // Two that adjoin share nothing.
+        let two = stretches(&own, &places(&[0.0, 0.9, 0.44, 0.6, 0.0]));
+        assert_eq!(two.len(), 2, "{two:?}");
+        assert!(two[0].range[1] <= two[1].range[0]);
     }
 }

@@ -67,8 +67,8 @@ pub fn pulled(k: usize, effects: &[(&str, &[(&str, f64)])], pull: Option<(f64, f
     made
 }
 
-/// The same, made by the equation of surge alone, with a force \[N\] around one speed \[m/s\] that no effect has.
-pub fn bumped(k: usize, force_n: f64, speed_mps: f64, width_mps: f64) -> Run {
+/// The same, made by the equation of surge alone, with any force \[N\] of the speed \[m/s\].
+pub fn forced(k: usize, force_n: impl Fn(f64) -> f64) -> Run {
     let mut made = surge(k, &[]);
     let rig = Rig::builtin("lshpi").unwrap();
     let own = rig.vehicle.coefficients[Dof::Surge.index()];
@@ -82,9 +82,8 @@ pub fn bumped(k: usize, force_n: f64, speed_mps: f64, width_mps: f64) -> Run {
     for i in 0..200u32 {
         let at_s = 0.006 + 0.08 * f64::from(i);
         while t_s < at_s - 0.5 * step_s {
-            let bump = force_n * (-((u - speed_mps) / width_mps).powi(2)).exp();
             let drag = own.linear * u + own.quadratic * u.abs() * u;
-            u += step_s * (load(t_s) + drag + bump) / inertia;
+            u += step_s * (load(t_s) + drag + force_n(u)) / inertia;
             x += step_s * u;
             t_s += step_s;
         }

@@ -64,9 +64,10 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
             )
         })
         .collect();
+    let strongest = all.iter().map(|s| s.mean.abs()).fold(0.0, f64::max);
     let rest = match elsewhere(f, &all) {
-        rest if rest < QUIET * force.abs() => "near 0 elsewhere".to_owned(),
-        rest => format!("at most {rest:.3} elsewhere"),
+        rest if rest < QUIET * strongest => "near 0 elsewhere".to_owned(),
+        rest => format!("up to {rest:.3} elsewhere, as far as that is known"),
     };
     Some(Unexplained {
         channel: setting.channel().to_owned(),

@@ -1,26 +1,35 @@
 //! A law that bends by the rate until little of it is left: a force of the rate.
 
 use hydroline_sim::effect::Stage;
+use rayon::prelude::*;
 
-use super::Explanation;
+use super::covered::covered;
+use super::elect::foretold;
 use super::grow::grow;
 use super::look::measured_where_far;
+use super::{Explanation, MISSES};
 use crate::diagnose::bank::{View, without};
 use crate::diagnose::family::{Acts, Variable, forces};
 use crate::diagnose::fit::{Fit, Posed};
 use crate::diagnose::search::Search;
+use crate::diagnose::setting::Track;
 
 /// Part that a law must explain as it is, of what it explains bent.
 ///
 /// Friction that is larger near rest (Stribeck) explains all but a thousandth without that; of a force at one speed a
 /// drag explains half to four fifths.
 const OWN: f64 = 0.9;
-/// Log evidence by which the force may be behind: its knots lie otherwise. What bends another way is further off.
-const SAME: f64 = 30.0;
+/// Log evidence by which the force may be behind, at most and of what the law explains bent: its knots lie otherwise.
+/// What bends another way is further off.
+const SAME: (f64, f64) = (30.0, 0.1);
 
 /// A force of the rate in the place of a law that bends by the rate into something else, with what is found beside it:
 /// as functions both are one, and the law's name would say nothing.
-pub(super) fn unmasked(search: &Search<'_>, e: &Explanation) -> Option<Explanation> {
+pub(super) fn unmasked(
+    search: &Search<'_>,
+    e: &Explanation,
+    held: &[Track],
+) -> Option<Explanation> {
     let (setting, tolerance) = (search.setting, search.setting.tolerance);
     let function = e.family.as_ref()?;
     let Acts::Bends(law) = function.family.acts else {
@@ -31,16 +40,19 @@ pub(super) fn unmasked(search: &Search<'_>, e: &Explanation) -> Option<Explanati
         return None;
     }
     let (others, own) = part_of_law(search, e, law)?;
-    tracing::debug!("{:?} explains {own:.3} of what it does bent", e.fit.set);
     if own > OWN {
         return None;
     }
+    let behind = SAME.0.min(SAME.1 * (others.cost - e.cost()));
+    let noise = search.weights.noise.total_sd();
+    let known = covered(&[e], held);
+    let missed = foretold(search, e, &known).map(|m| MISSES * m.max(noise));
     let view = View::new(setting, &search.weights, &others);
     let mut families = forces(setting, &others);
     measured_where_far(search, &others, &mut families);
+    families.retain(|f| f.variable.quantity() == Variable::Rate);
     let found = families
-        .into_iter()
-        .filter(|f| f.variable.quantity() == Variable::Rate)
+        .into_par_iter()
         .filter_map(|f| f.fit(setting, &search.weights, &others, &view))
         .filter_map(|f| {
             f.close(
@@ -52,7 +64,13 @@ pub(super) fn unmasked(search: &Search<'_>, e: &Explanation) -> Option<Explanati
         })
         .map(|(joint, f)| Explanation::with(search, joint, f))
         .filter_map(|seed| grow(search, &seed, &others, e.log_evidence))
-        .filter(|f| f.family_weight > tolerance && f.log_evidence > e.log_evidence - SAME)
+        .filter(|f| f.family_weight > tolerance && f.log_evidence > e.log_evidence - behind)
+        // The law beside the force that it was bent into says nothing either.
+        .filter(|f| !f.fit.set.contains(&law))
+        .filter(|f| {
+            let own = foretold(search, f, &covered(&[e, f], held));
+            own.zip(missed).is_none_or(|(own, most)| own <= most)
+        })
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
     tracing::debug!(
         "{} explains {own:.2} of what it does bent: {:?} for {:.1}",
@@ -69,15 +87,21 @@ pub(super) fn unmasked(search: &Search<'_>, e: &Explanation) -> Option<Explanati
 /// explains as it is.
 fn part_of_law(search: &Search<'_>, e: &Explanation, law: usize) -> Option<(Fit, f64)> {
     let setting = search.setting;
+    // From the numbers beside the bend; the search may know better ones.
     let fit = |set: &[usize], at: Vec<f64>| {
         let made = Posed::new(setting, &search.weights, set).fit(at).ok();
-        made.filter(|f| f.cost.is_finite())
+        made.iter()
+            .chain(search.get(set))
+            .filter(|f| f.cost.is_finite())
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))
+            .cloned()
     };
     let member = e.fit.set.iter().position(|c| *c == law)?;
     let (set, at) = without(setting, &e.fit, member);
     let (others, straight) = (fit(&set, at)?, fit(&e.fit.set, e.fit.at.clone())?);
-    let part = (others.cost - straight.cost) / (others.cost - e.cost());
-    Some((others, part))
+    let bent = others.cost - e.cost();
+    let part = (others.cost - straight.cost) / bent;
+    (bent > 0.0 && part.is_finite()).then_some((others, part))
 }
 
 #[cfg(test)]
@@ -86,7 +110,7 @@ mod tests {
     use super::*;
     use crate::diagnose::bank::joined;
     use crate::diagnose::family::bends;
-    use crate::diagnose::testing::{bumped, candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, forced, setting};
     use crate::identify::data::Run;
 
     /// Judges one effect whose law bends by the rate.
@@ -115,9 +139,9 @@ mod tests {
 
     #[test]
     fn a_drag_bent_to_a_force_at_one_speed_is_that_force() {
-        let runs = [0, 1, 2].map(|k| bumped(k, 0.5, 0.08, 0.02));
+        let runs = [0, 1, 2].map(|k| forced(k, |u| 0.5 * (-((u - 0.08) / 0.02).powi(2)).exp()));
         bent(&runs, ("cubic_damping", 100.0), |search, drag| {
-            let force = unmasked(search, drag).unwrap();
+            let force = unmasked(search, drag, &[]).unwrap();
             assert!(force.unnamed() && force.fit.set.is_empty());
             assert!(force.family_weight > search.setting.tolerance);
             assert_eq!(force.kind(), Some((Acts::Force, Variable::Rate)));
@@ -126,10 +150,12 @@ mod tests {
 
     #[test]
     fn a_friction_that_varies_with_the_speed_stays_one() {
-        let friction: [(&str, &[(&str, f64)]); 1] = [("coulomb_friction", &[("f_n", 0.5)])];
-        let runs = [0, 1, 2].map(|k| surge(k, &friction));
+        // Stribeck: two fifths more near rest.
+        let stribeck =
+            |u: f64| -0.5 * (1.0 + 0.4 * (-(u / 0.02).powi(2)).exp()) * (u / 0.004).tanh();
+        let runs = [0, 1, 2].map(|k| forced(k, stribeck));
         bent(&runs, ("coulomb_friction", 0.4), |search, friction| {
-            assert!(unmasked(search, friction).is_none());
+            assert!(unmasked(search, friction, &[]).is_none());
         });
     }
 }

@@ -106,30 +106,28 @@ pub fn elect(
     // What the runs fitted leave open of its numbers may take a right explanation far off in a long run: one that foretells
     // as well as those within the bar, by its own account of that, has not missed.
     let within = |m: &Option<f64>| m.is_none_or(|m| m.is_finite() && m <= bar);
-    let as_told = missed
+    let best_within = missed
         .iter()
         .zip(&told)
         .filter(|(m, _)| within(m))
         .filter_map(|(_, told)| *told)
-        .fold(f64::NEG_INFINITY, f64::max);
-    let missed: Vec<Option<f64>> = missed
+        .fold(f64::NAN, f64::max);
+    let sound: Vec<bool> = missed
         .iter()
         .zip(&told)
-        .map(|(m, told)| match told {
-            Some(told) if as_told.is_finite() && *told >= as_told => m.map(|m| m.min(bar)),
-            _ => *m,
+        .map(|(m, told)| {
+            let finite = m.is_some_and(f64::is_finite);
+            within(m) || finite && told.is_some_and(|t| t >= best_within)
         })
         .collect();
-    let sound = within;
     // A bent law that misses is none even where nothing else predicts either: the bend was a free force.
-    let any = missed.iter().any(sound) || contenders.iter().any(Explanation::unnamed);
-    let sound =
-        |e: &Explanation, m: &Option<f64>| sound(m) || (!missed.iter().any(sound) && e.unnamed());
+    let none = !sound.contains(&true);
+    let any = !none || contenders.iter().any(Explanation::unnamed);
     let eligible: Vec<(&Explanation, Option<f64>)> = contenders
         .iter()
-        .zip(&missed)
+        .zip(&sound)
         .zip(told)
-        .filter(|((e, m), _)| !any || sound(e, m))
+        .filter(|((e, sound), _)| !any || **sound || none && e.unnamed())
         .map(|((e, _), told)| (e, told))
         .collect();
     let chosen = choose(eligible.len(), |k, b| {
