@@ -17,6 +17,7 @@ mod explanation;
 mod forward;
 mod grow;
 mod look;
+mod nameless;
 mod needs;
 mod recheck;
 mod thrust;
@@ -42,6 +43,7 @@ use elect::{
 use evenly::evenly;
 use grow::{again, grow, reduce, straightened};
 use look::{INEXACT, WAYS, bent, bent_alone, fewest, in_the_place, instead, kinds};
+use nameless::without_a_name;
 
 pub use covered::covered;
 pub use explanation::Explanation;
@@ -449,56 +451,6 @@ fn may_imitate(search: &Search<'_>, best: &Explanation, held: &[Track]) -> bool 
         }
         _ => best.matters(search.setting.tolerance).len() > 1 || !best.simple(),
     }
-}
-
-/// Whether what is named foretells nothing of runs that go where the fitted ones went, beyond what these leave open of
-/// its numbers: it imitates something.
-fn foretells_nothing(search: &Search<'_>, e: &Explanation, held: &[Track]) -> bool {
-    let known = covered(&[e], held);
-    let nothing = search
-        .get(&[])
-        .and_then(|f| held_out(search.setting, &known, f, search.weights.noise));
-    foretold(search, e, &known)
-        .zip(nothing)
-        .is_some_and(|(own, nothing)| {
-            own > FAR_FROM_FORETOLD * at_best(search, e, &known) && own > CLEARLY * nothing
-        })
-}
-
-/// In the place of names that foretell nothing, the likeliest force without one that matters, is as likely by the runs
-/// fitted and is not refuted itself: of those found, else beside nothing.
-fn without_a_name(
-    search: &Search<'_>,
-    best: &Explanation,
-    found: Vec<Explanation>,
-    held: &[Track],
-) -> Option<Explanation> {
-    if best.unnamed() || best.by_prediction || !foretells_nothing(search, best, held) {
-        return None;
-    }
-    let matters = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;
-    let likeliest = |all: Vec<Explanation>| {
-        all.into_iter()
-            .filter(|e| matters(e) && e.log_evidence > best.log_evidence - LAW_OUT_OF_REACH)
-            .filter(|e| !foretells_nothing(search, e, held))
-            .map(|e| held_to_account(search, e, held))
-            .filter(matters)
-            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-    };
-    let free = likeliest(found).or_else(|| {
-        let seeds = kinds(search, search.get(&[])?, KINDS);
-        let grown = seeds
-            .iter()
-            .filter_map(|seed| grow(search, seed, &best.fit, best.log_evidence));
-        likeliest(grown.collect())
-    });
-    tracing::debug!(
-        "{:?} foretells nothing: {:?}",
-        best.fit.set,
-        free.as_ref()
-            .map(|f| (f.kind(), &f.fit.set, f.log_evidence))
-    );
-    free
 }
 
 /// rms of the runs held out that an explanation may have where it is right \[m, rad\].
