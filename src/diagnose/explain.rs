@@ -38,7 +38,8 @@ use disguise::unmasked;
 use doubled::{bends_a_corner, doubled, doubled_from, doubled_members, side_by_side};
 
 use elect::{
-    SLIGHT, by_prediction, elect, foretold, held_to_account, lightened, sparing, straight_is_better,
+    SLIGHT, by_prediction, elect, foretold, foretold_where_known, held_to_account, lightened,
+    sparing, straight_is_better,
 };
 use evenly::evenly;
 use grow::{again, grow, reduce, straightened};
@@ -292,7 +293,7 @@ pub fn explain(
     let noise = search.weights.noise;
     let takes_up = best.unnamed()
         && best.family_weight > search.setting.tolerance
-        && foretold(search, &best, &covered(&[&best], held))
+        && foretold_where_known(search, &best, held)
             .is_some_and(|f| f > FAR_FROM_FORETOLD * noise.total_sd());
     let far = best.cost() > FAR_FROM_NOISE * search.weights.samples() as f64;
     if (takes_up || far)
@@ -323,38 +324,36 @@ pub fn explain(
         }
     }
     best = held_to_account(search, best, held);
-    let unnamed = contenders.iter().chain(tried.values());
-    let unnamed: Vec<Explanation> = unnamed.filter(|e| e.unnamed()).cloned().collect();
     // A free force too light to matter is no reason to speak of something unnamed, nor to take from
     // the named effects what they explain: the best explanation without one stands. A law that hardly bends is
     // compared with all that does without; a force, which it has beaten, is not.
     let light = best.unnamed() && best.family_weight <= search.setting.tolerance;
     let refuted = straight_is_better(search, &best, held);
     if light || refuted || best.bends_slightly(search.setting.tolerance) {
-        contenders.extend(tried.into_values());
-        contenders.push(Explanation::plain(search, &first));
-        let own = search.alone(&best.fit);
-        contenders.extend(own.map(|own| Explanation::plain(search, &own)));
         let law = best.bent();
-        contenders.retain(|e| !(e.unnamed() || refuted && e.bent() == law));
-        for e in &mut contenders {
+        let stays = |e: &Explanation| !(e.unnamed() || refuted && e.bent() == law);
+        let all = contenders.iter().chain(tried.values());
+        let mut named: Vec<Explanation> = all.filter(|e| stays(e)).cloned().collect();
+        let own = search.alone(&best.fit);
+        let plain = [Some(first), own].into_iter().flatten();
+        named.extend(
+            plain
+                .map(|fit| Explanation::plain(search, &fit))
+                .filter(stays),
+        );
+        for e in &mut named {
             needed_at_all(search, e);
         }
-        best = elect(search, &contenders, held)?;
+        best = elect(search, &named, held)?;
     }
     // Stretches of decays differ in amplitude alone: what all laws together miss there is an error of laws, even where
     // so many of them fit the others to the noise.
     let decays = search.setting.tracks.iter().all(|t| t.edges.is_empty());
     if !decays {
-        if let Some(force) = unmasked(search, &best, held) {
-            best = held_to_account(search, force, held);
-        }
-        if let Some(free) = without_a_name(search, &best, unnamed, held) {
-            best = free;
-        }
-    }
-    if decays
-        && !best.unnamed()
+        best = unmasked(search, &best, held).unwrap_or(best);
+        let found = contenders.iter().chain(tried.values());
+        best = without_a_name(search, &best, found, held).unwrap_or(best);
+    } else if !best.unnamed()
         && let Some(own) = foretold(search, &best, held)
         && own > MISSES * noise.total_sd()
         && let Some(sparse) = forward(search, held)

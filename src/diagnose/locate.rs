@@ -93,6 +93,12 @@ pub struct Stretch {
     knots: (usize, usize),
 }
 
+impl Stretch {
+    fn holds(&self, knot: usize) -> bool {
+        (self.knots.0..=self.knots.1).contains(&knot)
+    }
+}
+
 /// Ranges in which a free function stands out, the surest first: each from the first to the last knot with at least half
 /// of the amplitude at its surest knot. Those after the first are there for certain and half as strong at least.
 pub fn stretches(setting: &Setting, found: &FamilyFit) -> Vec<Stretch> {
@@ -101,7 +107,7 @@ pub fn stretches(setting: &Setting, found: &FamilyFit) -> Vec<Stretch> {
     let sure = |i: usize| a[i].abs() / found.sds[i].max(1e-300);
     let mut out: Vec<Stretch> = Vec::new();
     while out.len() < STRETCHES {
-        let open = |i: usize| out.iter().all(|s| i < s.knots.0 || i > s.knots.1);
+        let open = |i: usize| !out.iter().any(|s| s.holds(i));
         let strong = |i: usize| {
             out.first()
                 .is_none_or(|first| a[i].abs() >= 0.5 * first.peak.abs() && sure(i) >= CERTAIN)
@@ -121,10 +127,9 @@ pub fn elsewhere(found: &FamilyFit, stretches: &[Stretch]) -> f64 {
     let a = &found.amplitudes;
     // The knot at a stretch's foot is its own where it has its sign.
     let apart = |i: usize| {
-        let mut all = stretches.iter();
-        all.all(|s| {
+        !stretches.iter().any(|s| {
             let foot = (i + 1 == s.knots.0 || i == s.knots.1 + 1) && a[i] * s.mean > 0.0;
-            !foot && (i < s.knots.0 || i > s.knots.1)
+            foot || s.holds(i)
         })
     };
     (0..a.len())
@@ -137,8 +142,8 @@ pub fn elsewhere(found: &FamilyFit, stretches: &[Stretch]) -> f64 {
 fn around(setting: &Setting, found: &FamilyFit, peak: usize, taken: &[Stretch]) -> Stretch {
     let (a, knots) = (&found.amplitudes, &found.family.knots);
     let half = 0.5 * a[peak];
-    let free = |i: usize| taken.iter().all(|s| i < s.knots.0 || i > s.knots.1);
-    let over = |i: usize| free(i) && a[i] * half.signum() >= half.abs();
+    let holder = |i: usize| taken.iter().find(|s| s.holds(i));
+    let over = |i: usize| holder(i).is_none() && a[i] * half.signum() >= half.abs();
     let (mut low, mut high) = (peak, peak);
     // Run by run the end of one is no neighbour of the next one's start.
     let joined = |i: usize, j: usize| {
@@ -153,10 +158,7 @@ fn around(setting: &Setting, found: &FamilyFit, peak: usize, taken: &[Stretch]) 
     }
     let cross = |inside: usize, outside: usize| {
         // Up to where one that is taken ends.
-        if let Some(s) = taken
-            .iter()
-            .find(|s| (s.knots.0..=s.knots.1).contains(&outside))
-        {
+        if let Some(s) = holder(outside) {
             return s.range[usize::from(outside < inside)];
         }
         let share = (a[inside] - half) / (a[inside] - a[outside]);
@@ -263,30 +265,18 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DVector;
-
     use super::*;
-    use crate::diagnose::family::{Family, Prior};
-    use crate::diagnose::testing::{pulled, setting};
+    use crate::diagnose::testing::{hats, pulled, setting};
 
     fn places(amplitudes: &[f64]) -> FamilyFit {
-        FamilyFit {
-            family: Family {
-                acts: Acts::Force,
-                variable: Variable::Place,
-                knots: (0..amplitudes.len()).map(|k| k as f64).collect(),
-                measured: false,
-                quiet: Vec::new(),
-            },
-            amplitudes: amplitudes.to_vec(),
-            sds: vec![0.02; amplitudes.len()],
-            gain: 0.0,
-            prior: Prior {
-                sd: 0.5,
-                length: 0.0,
-            },
-            response: DVector::zeros(0),
-        }
+        let knots = (0..amplitudes.len()).map(|k| k as f64).collect();
+        hats(
+            Acts::Force,
+            Variable::Place,
+            knots,
+            amplitudes.to_vec(),
+            0.02,
+        )
     }
 
     #[test]

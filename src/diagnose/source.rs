@@ -67,16 +67,18 @@ impl FromStr for Part {
             return Ok(whole);
         };
         let end = |text: &str, none: f64| {
-            match text {
-            "" => Ok(none),
-            text => text
-                .parse::<f64>()
-                .ok()
+            if text.is_empty() {
+                return Ok(none);
+            }
+            let number = text.parse::<f64>().ok();
+            number
                 .filter(|v| v.is_finite() && *v >= 0.0)
                 .ok_or_else(|| {
-                    format!("'@{window}': '{text}' is not a number >= 0; write LOG@34..64, seconds since the log's start")
-                }),
-        }
+                    format!(
+                        "'@{window}': '{text}' is not a number >= 0; \
+                     write LOG@34..64, seconds since the log's start"
+                    )
+                })
         };
         let (from_s, to_s) = (end(from, 0.0)?, end(to, f64::INFINITY)?);
         if to_s <= from_s {

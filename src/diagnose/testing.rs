@@ -3,7 +3,9 @@
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
+use nalgebra::DVector;
 
+use super::family::{Acts, Family, FamilyFit, Prior, Variable};
 use super::setting::Setting;
 use crate::identify::data::{Command, Run, Sample};
 
@@ -91,6 +93,33 @@ pub fn forced(k: usize, force_n: impl Fn(f64) -> f64) -> Run {
         made.samples[i as usize].values[0] = x + noise;
     }
     made
+}
+
+/// A free function of these amplitudes, each with this sd.
+pub fn hats(
+    acts: Acts,
+    variable: Variable,
+    knots: Vec<f64>,
+    amplitudes: Vec<f64>,
+    sd: f64,
+) -> FamilyFit {
+    FamilyFit {
+        sds: vec![sd; amplitudes.len()],
+        amplitudes,
+        family: Family {
+            acts,
+            variable,
+            knots,
+            measured: false,
+            quiet: Vec::new(),
+        },
+        gain: 0.0,
+        prior: Prior {
+            sd: 0.5,
+            length: 0.0,
+        },
+        response: DVector::zeros(0),
+    }
 }
 
 /// What is diagnosed of such runs.

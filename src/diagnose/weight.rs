@@ -177,9 +177,9 @@ pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::{Acts, Family, Prior, Variable};
+    use crate::diagnose::family::{Acts, Variable};
     use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, hats, setting, surge};
 
     /// Runs that began off the rig's zero made a scale of the position weigh a constant offset.
     #[test]
@@ -213,23 +213,9 @@ mod tests {
         let fit = search.finished(&[current]).unwrap();
         let place = made.places(&fit.set)[0];
         let bent_by = |factor: f64| {
-            let function = FamilyFit {
-                family: Family {
-                    acts: Acts::Bends(current),
-                    variable: Variable::Place,
-                    knots: vec![-1.0, 0.0, 1.0],
-                    measured: false,
-                    quiet: Vec::new(),
-                },
-                amplitudes: vec![factor.ln(); 3],
-                sds: vec![0.1; 3],
-                gain: 0.0,
-                prior: Prior {
-                    sd: 0.3,
-                    length: 0.0,
-                },
-                response: DVector::zeros(0),
-            };
+            let law = Acts::Bends(current);
+            let amplitudes = vec![factor.ln(); 3];
+            let function = hats(law, Variable::Place, vec![-1.0, 0.0, 1.0], amplitudes, 0.1);
             weight_of_bent(&made, &fit, current, &function).unwrap()
         };
         for factor in [1.0, 0.6] {

@@ -49,7 +49,7 @@ struct Disturbance<T> {
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
     Disturbance {
-        dof: 3 + values.words[0],
+        dof: INFO.words[0].dof(values.words[0]),
         amp_rad: values.numbers[0],
         rate_radps: T::from_f64(TAU) / values.numbers[1],
         phase_rad: values.numbers[2],

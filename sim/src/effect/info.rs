@@ -136,8 +136,17 @@ impl EffectInfo {
     }
 }
 
+impl WordInfo {
+    /// Index in SNAME order of the DOF that its `word`-th word names.
+    pub(super) fn dof(&self, word: usize) -> usize {
+        let named = self.allowed.get(word);
+        let dof = DOF_WORDS.iter().position(|dof| named == Some(dof));
+        dof.unwrap_or(word)
+    }
+}
+
 /// The six DOFs' names, for `dof` words.
-pub(super) const DOF_WORDS: &[&str] = &["surge", "sway", "heave", "roll", "pitch", "yaw"];
+const DOF_WORDS: &[&str] = &["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// The usual `dof` word: surge when not given.
 pub(super) const DOF: WordInfo = WordInfo {
     name: "dof",

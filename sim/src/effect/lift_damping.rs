@@ -1,11 +1,8 @@
 //! `lift_damping`: fins and hull under way damp rotation in proportion to the speed.
 
-use super::info::{DOF, DOF_WORDS};
+use super::info::DOF;
 use super::{EffectInfo, Law, Moment, ParameterInfo, Stage, Values, WordInfo};
 use crate::real::Real;
-
-/// The first DOF it may act in: sway.
-const FIRST: usize = 1;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "lift_damping",
@@ -22,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     // Along the way itself c V u would be drag that is quadratic ahead and none astern: `astern_drag` has that name.
     words: &[WordInfo {
-        allowed: DOF_WORDS.split_at(FIRST).1,
+        allowed: &["sway", "heave", "roll", "pitch", "yaw"],
         absent: Some("roll"),
         ..DOF
     }],
@@ -38,7 +35,7 @@ struct Lift<T> {
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
     Lift {
-        dof: FIRST + values.words[0],
+        dof: INFO.words[0].dof(values.words[0]),
         c: values.numbers[0],
     }
 }

@@ -33,7 +33,7 @@ struct Offset<T> {
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
     Offset {
-        dof: 4 + values.words[0],
+        dof: INFO.words[0].dof(values.words[0]),
         lever_m: values.numbers[0],
     }
 }

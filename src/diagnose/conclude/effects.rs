@@ -80,8 +80,8 @@ pub fn effects(
                 let variance = covariance[(k, k)];
                 // As scaled to the loads of these runs.
                 let asked = &setting.vocabulary[*candidate];
-                let ((low, high), beyond) = (asked.flat[i], asked.normal_sd(i).map_or(0.0, |sd| 3.0 * sd));
-                let (low, high) = (low - beyond, high + beyond);
+                let beyond = asked.normal_sd(i).map_or(0.0, |sd| 3.0 * sd);
+                let (low, high) = (asked.flat[i].0 - beyond, asked.flat[i].1 + beyond);
                 if *weight > setting.tolerance && !(low..=high).contains(&values[i]) {
                     notes.push(format!(
                         "{} = {:.4} {} lies outside of the {low:.4} .. {high:.4} that such a run may show",

@@ -4,7 +4,7 @@ use hydroline_sim::effect::Stage;
 use rayon::prelude::*;
 
 use super::covered::covered;
-use super::elect::foretold;
+use super::elect::{foretold, foretold_where_known};
 use super::grow::grow;
 use super::look::measured_where_far;
 use super::{Explanation, MISSES};
@@ -45,8 +45,7 @@ pub(super) fn unmasked(
     }
     let behind = SAME.0.min(SAME.1 * (others.cost - e.cost()));
     let noise = search.weights.noise.total_sd();
-    let known = covered(&[e], held);
-    let missed = foretold(search, e, &known).map(|m| MISSES * m.max(noise));
+    let missed = foretold_where_known(search, e, held).map(|m| MISSES * m.max(noise));
     let view = View::new(setting, &search.weights, &others);
     let mut families = forces(setting, &others);
     measured_where_far(search, &others, &mut families);

@@ -88,12 +88,12 @@ impl Judge {
     fn best(
         &self,
         search: &Search<'_>,
-        seen: Vec<(Judged, Fit)>,
+        mut seen: Vec<(Judged, Fit)>,
         than: &Judged,
     ) -> Option<(Judged, Fit)> {
-        seen.into_iter()
-            .filter(|f| self.worth(search, &f.0, than))
-            .min_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms))
+        // From the best on: whether one is worth it takes predictions of whole runs.
+        seen.sort_by(|a, b| a.0.1.rms.total_cmp(&b.0.1.rms));
+        seen.into_iter().find(|f| self.worth(search, &f.0, than))
     }
 }
 

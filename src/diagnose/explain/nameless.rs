@@ -28,30 +28,28 @@ fn foretells_nothing(search: &Search<'_>, e: &Explanation, held: &[Track]) -> bo
 
 /// In the place of names that foretell nothing, the likeliest force without one that matters, is as likely by the runs
 /// fitted and is not refuted itself: of those found, else beside nothing.
-pub(super) fn without_a_name(
+pub(super) fn without_a_name<'a>(
     search: &Search<'_>,
     best: &Explanation,
-    found: Vec<Explanation>,
+    found: impl Iterator<Item = &'a Explanation>,
     held: &[Track],
 ) -> Option<Explanation> {
     if best.unnamed() || best.by_prediction || !foretells_nothing(search, best, held) {
         return None;
     }
     let matters = |e: &Explanation| e.unnamed() && e.family_weight > search.setting.tolerance;
-    let likeliest = |all: Vec<Explanation>| {
-        all.into_iter()
-            .filter(|e| matters(e) && e.log_evidence > best.log_evidence - LAW_OUT_OF_REACH)
+    let likeliest = |all: &mut dyn Iterator<Item = &Explanation>| {
+        all.filter(|e| matters(e) && e.log_evidence > best.log_evidence - LAW_OUT_OF_REACH)
             .filter(|e| !foretells_nothing(search, e, held))
-            .map(|e| held_to_account(search, e, held))
+            .map(|e| held_to_account(search, e.clone(), held))
             .filter(matters)
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     };
-    let free = likeliest(found).or_else(|| {
+    let free = likeliest(&mut { found }).or_else(|| {
         let seeds = kinds(search, search.get(&[])?, KINDS);
-        let grown = seeds
-            .iter()
-            .filter_map(|seed| grow(search, seed, &best.fit, best.log_evidence));
-        likeliest(grown.collect())
+        let grow = |seed| grow(search, seed, &best.fit, best.log_evidence);
+        let grown: Vec<Explanation> = seeds.iter().filter_map(grow).collect();
+        likeliest(&mut grown.iter())
     });
     tracing::debug!(
         "{:?} foretells nothing: {:?}",
@@ -88,11 +86,11 @@ mod tests {
         // In another run nobody pulls.
         let held = setting(&[surge(2, &[])]).tracks;
         assert!(foretells_nothing(&search, &named, &held));
-        let free = without_a_name(&search, &named, Vec::new(), &held).unwrap();
+        let free = without_a_name(&search, &named, std::iter::empty(), &held).unwrap();
         assert!(free.unnamed() && free.family_weight > own.tolerance);
         assert_eq!(free.kind().unwrap().1, Variable::TimeEach);
         // Nothing held out, nothing asked.
-        assert!(without_a_name(&search, &named, Vec::new(), &[]).is_none());
+        assert!(without_a_name(&search, &named, std::iter::empty(), &[]).is_none());
     }
 
     #[test]
@@ -109,6 +107,6 @@ mod tests {
         assert!(!foretells_nothing(&search, &named, &alike));
         let pushed = setting(&[pulled(2, &FRICTION, Some((7.1, 10.9, 3.0)))]).tracks;
         assert!(foretells_nothing(&search, &named, &pushed));
-        assert!(without_a_name(&search, &named, Vec::new(), &pushed).is_none());
+        assert!(without_a_name(&search, &named, std::iter::empty(), &pushed).is_none());
     }
 }

@@ -118,31 +118,13 @@ mod tests {
     use crate::diagnose::family::kinds::BETWEEN_S;
     use crate::diagnose::family::{Variable, forces};
     use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{pulled, setting};
-    use nalgebra::DVector;
-
-    use super::super::prior::Prior;
+    use crate::diagnose::testing::{hats, pulled, setting};
 
     /// Two runs of ten knots, laid end to end.
     fn flat() -> FamilyFit {
         let run = |first: f64| (0..10).map(move |k| first + f64::from(k));
-        FamilyFit {
-            family: Family {
-                acts: Acts::Force,
-                variable: Variable::TimeEach,
-                knots: run(0.0).chain(run(9.0 + BETWEEN_S)).collect(),
-                measured: false,
-                quiet: Vec::new(),
-            },
-            amplitudes: vec![0.01; 20],
-            sds: vec![0.02; 20],
-            gain: 0.0,
-            prior: Prior {
-                sd: 0.5,
-                length: 0.0,
-            },
-            response: DVector::zeros(0),
-        }
+        let knots = run(0.0).chain(run(9.0 + BETWEEN_S)).collect();
+        hats(Acts::Force, Variable::TimeEach, knots, vec![0.01; 20], 0.02)
     }
 
     #[test]
