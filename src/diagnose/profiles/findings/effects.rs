@@ -1,0 +1,202 @@
+//! Effects that the profiles show, as entries of the verdict and of the rig file.
+
+use super::super::candidate::Candidate;
+use super::super::fit::{Fitted, Free, Problem, State};
+use super::super::geometry::Placed;
+use super::super::haze::Haze;
+use super::super::model::Kind;
+use super::super::search::{ANY_PX, ASTRAY_PX, Searched};
+use super::CHANNELS;
+use crate::diagnose::verdict::{Effect, Law, Value};
+use hydroline_calib::Pose;
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
+use hydroline_sim::effect::{EffectInfo, find};
+use std::collections::BTreeMap;
+
+/// Effects that do as well in the place of the best's effect `e`, all others as they are.
+pub(super) fn instead(
+    candidates: &[Candidate],
+    best: &Fitted,
+    tied: &[&Fitted],
+    e: usize,
+) -> Vec<String> {
+    let rest = || best.effects.iter().filter(|o| **o != e);
+    tied.iter()
+        .filter(|t| t.effects.len() == best.effects.len() && !t.effects.contains(&e))
+        .filter(|t| rest().all(|r| t.effects.contains(r)))
+        .filter_map(|t| t.effects.iter().find(|o| !best.effects.contains(o)))
+        .map(|o| candidates[*o].info.id.to_owned())
+        .collect()
+}
+
+/// What matters most about an effect: its heaviest channel in units of the tolerance.
+pub(super) fn heaviness(e: &Effect, rig: &Rig) -> f64 {
+    e.weight
+        .iter()
+        .map(|(c, w)| w / tolerance(c, rig))
+        .fold(0.0, f64::max)
+}
+
+fn tolerance(channel: &str, rig: &Rig) -> f64 {
+    if channel.ends_with("_rad") {
+        rig.tolerance.attitude_rad
+    } else {
+        rig.tolerance.position_m
+    }
+}
+
+/// rms by which poses differ, per channel.
+fn shift(with: &State, without: &State) -> [f64; 6] {
+    let pairs = || {
+        with.poses
+            .iter()
+            .flatten()
+            .zip(without.poses.iter().flatten())
+    };
+    let n = pairs().count().max(1) as f64;
+    std::array::from_fn(|d| (pairs().map(|(a, b)| (a[d] - b[d]).powi(2)).sum::<f64>() / n).sqrt())
+}
+
+/// The best explanation's effect number `k`, candidate `e`.
+pub(super) fn effect(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    found: &Searched,
+    best: &Fitted,
+    k: usize,
+    e: usize,
+) -> Effect {
+    let rest: Vec<usize> = best.effects.iter().copied().filter(|o| *o != e).collect();
+    let without = found
+        .all
+        .iter()
+        .find(|f| f.effects.len() == rest.len() && rest.iter().all(|r| f.effects.contains(r)));
+    let moved = match without.filter(|f| f.rms_px(Kind::Row) < ASTRAY_PX) {
+        Some(f) => shift(&best.state, &f.state),
+        None => {
+            // Without it the stripe is so far off that most of it would pass for stray: to begin
+            // with, nothing is.
+            let mut begin = best.state.clone();
+            begin.numbers.remove(k);
+            begin.floors = ANY_PX;
+            let fit = problem.fit(candidates, &rest, begin, Free::All);
+            fit.map_or([f64::NAN; 6], |f| shift(&best.state, &f.state))
+        }
+    };
+    let info = candidates[e].info;
+    let numbers = best.state.numbers.get(k).map_or(&[][..], Vec::as_slice);
+    let sds = best.sds.get(k).map_or(&[][..], Vec::as_slice);
+    described(problem.rig, info, numbers, sds, moved, found.probability(e))
+}
+
+fn described(
+    rig: &Rig,
+    info: &EffectInfo,
+    numbers: &[f64],
+    sds: &[f64],
+    moved: [f64; 6],
+    probability: f64,
+) -> Effect {
+    let weight: BTreeMap<String, f64> = CHANNELS
+        .iter()
+        .zip(moved)
+        .filter(|(_, w)| w.is_finite())
+        .map(|(c, w)| ((*c).to_owned(), w))
+        .collect();
+    let notes = info
+        .parameters
+        .iter()
+        .zip(numbers)
+        .filter(|(p, v)| **v < p.plausible.0 || **v > p.plausible.1)
+        .map(|(p, v)| {
+            format!(
+                "{} = {v:.5} lies outside of {} .. {}",
+                p.name, p.plausible.0, p.plausible.1
+            )
+        })
+        .collect();
+    Effect {
+        effect: info.id.to_owned(),
+        words: BTreeMap::new(),
+        probability,
+        matters: weight.iter().any(|(c, w)| *w > tolerance(c, rig)),
+        weight,
+        law: Law::Exact,
+        law_note: None,
+        or: Vec::new(),
+        parameters: info
+            .parameters
+            .iter()
+            .zip(numbers.iter().zip(sds))
+            .map(|(p, (v, s))| {
+                (
+                    p.name.to_owned(),
+                    Value {
+                        value: *v,
+                        sd: Some(*s).filter(|s| s.is_finite()),
+                    },
+                )
+            })
+            .collect(),
+        notes,
+    }
+}
+
+pub(super) fn entry(info: &EffectInfo, numbers: &[f64]) -> PhysicsEntry {
+    PhysicsEntry {
+        effect: info.id.to_owned(),
+        parameters: info
+            .parameters
+            .iter()
+            .zip(numbers)
+            .map(|(p, v)| (p.name.to_owned(), ParameterValue::Number(*v)))
+            .collect(),
+    }
+}
+
+/// The registry's effect for what was found beside the stripe.
+const HAZE: &str = "backscatter_haze";
+
+/// Haze as an effect: its weight is what a stripe finder that knows nothing of it makes of z.
+pub(super) fn hazy(
+    problem: &Problem<'_>,
+    best: &Fitted,
+    haze: &Haze,
+) -> Option<(&'static EffectInfo, Effect)> {
+    let info = find(HAZE).filter(|_| haze.found)?;
+    if problem.rig.physics.iter().any(|e| e.effect == HAZE) {
+        return None;
+    }
+    let mut moved = [0.0; 6];
+    moved[2] = haze.pull_px.abs() * per_row(problem, best);
+    let sds = [haze.fraction_sd, haze.length_sd_m];
+    let numbers = [haze.fraction, haze.length_m];
+    Some((
+        info,
+        described(problem.rig, info, &numbers, &sds, moved, 1.0),
+    ))
+}
+
+/// Metres of z per row of the stripe, in the middle of the first frame.
+fn per_row(problem: &Problem<'_>, best: &Fitted) -> f64 {
+    let per = || {
+        let seen = problem.runs.first()?.frames.first()?;
+        let pose = *best.state.poses.first()?.first()?;
+        let g = problem.geometry(&[], &[])?;
+        let bin = seen.bins.get(seen.bins.len() / 2)?;
+        let off = |z: f64, row: f64| {
+            let mut p = pose;
+            p[2] += z;
+            let placed = Placed::from(&Pose::from_array(p));
+            g.meet(&placed, &g.ray(bin.column_px, row), 0.0)
+                .map(|m| m.off_m)
+        };
+        let here = off(0.0, bin.row_px)?;
+        let (by_row, by_z) = (
+            off(0.0, bin.row_px + 0.5)? - here,
+            (off(1e-4, bin.row_px)? - here) / 1e-4,
+        );
+        Some((2.0 * by_row / by_z).abs())
+    };
+    per().unwrap_or(0.001)
+}

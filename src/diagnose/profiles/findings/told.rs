@@ -1,0 +1,206 @@
+//! Findings as a sentence, as a verdict, and as a part of the motion's.
+
+use super::{CHANNELS, Findings};
+use crate::diagnose::Diagnosis;
+use crate::diagnose::verdict::{Effect, Test, Verdict, Where, Word};
+use hydroline_rigs::{Dof, Rig};
+use std::collections::BTreeMap;
+
+impl Findings {
+    /// One sentence.
+    pub fn sentence(&self) -> String {
+        let list = || {
+            let of = |e: &Effect| {
+                let heavy = e.weight.iter().max_by(|a, b| {
+                    let size = |(c, w): &(&String, &f64)| {
+                        if c.ends_with("_rad") { **w * 1.15 } else { **w }
+                    };
+                    size(a).total_cmp(&size(b))
+                });
+                let moved = heavy.map_or_else(String::new, |(c, w)| {
+                    if c.ends_with("_rad") {
+                        format!(", {} {:.3} deg", c.trim_end_matches("_rad"), w.to_degrees())
+                    } else {
+                        format!(", {} {:.2} mm", c.trim_end_matches("_m"), w * 1e3)
+                    }
+                });
+                let numbers: Vec<String> = e
+                    .parameters
+                    .iter()
+                    .map(|(n, p)| format!("{n} = {:.5}", p.value))
+                    .collect();
+                format!("{} ({}{moved})", e.effect, numbers.join(", "))
+            };
+            self.effects.iter().map(of).collect::<Vec<_>>().join("; ")
+        };
+        match self.word {
+            Word::None if self.effects.is_empty() => {
+                "The stripe lies where the rig's camera, sheet and target put it.".to_owned()
+            }
+            Word::None => format!("Left out of the image, too small to matter: {}.", list()),
+            Word::Ambiguous => format!(
+                "Left out of the image: one of {}.",
+                self.equivalent
+                    .iter()
+                    .map(|s| s.join(" + "))
+                    .collect::<Vec<_>>()
+                    .join(" | ")
+            ),
+            Word::Unknown => format!(
+                "The stripe is {:.2} px off about {} and no effect explains it{}.",
+                self.worst_px[1],
+                self.part,
+                if self.effects.is_empty() {
+                    String::new()
+                } else {
+                    format!("; besides {}", list())
+                }
+            ),
+            _ => format!("Left out of the image: {}.", list()),
+        }
+    }
+
+    /// A verdict of the image level alone, for logs that hold frames and no motion.
+    pub fn verdict(&self) -> Verdict {
+        let dof = Dof::ALL
+            .iter()
+            .zip(CHANNELS)
+            .filter(|(_, c)| {
+                self.effects
+                    .iter()
+                    .any(|e| e.matters && e.weight.get(*c).is_some_and(|w| *w > 5e-4))
+            })
+            .map(|(d, _)| d.name().to_owned())
+            .collect();
+        Verdict {
+            verdict: self.word,
+            sentence: self.sentence(),
+            effects: self.effects.clone(),
+            equivalent: self.equivalent.clone(),
+            place: Where {
+                stage: (!self.effects.is_empty()).then(|| "measurement".to_owned()),
+                dof,
+                regime: self.regime(),
+                ..Where::default()
+            },
+            test: Test {
+                statistic:
+                    "log posterior odds of the best explanation over none, from the profiles"
+                        .to_owned(),
+                value: self.log_odds,
+                freedom: self
+                    .effects
+                    .iter()
+                    .map(|e| e.parameters.len())
+                    .sum::<usize>() as f64,
+                // Odds bound the chance of as much without an effect.
+                p_value: (-self.log_odds).exp().min(1.0),
+                whiteness_p: Vec::new(),
+                noise_rms: self.fit.train.noise.clone(),
+            },
+            fit: self.fit.clone(),
+            parameters: Default::default(),
+            blind_spots: self.blind_spots.clone(),
+            next_experiment: None,
+            noise: BTreeMap::new(),
+            data_faults: Vec::new(),
+            alternatives: self.alternatives.clone(),
+            ladder: Vec::new(),
+            unexplained: Vec::new(),
+            notes: self.notes.clone(),
+            sets_looked_at: self.sets_looked_at,
+        }
+    }
+
+    fn regime(&self) -> String {
+        if self.effects.is_empty() && self.word != Word::Unknown {
+            return "nowhere in the image".to_owned();
+        }
+        format!(
+            "in the image: rows off by up to {:.3} px about {} without effects, {:.3} px with them",
+            self.worst_px[0], self.part, self.worst_px[1]
+        )
+    }
+
+    /// A diagnosis of the image level alone.
+    pub fn alone(&self, rig: &Rig) -> Diagnosis {
+        let mut rig = rig.clone();
+        rig.physics.extend(self.entries.iter().cloned());
+        Diagnosis {
+            verdict: self.verdict(),
+            rig,
+            explained: Vec::new(),
+        }
+    }
+
+    /// Adds to a verdict from the motion of the same logs.
+    pub fn join(&self, v: &mut Verdict) {
+        if v.verdict == Word::DataFault {
+            return;
+        }
+        let says = !self.effects.is_empty() || self.word != Word::None;
+        if says {
+            v.sentence = if v.verdict == Word::None && v.effects.is_empty() {
+                self.sentence()
+            } else {
+                format!("{} {}", v.sentence, self.sentence())
+            };
+        }
+        // Complete sets: each of one level with each of the other.
+        let named = |effects: &[Effect]| -> Vec<String> {
+            effects
+                .iter()
+                .filter(|e| e.matters)
+                .map(|e| e.effect.clone())
+                .collect()
+        };
+        if !v.equivalent.is_empty() || !self.equivalent.is_empty() {
+            let or = |sets: &[Vec<String>], one: Vec<String>| {
+                if sets.is_empty() {
+                    vec![one]
+                } else {
+                    sets.to_vec()
+                }
+            };
+            let (a, b) = (
+                or(&v.equivalent, named(&v.effects)),
+                or(&self.equivalent, named(&self.effects)),
+            );
+            v.equivalent = a
+                .iter()
+                .flat_map(|x| b.iter().map(move |y| x.iter().chain(y).cloned().collect()))
+                .take(6)
+                .collect();
+        }
+        v.verdict = v.verdict.max(self.word);
+        v.effects.extend(self.effects.clone());
+        if says {
+            if v.place.stage.is_none() {
+                v.place.stage = Some("measurement".to_owned());
+            }
+            v.place.regime = if v.place.regime.is_empty() {
+                self.regime()
+            } else {
+                format!("{}; {}", v.place.regime, self.regime())
+            };
+        }
+        let tables = [
+            (&mut v.fit.train, &self.fit.train),
+            (&mut v.fit.held_out, &self.fit.held_out),
+        ];
+        for (to, from) in tables {
+            to.before.extend(from.before.clone());
+            to.after.extend(from.after.clone());
+            to.noise.extend(from.noise.clone());
+        }
+        v.blind_spots.extend(
+            self.blind_spots
+                .iter()
+                .filter(|b| !v.blind_spots.contains(b))
+                .cloned()
+                .collect::<Vec<_>>(),
+        );
+        v.notes.extend(self.notes.clone());
+        v.sets_looked_at += self.sets_looked_at;
+    }
+}

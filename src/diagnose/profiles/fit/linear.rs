@@ -1,0 +1,213 @@
+//! The likelihood of all frames about a state, with its derivatives.
+
+use super::super::evidence::Quadratic;
+use super::super::geometry::{Geometry, Placed};
+use super::super::model::{Belongs, Rays, belongs, kinds, residuals};
+use super::work::Work;
+use super::{Free, Left, UNIT};
+use hydroline_calib::Pose;
+use nalgebra::{DMatrix, DVector};
+
+/// √2π.
+const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
+
+/// The likelihood about a state.
+pub(super) struct Linear {
+    pub(super) quadratic: Quadratic,
+    /// The state in the fit's units.
+    pub(super) x: DVector<f64>,
+    pub(super) belongs: Vec<Belongs>,
+    pub(super) left: Vec<Left>,
+    /// Responsibility of the proper model for each measurement, and its derivatives by frame.
+    pub(super) weights: Vec<f64>,
+    pub(super) rows: Vec<DVector<f64>>,
+}
+
+impl Work<'_, '_> {
+    pub(super) fn linear(&self) -> Option<Linear> {
+        let g = self.problem.geometry(&self.chosen, &self.state.numbers)?;
+        let mut all = Vec::with_capacity(self.frames());
+        for (r, f, seen) in self.problem.frames() {
+            let placed = Placed::from(&Pose::from_array(self.state.poses[r][f]));
+            all.push(belongs(&g, &placed, &Rays::new(&g, seen), seen));
+        }
+        self.linear_about(&all)
+    }
+
+    /// Likelihood and derivatives, measurements belonging as given.
+    pub(super) fn linear_about(&self, all: &[Belongs]) -> Option<Linear> {
+        let problem = self.problem;
+        let g = problem.geometry(&self.chosen, &self.state.numbers)?;
+        // One geometry per number, moved by a little.
+        let step = 1e-4;
+        let mut moved: Vec<(Geometry, f64)> = Vec::new();
+        if self.free == Free::All {
+            for (e, c) in self.chosen.iter().enumerate() {
+                for k in 0..c.neutral.len() {
+                    let mut numbers = self.state.numbers.clone();
+                    // Away from a limit of the law.
+                    let sign =
+                        if numbers[e][k] + step * c.prior_sd[k] > c.info.parameters[k].limits.1 {
+                            -1.0
+                        } else {
+                            1.0
+                        };
+                    numbers[e][k] += sign * step * c.prior_sd[k];
+                    let target = problem.geometry(&self.chosen, &numbers)?;
+                    moved.push((target, sign * step));
+                }
+            }
+        }
+        let values = problem.shared_values(&self.state.shared);
+        let mut shifted = Vec::new();
+        if self.free == Free::All {
+            for (k, s) in problem.shared.iter().enumerate() {
+                let mut v = values.clone();
+                v[k] += step * problem.prior_sd(*s);
+                shifted.push(v);
+            }
+        }
+        let size = self.size();
+        let mut a = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        let (mut value, mut left, mut weights, mut rows) =
+            (0.0, Vec::new(), Vec::new(), Vec::new());
+        let (mut base, mut other) = (Vec::new(), Vec::new());
+        let tail = 6 * self.frames();
+        for (i, ((r, f, seen), belongs)) in problem.frames().zip(all).enumerate() {
+            let pose = self.state.poses[r][f];
+            let placed = Placed::from(&Pose::from_array(pose));
+            let rays = Rays::new(&g, seen);
+            let widths = &problem.widths;
+            let shared = problem.shared.as_slice();
+            residuals(
+                &g,
+                &placed,
+                &rays,
+                seen,
+                belongs,
+                widths,
+                (shared, &values),
+                &mut base,
+            );
+            let n = base.len();
+            let mut j = DMatrix::zeros(n, 6 + shifted.len() + moved.len());
+            let mut put = |column: usize, other: &[f64], h: f64| {
+                for (k, (o, b)) in other.iter().zip(&base).enumerate() {
+                    let d = (o - b) / h;
+                    // What the prediction does: the residual falls as it grows.
+                    j[(k, column)] = if d.is_finite() { -d } else { 0.0 };
+                }
+            };
+            for d in 0..6 {
+                let mut p = pose;
+                let h = 1e-3;
+                p[d] += h * UNIT;
+                let placed = Placed::from(&Pose::from_array(p));
+                residuals(
+                    &g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, &values),
+                    &mut other,
+                );
+                put(d, &other, h);
+            }
+            for (k, v) in shifted.iter().enumerate() {
+                residuals(
+                    &g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, v),
+                    &mut other,
+                );
+                put(6 + k, &other, step);
+            }
+            for (k, (g, h)) in moved.iter().enumerate() {
+                let rays = Rays::new(g, seen);
+                residuals(
+                    g,
+                    &placed,
+                    &rays,
+                    seen,
+                    belongs,
+                    widths,
+                    (shared, &values),
+                    &mut other,
+                );
+                put(6 + shifted.len() + k, &other, *h);
+            }
+            let place = |k: usize| if k < 6 { 6 * i + k } else { tail + k - 6 };
+            let ats = seen
+                .bins
+                .iter()
+                .chain(&seen.bins)
+                .map(|b| [b.column_px, b.row_px])
+                .chain(seen.edges.iter().map(|e| [e.column_px, e.row_px]));
+            for (k, ((kind, own_sd), at_px)) in
+                kinds(seen, belongs).into_iter().zip(ats).enumerate()
+            {
+                let sd = own_sd.hypot(self.state.floors[kind as usize]);
+                let off = base[k];
+                let (stray, range) = kind.stray();
+                let outside = (stray / range).ln();
+                let inside = if off.is_finite() {
+                    (1.0 - stray).ln() - 0.5 * (off / sd).powi(2) - (sd * TAU_ROOT).ln()
+                } else {
+                    f64::NEG_INFINITY
+                };
+                let top = inside.max(outside);
+                let log = top + ((inside - top).exp() + (outside - top).exp()).ln();
+                value += log;
+                let w = (inside - log).exp();
+                let row = j.row(k).transpose();
+                if w > 1e-6 {
+                    let scale = w / (sd * sd);
+                    for p in 0..row.len() {
+                        let at = place(p);
+                        gradient[at] += scale * row[p] * off;
+                        for q in 0..=p {
+                            a[(at, place(q))] += scale * row[p] * row[q];
+                        }
+                    }
+                }
+                left.push(Left {
+                    run: r,
+                    frame: f,
+                    kind,
+                    at_px,
+                    off_px: off,
+                    sd_px: sd,
+                });
+                weights.push(w);
+                rows.push(row);
+            }
+        }
+        for p in 0..size {
+            for q in 0..p {
+                a[(q, p)] = a[(p, q)];
+            }
+        }
+        let x = self.x();
+        let ax = &a * &x;
+        let c = value - gradient.dot(&x) - 0.5 * x.dot(&ax);
+        Some(Linear {
+            quadratic: Quadratic {
+                b: &gradient + &ax,
+                a,
+                c,
+            },
+            x,
+            belongs: all.to_vec(),
+            left,
+            weights,
+            rows,
+        })
+    }
+}
