@@ -6,6 +6,7 @@ use hydroline_sim::trajectory::Trajectory;
 use nalgebra::DVector;
 
 use super::family::{Acts, Family, FamilyFit, Prior, Variable};
+use super::search::Search;
 use super::setting::Setting;
 use crate::identify::data::{Command, Run, Sample};
 
@@ -131,4 +132,12 @@ pub fn setting(runs: &[Run]) -> Setting {
 pub fn candidate(setting: &Setting, id: &str) -> usize {
     let found = setting.vocabulary.iter().position(|c| c.info.id == id);
     found.unwrap()
+}
+
+/// A search that has fitted nothing and every candidate by itself.
+pub fn searched(setting: &Setting) -> Search<'_> {
+    let mut search = Search::new(setting, &|_| {});
+    search.nothing();
+    search.singles();
+    search
 }

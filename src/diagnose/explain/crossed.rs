@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use crate::diagnose::bank::{View, joined};
     use crate::diagnose::family::{Variable, bends};
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, searched, setting, surge};
 
     #[test]
     fn a_bent_law_is_asked_with_what_the_likeliest_has_beside_another() {
@@ -62,9 +62,7 @@ mod tests {
             candidate(&own, "coulomb_friction"),
             candidate(&own, "thruster_saturation"),
         );
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let single = search.finished(&[friction]).unwrap();
         search.fit(vec![joined(&own, &single, limit, &[7.94])]);
         let mut both = [friction, limit];

@@ -380,7 +380,7 @@ mod tests {
     use super::*;
     use crate::diagnose::bank::{View, joined};
     use crate::diagnose::family::{bends, forces};
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, searched, setting, surge};
 
     /// A bent law and a free force may be the same function: then what has a name stands.
     #[test]
@@ -431,9 +431,7 @@ mod tests {
         let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
         let friction = candidate(&own, "coulomb_friction");
         let limit = candidate(&own, "thruster_saturation");
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let single = search.finished(&[friction]).unwrap();
         // The loads are 8 N at most: above them a limit does nothing, and nothing is known of it.
         let (set, at) = joined(&own, &single, limit, &[8.2]);

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
     use crate::diagnose::bank::joined;
     use crate::diagnose::family::Variable;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, searched, setting, surge};
 
     #[test]
     fn heavy_members_are_bent_as_lines_without_the_light_ones() {
@@ -58,9 +58,7 @@ mod tests {
             candidate(&own, "battery_sag"),
             candidate(&own, "coulomb_friction"),
         );
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let single = search.finished(&[battery]).unwrap();
         search.fit(vec![joined(&own, &single, friction, &[0.03])]);
         let mut both = [battery, friction];

@@ -541,7 +541,7 @@ pub(super) fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, searched, setting, surge};
 
     /// A search may have come to an effect that is not there by a law that is not quite the vocabulary's.
     #[test]
@@ -553,9 +553,7 @@ mod tests {
         let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
         let limit = candidate(&own, "thruster_saturation");
         let friction = candidate(&own, "coulomb_friction");
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let single = search.finished(&[friction]).unwrap();
         let (set, at) = joined(&own, &single, limit, &[7.6]);
         let best = Posed::new(&own, &search.weights, &set).fit(at).unwrap();

@@ -67,7 +67,7 @@ mod tests {
     use crate::diagnose::bank::joined;
     use crate::diagnose::family::Variable;
     use crate::diagnose::setting::COEFFICIENTS;
-    use crate::diagnose::testing::{candidate, pulled, setting, surge};
+    use crate::diagnose::testing::{candidate, pulled, searched, setting, surge};
 
     const FRICTION: [(&str, &[(&str, f64)]); 1] = [("coulomb_friction", &[("f_n", 0.4)])];
 
@@ -76,9 +76,7 @@ mod tests {
         let pull = |k, from_s: f64| pulled(k, &[], Some((from_s, from_s + 1.8, -0.9)));
         let own = setting(&[pull(0, 8.3), pull(1, 7.4)]);
         let seiche = candidate(&own, "seiche");
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let mut single = search.finished(&[seiche]).unwrap();
         // As large as effects are that cancel each other in the runs fitted.
         single.at[COEFFICIENTS] *= 5.0;

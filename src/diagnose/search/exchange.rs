@@ -111,7 +111,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::diagnose::testing::{candidate, searched, setting, surge};
 
     /// One at a time a search ends where no single step gains: the wrong one of two must be exchanged.
     #[test]
@@ -123,9 +123,7 @@ mod tests {
         let own = setting(&[surge(0, &effects), surge(1, &effects), surge(2, &effects)]);
         let [friction, limit, wrong] =
             ["coulomb_friction", "thruster_saturation", "battery_sag"].map(|e| candidate(&own, e));
-        let mut search = Search::new(&own, &|_| {});
-        search.nothing();
-        search.singles();
+        let mut search = searched(&own);
         let single = search.finished(&[friction]).unwrap();
         let sag = search.finished(&[wrong]).unwrap().member(&own, 0).to_vec();
         search.fit(vec![joined(&own, &single, wrong, &sag)]);

@@ -36,38 +36,7 @@ impl Search<'_> {
             self.nothing();
         }
         let seeds: Vec<Vec<usize>> = self.fits.keys().cloned().collect();
-        // All singles, fitted.
-        self.extend(&[Vec::new()], usize::MAX, 0.0);
-        (self.progress)("singles");
-        // All pairs, linearised from every single; the promising ones fitted.
-        let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
-        let best_single = self
-            .ranked()
-            .iter()
-            .filter(|f| f.set.len() <= 1)
-            .map(|f| f.log_evidence)
-            .fold(f64::NEG_INFINITY, f64::max);
-        let mut pairs: Vec<(f64, Vec<usize>, Vec<f64>)> = Vec::new();
-        for single in &singles {
-            let promises = self.promises(single);
-            let Some(fit) = self.get(single) else {
-                continue;
-            };
-            for list in &promises {
-                let p = list[0];
-                if p.gain > LEAST_GAIN && fit.log_evidence + p.gain > best_single - FAR {
-                    let point = self.begin(fit, &p);
-                    let (set, from) = joined(self.setting, fit, p.candidate, &point);
-                    pairs.push((fit.log_evidence + p.gain, set, from));
-                }
-            }
-        }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut seen = BTreeSet::new();
-        pairs.retain(|(_, set, _)| seen.insert(set.clone()));
-        pairs.truncate(4 * BEAM);
-        self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
-        (self.progress)("pairs");
+        self.singles_and_pairs();
         // What a free force does beside nothing, two effects may do as well (a lag and a delay).
         self.hopeless = self.hopeless && self.unnamed_is_better(true);
         if self.hopeless {
@@ -171,6 +140,42 @@ impl Search<'_> {
             }
         }
         self.exchange();
+    }
+
+    /// The first two rounds, in which nothing is passed over that a linear view promises.
+    fn singles_and_pairs(&mut self) {
+        // All singles, fitted.
+        self.extend(&[Vec::new()], usize::MAX, 0.0);
+        (self.progress)("singles");
+        // All pairs, linearised from every single; the promising ones fitted.
+        let singles: Vec<Vec<usize>> = self.fits.keys().filter(|s| s.len() == 1).cloned().collect();
+        let best_single = self
+            .ranked()
+            .iter()
+            .filter(|f| f.set.len() <= 1)
+            .map(|f| f.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let mut pairs: Vec<(f64, Vec<usize>, Vec<f64>)> = Vec::new();
+        for single in &singles {
+            let promises = self.promises(single);
+            let Some(fit) = self.get(single) else {
+                continue;
+            };
+            for list in &promises {
+                let p = list[0];
+                if p.gain > LEAST_GAIN && fit.log_evidence + p.gain > best_single - FAR {
+                    let point = self.begin(fit, &p);
+                    let (set, from) = joined(self.setting, fit, p.candidate, &point);
+                    pairs.push((fit.log_evidence + p.gain, set, from));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut seen = BTreeSet::new();
+        pairs.retain(|(_, set, _)| seen.insert(set.clone()));
+        pairs.truncate(4 * BEAM);
+        self.fit(pairs.into_iter().map(|(_, s, a)| (s, a)).collect());
+        (self.progress)("pairs");
     }
 
     /// Where a set of some size leaves more than noise: what few effects do of which one does not act by its

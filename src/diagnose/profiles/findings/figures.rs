@@ -11,32 +11,29 @@ use crate::diagnose::verdict::BeforeAfter;
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 
-/// What is left of each kind, strays aside \[px\].
-pub(super) fn rms(fit: &Fitted) -> BTreeMap<String, f64> {
+fn by_kind(of: impl Fn(Kind) -> f64) -> BTreeMap<String, f64> {
     [
         ("row_px", Kind::Row),
         ("width_px", Kind::Width),
         ("edge_column_px", Kind::End),
     ]
     .into_iter()
-    .map(|(name, kind)| (name.to_owned(), fit.rms_px(kind)))
+    .map(|(name, kind)| (name.to_owned(), of(kind)))
     .collect()
+}
+
+/// What is left of each kind, strays aside \[px\].
+pub(super) fn rms(fit: &Fitted) -> BTreeMap<String, f64> {
+    by_kind(|kind| fit.rms_px(kind))
 }
 
 /// What the measurements' sds, floors included, let expect of it \[px\].
 pub(super) fn noise(fit: &Fitted) -> BTreeMap<String, f64> {
-    [
-        ("row_px", Kind::Row),
-        ("width_px", Kind::Width),
-        ("edge_column_px", Kind::End),
-    ]
-    .into_iter()
-    .map(|(name, kind)| {
+    by_kind(|kind| {
         let own = fit.left.iter().filter(|l| l.kind == kind);
         let (sum, n) = own.fold((0.0, 0usize), |(s, n), l| (s + l.sd_px.powi(2), n + 1));
-        (name.to_owned(), (sum / n.max(1) as f64).sqrt())
+        (sum / n.max(1) as f64).sqrt()
     })
-    .collect()
 }
 
 /// Every other frame predicted by what the rest gives: shared numbers and effects are held, only

@@ -2,12 +2,16 @@
 
 use super::super::evidence::Quadratic;
 use super::super::geometry::{Geometry, Placed};
-use super::super::model::{Belongs, Rays, belongs, kinds, residuals};
+use super::super::model::{Belongs, Rays, Shared, belongs, kinds, residuals};
 use super::work::Work;
 use super::{Free, Left, UNIT};
 use hydroline_calib::Pose;
 use nalgebra::{DMatrix, DVector};
 
+/// Of a prior's sd: how far a shared number or one of an effect is moved for its derivative.
+const STEP: f64 = 1e-4;
+/// How far a pose is, in [`UNIT`].
+const POSE_STEP: f64 = 1e-3;
 /// √2π.
 const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
 
@@ -34,39 +38,49 @@ impl Work<'_, '_> {
         self.linear_about(&all)
     }
 
+    /// One geometry per number of the effects, moved by a little; and by how much, in units of its prior.
+    fn moved(&self) -> Option<Vec<(Geometry, f64)>> {
+        let mut moved = Vec::new();
+        if self.free == Free::Poses {
+            return Some(moved);
+        }
+        for (e, c) in self.chosen.iter().enumerate() {
+            for k in 0..c.neutral.len() {
+                let mut numbers = self.state.numbers.clone();
+                // Away from a limit of the law.
+                let sign = if numbers[e][k] + STEP * c.prior_sd[k] > c.info.parameters[k].limits.1 {
+                    -1.0
+                } else {
+                    1.0
+                };
+                numbers[e][k] += sign * STEP * c.prior_sd[k];
+                let geometry = self.problem.geometry(&self.chosen, &numbers)?;
+                moved.push((geometry, sign * STEP));
+            }
+        }
+        Some(moved)
+    }
+
+    /// The shared numbers with one of them moved by [`STEP`] of its prior, for each.
+    fn shifted(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        if self.free == Free::Poses {
+            return Vec::new();
+        }
+        let one = |(k, s): (usize, &Shared)| {
+            let mut v = values.to_vec();
+            v[k] += STEP * self.problem.prior_sd(*s);
+            v
+        };
+        self.problem.shared.iter().enumerate().map(one).collect()
+    }
+
     /// Likelihood and derivatives, measurements belonging as given.
     pub(super) fn linear_about(&self, all: &[Belongs]) -> Option<Linear> {
         let problem = self.problem;
         let g = problem.geometry(&self.chosen, &self.state.numbers)?;
-        // One geometry per number, moved by a little.
-        let step = 1e-4;
-        let mut moved: Vec<(Geometry, f64)> = Vec::new();
-        if self.free == Free::All {
-            for (e, c) in self.chosen.iter().enumerate() {
-                for k in 0..c.neutral.len() {
-                    let mut numbers = self.state.numbers.clone();
-                    // Away from a limit of the law.
-                    let sign =
-                        if numbers[e][k] + step * c.prior_sd[k] > c.info.parameters[k].limits.1 {
-                            -1.0
-                        } else {
-                            1.0
-                        };
-                    numbers[e][k] += sign * step * c.prior_sd[k];
-                    let target = problem.geometry(&self.chosen, &numbers)?;
-                    moved.push((target, sign * step));
-                }
-            }
-        }
+        let moved = self.moved()?;
         let values = problem.shared_values(&self.state.shared);
-        let mut shifted = Vec::new();
-        if self.free == Free::All {
-            for (k, s) in problem.shared.iter().enumerate() {
-                let mut v = values.clone();
-                v[k] += step * problem.prior_sd(*s);
-                shifted.push(v);
-            }
-        }
+        let shifted = self.shifted(&values);
         let size = self.size();
         let mut a = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
@@ -78,18 +92,11 @@ impl Work<'_, '_> {
             let pose = self.state.poses[r][f];
             let placed = Placed::from(&Pose::from_array(pose));
             let rays = Rays::new(&g, seen);
-            let widths = &problem.widths;
-            let shared = problem.shared.as_slice();
-            residuals(
-                &g,
-                &placed,
-                &rays,
-                seen,
-                belongs,
-                widths,
-                (shared, &values),
-                &mut base,
-            );
+            let off = |g: &Geometry, placed: &Placed, rays: &Rays, values: &[f64], out: &mut _| {
+                let shared = (problem.shared.as_slice(), values);
+                residuals(g, placed, rays, seen, belongs, &problem.widths, shared, out);
+            };
+            off(&g, &placed, &rays, &values, &mut base);
             let n = base.len();
             let mut j = DMatrix::zeros(n, 6 + shifted.len() + moved.len());
             let mut put = |column: usize, other: &[f64], h: f64| {
@@ -101,46 +108,17 @@ impl Work<'_, '_> {
             };
             for d in 0..6 {
                 let mut p = pose;
-                let h = 1e-3;
-                p[d] += h * UNIT;
+                p[d] += POSE_STEP * UNIT;
                 let placed = Placed::from(&Pose::from_array(p));
-                residuals(
-                    &g,
-                    &placed,
-                    &rays,
-                    seen,
-                    belongs,
-                    widths,
-                    (shared, &values),
-                    &mut other,
-                );
-                put(d, &other, h);
+                off(&g, &placed, &rays, &values, &mut other);
+                put(d, &other, POSE_STEP);
             }
             for (k, v) in shifted.iter().enumerate() {
-                residuals(
-                    &g,
-                    &placed,
-                    &rays,
-                    seen,
-                    belongs,
-                    widths,
-                    (shared, v),
-                    &mut other,
-                );
-                put(6 + k, &other, step);
+                off(&g, &placed, &rays, v, &mut other);
+                put(6 + k, &other, STEP);
             }
             for (k, (g, h)) in moved.iter().enumerate() {
-                let rays = Rays::new(g, seen);
-                residuals(
-                    g,
-                    &placed,
-                    &rays,
-                    seen,
-                    belongs,
-                    widths,
-                    (shared, &values),
-                    &mut other,
-                );
+                off(g, &placed, &Rays::new(g, seen), &values, &mut other);
                 put(6 + shifted.len() + k, &other, *h);
             }
             let place = |k: usize| if k < 6 { 6 * i + k } else { tail + k - 6 };
