@@ -1,23 +1,24 @@
 //! One case: diagnosed without the key, then compared with it.
 
+mod sets;
+mod tally;
+mod undecided;
+
 use std::borrow::Cow;
 
 use hydroline_rigs::Plan;
 
-use super::case::{Case, Category, DELAYS, Truth, UNNAMED_ID};
+pub use self::tally::{Counted, SCORED_M, SumFound, Tally, weight_right};
+use self::tally::{compare, invented, is_there};
+use self::undecided::Undecided;
+pub use self::undecided::{SAID, SPLIT};
+use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
 use super::{paper, plans};
 use crate::diagnose::diagnose;
 use crate::diagnose::verdict::{Law, Verdict, Word};
 
-/// What is lighter is not scored effect by effect \[m\].
-pub const SCORED_M: f64 = 0.5e-3;
-/// Log evidence (a factor of 20) below which the data at their true noise cannot part two effects.
-pub const SPLIT: f64 = 3.0;
-/// The same where the diagnosis says that it cannot: its noise is estimated, and what it says must not excuse
-/// everything.
-pub const SAID: f64 = 6.0;
 /// Normal quantile of a 95 % interval.
 const Z95: f64 = 1.959_964;
 
@@ -34,17 +35,6 @@ pub struct Found {
     pub inexact: bool,
     /// What the diagnosis says it cannot tell it from.
     pub or: Vec<String>,
-}
-
-/// Effect by effect.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Tally {
-    /// (effect, weight \[m\], practical size, found or in a set, weight found \[m\]) of what is there.
-    pub there: Vec<(String, f64, bool, bool, Option<f64>)>,
-    /// (effect, weight \[m\], right) of what was found.
-    pub found: Vec<(String, f64, bool)>,
-    /// Whether the heaviest found is the heaviest there; `None` where nothing of practical size is.
-    pub heaviest: Option<bool>,
 }
 
 /// A number with the truth.
@@ -197,13 +187,13 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);
             judged.passed.push(("nothing".into(), quiet));
-            by_effect(case, &verdict, &mut judged, observe);
+            by_effect(case, &verdict, &mut judged, observe)?;
         }
         Category::Single | Category::Pair | Category::Triple => {
             if let Some(main) = judged.near().cloned() {
                 near(case, &mut judged, &main, observe);
             } else {
-                by_effect(case, &verdict, &mut judged, observe);
+                by_effect(case, &verdict, &mut judged, observe)?;
                 let kept = judged
                     .found
                     .iter()
@@ -247,137 +237,77 @@ fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
     ])
 }
 
-/// Whether what was found is there; motion alone never tells one delay from the other, so that one of them, found
-/// alone, stands for either.
-fn is_there(truth: &[Truth], found: &str, all: &[&str]) -> bool {
-    let twin = |t: &Truth| {
-        DELAYS.contains(&found)
-            && DELAYS.contains(&t.effect.as_str())
-            && !all.contains(&t.effect.as_str())
-    };
-    truth.iter().any(|t| t.effect == found || twin(t))
-}
-
-/// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented. The observer that
+/// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented (by the observer: a name that
+/// stands for another one that is there is not, up to that one's weight). The observer that
 /// sees another law takes that one; where the data do not show it, its best set of the vocabulary counts.
 fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     let own = judged.found.iter().find(|f| f.effect == main.effect);
     let in_set = judged.equivalent.iter().any(|s| s.contains(&main.effect));
-    let truth = judged.truth.clone();
-    let modest = |found: &mut dyn Iterator<Item = (&str, f64)>| {
-        let found: Vec<(&str, f64)> = found.collect();
-        let all: Vec<&str> = found.iter().map(|f| f.0).collect();
-        let spurious = found
-            .iter()
-            .filter(|(id, _)| !is_there(&truth, id, &all))
-            .map(|(_, weight_m)| *weight_m)
-            .fold(0.0, f64::max);
-        spurious <= 0.1 * main.weight_m
+    let ideal = observe.then(|| asked(case)).flatten();
+    let modest = |found: &[(String, f64)], said: &[Found]| {
+        let split = Undecided::new(ideal.as_ref().map(|i| &i.0), case, said);
+        invented(&judged.truth, found, &split) <= 0.1 * main.weight_m
     };
-    let mut found = judged.found.iter().map(|f| (f.effect.as_str(), f.weight_m));
     let passed = [
         ("mechanism".into(), own.is_some() || in_set),
         ("inexact".into(), own.is_some_and(|f| f.inexact)),
-        ("no_spurious".into(), modest(&mut found)),
+        (
+            "no_spurious".into(),
+            modest(&names(&judged.found), &judged.found),
+        ),
     ];
+    if let Some((observer, choice)) = &ideal {
+        let sees = observer.sees_another_law(case);
+        let named = sees || choice.iter().any(|(id, _)| *id == main.effect);
+        judged.passed_ideal = vec![
+            ("mechanism".into(), named),
+            ("inexact".into(), sees),
+            ("no_spurious".into(), sees || modest(choice, &[])),
+        ];
+        judged.held_ideal_m = if sees {
+            case.key.held_noise_m
+        } else {
+            observer.held_out(case)
+        };
+    }
     judged.passed.extend(passed);
-    let Some(mut ideal) = observe.then(|| Ideal::new(case)).flatten() else {
-        return;
-    };
-    let choice = ideal.choice();
-    let sees = ideal.sees_another_law(case);
-    let named = sees || choice.iter().any(|(id, _)| *id == main.effect);
-    let mut found = choice.iter().map(|(id, w)| (id.as_str(), *w));
-    judged.held_ideal_m = if sees {
-        case.key.held_noise_m
-    } else {
-        ideal.held_out(case)
-    };
-    judged.passed_ideal = vec![
-        ("mechanism".into(), named),
-        ("inexact".into(), sees),
-        ("no_spurious".into(), sees || modest(&mut found)),
-    ];
 }
 
-fn by_effect(case: &Case, verdict: &Verdict, judged: &mut Judged, observe: bool) {
-    let mut ideal = if observe { Ideal::new(case) } else { None };
-    let found: Vec<(String, f64)> = judged
-        .found
+/// The observer of a case and its choice.
+fn asked(case: &Case) -> Option<(Ideal, Vec<(String, f64)>)> {
+    let mut ideal = Ideal::new(case)?;
+    let choice = ideal.choice();
+    Some((ideal, choice))
+}
+
+fn by_effect(
+    case: &Case,
+    verdict: &Verdict,
+    judged: &mut Judged,
+    observe: bool,
+) -> Result<(), ProveError> {
+    let ideal = observe.then(|| asked(case)).flatten();
+    let observer = ideal.as_ref().map(|i| &i.0);
+    let sums = observer.map_or(Ok(Vec::new()), |o| sets::sums(case, o))?;
+    let of = |found: &[(String, f64)], equivalent: &[Vec<String>], said: &[Found]| {
+        let split = Undecided::new(observer, case, said);
+        compare(&judged.truth, found, equivalent, &sums, &split)
+    };
+    let tool = of(&names(&judged.found), &judged.equivalent, &judged.found);
+    if let Some((observer, choice)) = &ideal {
+        judged.ideal = Some(of(choice, &[], &[]));
+        judged.held_ideal_m = observer.held_out(case);
+    }
+    judged.tool = Some(tool);
+    judged.intervals = intervals(case, verdict, &judged.truth);
+    Ok(())
+}
+
+fn names(found: &[Found]) -> Vec<(String, f64)> {
+    found
         .iter()
         .map(|f| (f.effect.clone(), f.weight_m))
-        .collect();
-    let said: Vec<Found> = judged.found.clone();
-    let mut same = |missing: &str, wrong: &str| {
-        let or = |f: &Found| f.effect == wrong && f.or.iter().any(|o| o == missing);
-        let apart = if said.iter().any(or) { SAID } else { SPLIT };
-        ideal
-            .as_ref()
-            .is_some_and(|i| i.gap(missing, wrong).is_some_and(|g| g < apart))
-    };
-    judged.tool = Some(compare(
-        &judged.truth,
-        &found,
-        &judged.equivalent,
-        &mut same,
-    ));
-    if let Some(choice) = ideal.as_mut().map(Ideal::choice) {
-        let mut same = |missing: &str, wrong: &str| {
-            ideal
-                .as_ref()
-                .is_some_and(|i| i.gap(missing, wrong).is_some_and(|g| g < SPLIT))
-        };
-        judged.ideal = Some(compare(&judged.truth, &choice, &[], &mut same));
-        judged.held_ideal_m = ideal.as_ref().and_then(|i| i.held_out(case));
-    }
-    judged.intervals = intervals(case, verdict, &judged.truth);
-}
-
-/// Effect by effect. `same(missing, wrong)`: the data cannot tell these two apart.
-fn compare(
-    truth: &[Truth],
-    found: &[(String, f64)],
-    sets: &[Vec<String>],
-    same: &mut dyn FnMut(&str, &str) -> bool,
-) -> Tally {
-    let is_there = |id: &str| truth.iter().any(|t| t.effect == id);
-    let in_sets = |id: &str| sets.iter().any(|s| s.iter().any(|e| e == id));
-    let weight_of = |id: &str| found.iter().find(|f| f.0 == id).map(|f| f.1);
-    let mut there = Vec::new();
-    let mut excused: Vec<String> = Vec::new();
-    for t in truth.iter().filter(|t| t.weight_m > SCORED_M) {
-        let weight = weight_of(&t.effect);
-        let mut hit = weight.is_some();
-        if !hit {
-            // A set that the data cannot split counts once: what stands for the other is right as well.
-            for (f, _) in found.iter().filter(|f| !is_there(&f.0)) {
-                let stands_for = (in_sets(&t.effect) && in_sets(f)) || same(&t.effect, f);
-                if stands_for && !excused.contains(f) {
-                    excused.push(f.clone());
-                    hit = true;
-                    break;
-                }
-            }
-            hit |= in_sets(&t.effect);
-        }
-        there.push((t.effect.clone(), t.weight_m, t.main, hit, weight));
-    }
-    let scored: Vec<(String, f64, bool)> = found
-        .iter()
-        .filter(|f| f.1 > SCORED_M)
-        .map(|(f, w)| (f.clone(), *w, is_there(f) || excused.contains(f)))
-        .collect();
-    let heaviest = truth.first().filter(|t| t.main).map(|t| {
-        found.first().is_some_and(|(f, _)| {
-            *f == t.effect
-                || (excused.contains(f) && there.first().is_some_and(|h| h.3 && h.4.is_none()))
-        })
-    });
-    Tally {
-        there,
-        found: scored,
-        heaviest,
-    }
+        .collect()
 }
 
 fn intervals(case: &Case, verdict: &Verdict, truth: &[Truth]) -> Vec<Interval> {
@@ -475,51 +405,4 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
     outcome.plan = Some(next.plan.clone());
     outcome.after = after.sentence;
     Ok(outcome)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn truth(effect: &str, mm: f64, main: bool) -> Truth {
-        Truth {
-            effect: effect.to_owned(),
-            weight_m: mm * 1e-3,
-            main,
-            exact: true,
-            parameters: Vec::new(),
-        }
-    }
-
-    fn found(all: &[(&str, f64)]) -> Vec<(String, f64)> {
-        all.iter()
-            .map(|(e, mm)| ((*e).to_owned(), mm * 1e-3))
-            .collect()
-    }
-
-    #[test]
-    fn a_set_that_cannot_be_split_counts_once_and_a_wrong_name_does_not() {
-        let there = [truth("lag", 10.0, true), truth("current", 1.0, false)];
-        let seen = found(&[("delay", 9.0), ("current", 1.02), ("bias", 0.8)]);
-        let none = compare(&there, &seen, &[], &mut |_, _| false);
-        assert_eq!(
-            none.there.iter().map(|t| t.3).collect::<Vec<_>>(),
-            [false, true]
-        );
-        assert_eq!(
-            none.found.iter().map(|f| f.2).collect::<Vec<_>>(),
-            [false, true, false]
-        );
-        assert_eq!(none.heaviest, Some(false));
-        let twins = compare(&there, &seen, &[], &mut |m, w| m == "lag" && w == "delay");
-        assert!(twins.there.iter().all(|t| t.3));
-        assert_eq!(
-            twins.found.iter().map(|f| f.2).collect::<Vec<_>>(),
-            [true, true, false]
-        );
-        assert_eq!(twins.heaviest, Some(true));
-        let sets = [vec!["delay".to_owned()], vec!["lag".to_owned()]];
-        let said = compare(&there, &seen, &sets, &mut |_, _| false);
-        assert!(said.there[0].3 && said.found[0].2 && !said.found[2].2);
-    }
 }

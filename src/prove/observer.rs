@@ -137,6 +137,7 @@ impl Ideal {
         let truth = jobs
             .into_par_iter()
             .filter_map(|(set, at)| Posed::new(&setting, &weights, &set).fit(at).ok())
+            .filter(|f| f.log_evidence.is_finite())
             .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
         let bank = responses(&setting, &truth);
         let white = bank
@@ -283,6 +284,28 @@ impl Ideal {
         held_out(&self.setting, last, self.best(), self.weights.noise)
     }
 
+    /// Log evidence of all runs by which the truth beats the same set without some of its effects; `None` where one of them is not
+    /// there, or where what is left could not be fitted.
+    pub fn worth(&self, missing: &[&str]) -> Option<f64> {
+        let mut rest = self.truth.clone();
+        for id in missing {
+            let held = |c: &usize| self.setting.vocabulary[*c].info.id == *id;
+            let member = rest.set.iter().position(held)?;
+            (rest.set, rest.at) = without(&self.setting, &rest, member);
+        }
+        let less = self.plainly(&rest.set, rest.at)?;
+        let of = |fit: &Fit| self.choosing.evidence(&self.setting, &self.weights, fit);
+        let worth = of(&self.truth) - of(&less);
+        tracing::debug!("without {}: {worth:.2} less", missing.join(", "));
+        Some(worth)
+    }
+
+    /// What the data say nothing of (a wall far off) is no reason not to compare.
+    fn plainly(&self, set: &[usize], from: Vec<f64>) -> Option<Fit> {
+        let posed = Posed::new(&self.setting, &self.weights, set);
+        posed.fit(from).ok().filter(|f| f.log_evidence.is_finite())
+    }
+
     /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`: infinite where that
     /// one, fitted there, is worth no more than nothing; none where that is no question or it could not be fitted.
     pub fn gap(&self, missing: &str, wrong: &str) -> Option<f64> {
@@ -292,19 +315,14 @@ impl Ideal {
         if self.truth.set.contains(&f) {
             return None;
         }
-        // From the true numbers and from those that the others have without it. What the data say nothing of beside these
-        // two (a wall far off) is no reason not to compare them.
-        let plainly = |(set, from): (Vec<usize>, Vec<f64>)| {
-            let posed = Posed::new(&self.setting, &self.weights, &set);
-            posed.fit(from).ok().filter(|f| f.log_evidence.is_finite())
-        };
+        // From the true numbers and from those that the others have without it.
         let (set, at) = without(&self.setting, &self.truth, member);
         let from = Fit {
             set,
             at,
             ..self.truth.clone()
         };
-        let less = plainly((from.set.clone(), from.at.clone()));
+        let less = self.plainly(&from.set, from.at.clone());
         let starts = &self.setting.vocabulary[f].starts;
         let jobs: Vec<(Vec<usize>, Vec<f64>)> = [Some(&from), less.as_ref()]
             .into_iter()
@@ -316,7 +334,10 @@ impl Ideal {
             less.as_ref()
                 .is_none_or(|l| f.log_evidence > l.log_evidence)
         };
-        let other: Vec<Fit> = jobs.into_par_iter().filter_map(plainly).collect();
+        let other: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(|(set, from)| self.plainly(&set, from))
+            .collect();
         let gap = other
             .iter()
             .filter(|o| does(o))

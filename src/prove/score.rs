@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::case::{Category, UNNAMED_ID};
-use super::judge::{Judged, SCORED_M, Tally};
+use super::judge::{Counted, Judged, SCORED_M, Tally, weight_right};
 use crate::diagnose::verdict::Word;
 
 /// Hits out of a number, with Wilson's 95 % interval (JASA 22, 1927).
@@ -98,30 +98,31 @@ pub fn score(all: &[Judged]) -> Score {
         tool: of(&tools),
         ideal: (!ideals.is_empty()).then(|| of(&ideals)),
     };
-    let there = |tallies: &[&Tally], main: Option<bool>| {
-        Rate::of(
-            tallies
-                .iter()
-                .flat_map(|t| &t.there)
-                .filter(|e| main.is_none_or(|m| e.2 == m))
-                .map(|e| e.3),
-        )
+    // A set that the data cannot split counts once; below that, each effect by itself.
+    let once =
+        |tallies: &[&Tally]| -> Vec<Counted> { tallies.iter().flat_map(|t| t.counted()).collect() };
+    let recall = |tallies: &[&Tally], main: Option<bool>| {
+        let asked = |c: &Counted| main.is_none_or(|m| c.main == m);
+        Rate::of(once(tallies).into_iter().filter(asked).map(|c| c.hit))
     };
     let mut lines = vec![
         two("recall, effects over 0.5 mm", ">= 95 %", &|t| {
-            there(t, None)
+            recall(t, None)
         }),
-        two("  of practical size", "", &|t| there(t, Some(true))),
-        two("  of the background", "", &|t| there(t, Some(false))),
+        two("  of practical size", "", &|t| recall(t, Some(true))),
+        two("  of the background", "", &|t| recall(t, Some(false))),
+        two("  each effect by itself", "", &|t| {
+            Rate::of(t.iter().flat_map(|t| &t.there).map(|e| e.3))
+        }),
         two("precision, effects over 0.5 mm", ">= 95 %", &|t| {
             Rate::of(t.iter().flat_map(|t| &t.found).map(|f| f.2))
         }),
         two("weights within 10 %", ">= 95 %", &|t| {
-            Rate::of(
-                t.iter()
-                    .flat_map(|t| &t.there)
-                    .filter_map(|e| e.4.map(|w| (w / e.1 - 1.0).abs() <= 0.1)),
-            )
+            Rate::of(once(t).iter().filter_map(Counted::weight_right))
+        }),
+        two("  each weight by itself", "", &|t| {
+            let all = t.iter().flat_map(|t| &t.there);
+            Rate::of(all.filter_map(|e| Some(weight_right(e.4?, e.1))))
         }),
         two("heaviest right", ">= 98 %", &|t| {
             Rate::of(t.iter().filter_map(|t| t.heaviest))
@@ -309,16 +310,15 @@ pub fn complaint(j: &Judged) -> Option<String> {
         .map(|p| p.0.to_string())
         .collect();
     if let Some(t) = &j.tool {
-        wrong.extend(
-            t.there
-                .iter()
-                .filter(|e| !e.3)
-                .map(|e| format!("missed {} {:.2} mm", e.0, e.1 * 1e3)),
-        );
-        wrong.extend(t.there.iter().filter_map(|e| {
-            let w = e.4.filter(|w| (w / e.1 - 1.0).abs() > 0.1)?;
-            Some(format!("{} {:.2} mm for {:.2}", e.0, w * 1e3, e.1 * 1e3))
-        }));
+        let counted = t.counted();
+        for c in counted.iter().filter(|c| !c.hit) {
+            wrong.push(format!("missed {} {:.2} mm", c.name, c.weight_m * 1e3));
+        }
+        for c in counted.iter().filter(|c| c.weight_right() == Some(false)) {
+            let found_mm = c.found_m.map_or(f64::NAN, |w| w * 1e3);
+            let (name, there_mm) = (&c.name, c.weight_m * 1e3);
+            wrong.push(format!("{name} {found_mm:.2} mm for {there_mm:.2}"));
+        }
         wrong.extend(
             t.found
                 .iter()

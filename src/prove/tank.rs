@@ -182,7 +182,23 @@ impl Tank {
     /// # Errors
     /// [`ProveError`].
     pub fn weights(&self, runs: &[Recorded]) -> Result<Vec<f64>, ProveError> {
-        let none = self.over(runs, &self.vehicle, &[], None)?;
+        let scale = self.scale(runs)?;
+        let mut weights = Vec::new();
+        for entry in &self.entries {
+            weights.push(rms(&scale.left_m(std::slice::from_ref(entry), None)?));
+        }
+        if let Some(s) = &self.strange {
+            weights.push(rms(&scale.left_m(&[], Some(s))?));
+        }
+        Ok(weights)
+    }
+
+    /// What effects of this tank are weighed with.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn scale<'a>(&'a self, runs: &'a [Recorded]) -> Result<Scale<'a>, ProveError> {
+        let bare_m = self.over(runs, &self.vehicle, &[], None)?;
         let mut columns = Vec::new();
         for c in Coefficient::of(Dof::Surge) {
             let value = c.of_vehicle(&self.vehicle);
@@ -194,21 +210,62 @@ impl Tank {
             };
             columns.push((bent(value + step)? - bent(value - step)?) / (2.0 * step));
         }
-        let own = basis(&DMatrix::from_columns(&columns));
-        let weigh = |with: DVector<f64>| {
-            let left = outside(&own, &(with - &none));
-            left.norm() / (left.len().max(1) as f64).sqrt()
-        };
-        let mut weights = Vec::new();
-        for entry in &self.entries {
-            let alone = std::slice::from_ref(entry);
-            weights.push(weigh(self.over(runs, &self.vehicle, alone, None)?));
-        }
-        if let Some(s) = &self.strange {
-            weights.push(weigh(self.over(runs, &self.vehicle, &[], Some(s))?));
-        }
-        Ok(weights)
+        Ok(Scale {
+            tank: self,
+            runs,
+            bare_m,
+            own: basis(&DMatrix::from_columns(&columns)),
+        })
     }
+}
+
+/// The true vehicle without effects over some runs, and what its coefficients can take up.
+pub struct Scale<'a> {
+    tank: &'a Tank,
+    runs: &'a [Recorded],
+    bare_m: DVector<f64>,
+    own: DMatrix<f64>,
+}
+
+impl Scale<'_> {
+    /// What effects leave in the motion that the coefficients cannot take up \[m\].
+    fn left_m(
+        &self,
+        entries: &[PhysicsEntry],
+        strange: Option<&Strange>,
+    ) -> Result<DVector<f64>, ProveError> {
+        let vehicle = &self.tank.vehicle;
+        let with_m = self.tank.over(self.runs, vehicle, entries, strange)?;
+        Ok(outside(&self.own, &(with_m - &self.bare_m)))
+    }
+
+    fn of(&self, effects: &[&str]) -> Result<DVector<f64>, ProveError> {
+        let wanted = |e: &&PhysicsEntry| effects.contains(&e.effect.as_str());
+        let entries: Vec<PhysicsEntry> = self.tank.entries.iter().filter(wanted).cloned().collect();
+        self.left_m(&entries, None)
+    }
+
+    /// Weight of some of the tank's effects together \[m\].
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn together_m(&self, effects: &[&str]) -> Result<f64, ProveError> {
+        Ok(rms(&self.of(effects)?))
+    }
+
+    /// By how much two of the tank's effects move alike: the cosine of what each leaves, 0 where one leaves nothing.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn alike(&self, one: &str, other: &str) -> Result<f64, ProveError> {
+        let (a, b) = (self.of(&[one])?, self.of(&[other])?);
+        let cosine = a.dot(&b) / (a.norm() * b.norm());
+        Ok(if cosine.is_nan() { 0.0 } else { cosine })
+    }
+}
+
+fn rms(column: &DVector<f64>) -> f64 {
+    column.norm() / (column.len().max(1) as f64).sqrt()
 }
 
 /// Messages as they go out, and (time, surge load \[N\]) where it changes.
