@@ -45,7 +45,8 @@ fn span(
     basis(&all)
 }
 
-fn rms(column: &DVector<f64>) -> f64 {
+/// Root mean square of a column.
+pub fn rms(column: &DVector<f64>) -> f64 {
     column.norm() / (column.len().max(1) as f64).sqrt()
 }
 

@@ -284,20 +284,26 @@ impl Ideal {
         held_out(&self.setting, last, self.best(), self.weights.noise)
     }
 
-    /// Log evidence of all runs by which the truth beats the same set without some of its effects; `None` where one of them is not
-    /// there, or where what is left could not be fitted.
+    /// Log evidence of all runs by which the truth beats the same set without some of its effects; `None` where one of
+    /// them is not there, or where what is left could not be fitted.
     pub fn worth(&self, missing: &[&str]) -> Option<f64> {
+        let rest = self.lacking(missing)?;
+        let less = self.plainly(&rest.set, rest.at)?;
+        let of = |fit: &Fit| self.choosing.evidence(&self.setting, &self.weights, fit);
+        let worth = of(&self.truth) - of(&less);
+        tracing::debug!("without {}: {worth:.2} less", missing.join(", "));
+        Some(worth)
+    }
+
+    /// The truth without some of its effects, where the others stand; `None` where one of them is not there.
+    fn lacking(&self, missing: &[&str]) -> Option<Fit> {
         let mut rest = self.truth.clone();
         for id in missing {
             let held = |c: &usize| self.setting.vocabulary[*c].info.id == *id;
             let member = rest.set.iter().position(held)?;
             (rest.set, rest.at) = without(&self.setting, &rest, member);
         }
-        let less = self.plainly(&rest.set, rest.at)?;
-        let of = |fit: &Fit| self.choosing.evidence(&self.setting, &self.weights, fit);
-        let worth = of(&self.truth) - of(&less);
-        tracing::debug!("without {}: {worth:.2} less", missing.join(", "));
-        Some(worth)
+        Some(rest)
     }
 
     /// What the data say nothing of (a wall far off) is no reason not to compare.
@@ -309,19 +315,13 @@ impl Ideal {
     /// Log evidence by which the truth beats the same set with `wrong` in the place of `missing`: infinite where that
     /// one, fitted there, is worth no more than nothing; none where that is no question or it could not be fitted.
     pub fn gap(&self, missing: &str, wrong: &str) -> Option<f64> {
-        let index = |id: &str| self.setting.vocabulary.iter().position(|c| c.info.id == id);
-        let (t, f) = (index(missing)?, index(wrong)?);
-        let member = self.truth.set.iter().position(|c| *c == t)?;
+        let known = &self.setting.vocabulary;
+        let f = known.iter().position(|c| c.info.id == wrong)?;
+        let from = self.lacking(&[missing])?;
         if self.truth.set.contains(&f) {
             return None;
         }
         // From the true numbers and from those that the others have without it.
-        let (set, at) = without(&self.setting, &self.truth, member);
-        let from = Fit {
-            set,
-            at,
-            ..self.truth.clone()
-        };
         let less = self.plainly(&from.set, from.at.clone());
         let starts = &self.setting.vocabulary[f].starts;
         let jobs: Vec<(Vec<usize>, Vec<f64>)> = [Some(&from), less.as_ref()]

@@ -13,6 +13,7 @@ use super::strange::Strange;
 use crate::diagnose::Source;
 use crate::diagnose::bank::{basis, outside};
 use crate::diagnose::faults::{Records, faults};
+use crate::diagnose::weight::rms;
 use crate::identify::data::load_messages;
 use crate::identify::parameter::Coefficient;
 use crate::log::messages::{pb, timestamp, unix_ns};
@@ -239,33 +240,15 @@ impl Scale<'_> {
         Ok(outside(&self.own, &(with_m - &self.bare_m)))
     }
 
-    fn of(&self, effects: &[&str]) -> Result<DVector<f64>, ProveError> {
+    /// The same of some of the tank's effects by their ids, together.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn left_of_m(&self, effects: &[&str]) -> Result<DVector<f64>, ProveError> {
         let wanted = |e: &&PhysicsEntry| effects.contains(&e.effect.as_str());
         let entries: Vec<PhysicsEntry> = self.tank.entries.iter().filter(wanted).cloned().collect();
         self.left_m(&entries, None)
     }
-
-    /// Weight of some of the tank's effects together \[m\].
-    ///
-    /// # Errors
-    /// [`ProveError`].
-    pub fn together_m(&self, effects: &[&str]) -> Result<f64, ProveError> {
-        Ok(rms(&self.of(effects)?))
-    }
-
-    /// By how much two of the tank's effects move alike: the cosine of what each leaves, 0 where one leaves nothing.
-    ///
-    /// # Errors
-    /// [`ProveError`].
-    pub fn alike(&self, one: &str, other: &str) -> Result<f64, ProveError> {
-        let (a, b) = (self.of(&[one])?, self.of(&[other])?);
-        let cosine = a.dot(&b) / (a.norm() * b.norm());
-        Ok(if cosine.is_nan() { 0.0 } else { cosine })
-    }
-}
-
-fn rms(column: &DVector<f64>) -> f64 {
-    column.norm() / (column.len().max(1) as f64).sqrt()
 }
 
 /// Messages as they go out, and (time, surge load \[N\]) where it changes.

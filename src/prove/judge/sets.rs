@@ -3,8 +3,11 @@
 //! A lag and a delay move a slow vehicle alike. Whether the data show that both are there is asked of the ideal
 //! observer, never of what was found: the sets of a case are the same for whoever is judged.
 
+use nalgebra::DVector;
+
 use super::tally::SCORED_M;
 use super::undecided::SPLIT;
+use crate::diagnose::weight::rms;
 use crate::prove::case::{Case, Truth};
 use crate::prove::error::ProveError;
 use crate::prove::observer::Ideal;
@@ -21,19 +24,36 @@ pub(super) struct Sum {
     pub(super) weight_m: f64,
 }
 
+impl Sum {
+    pub(super) fn holds(&self, effect: &str) -> bool {
+        self.effects.iter().any(|e| e == effect)
+    }
+}
+
+/// By how much two effects move alike: the cosine of what each leaves, 0 where one leaves nothing.
+fn alike(one: &DVector<f64>, other: &DVector<f64>) -> f64 {
+    let cosine = one.dot(other) / (one.norm() * other.norm());
+    if cosine.is_nan() { 0.0 } else { cosine }
+}
+
 /// The sets of a case whose laws are all the vocabulary's; of those with a member over [`SCORED_M`].
 pub(super) fn sums(case: &Case, ideal: &Ideal) -> Result<Vec<Sum>, ProveError> {
     let key = &case.key;
     let scale = key.tank.scale(&key.runs)?;
+    let each = key.truth.iter().map(|t| {
+        let left = scale.left_of_m(&[t.effect.as_str()])?;
+        Ok((t, left))
+    });
+    let each: Vec<(&Truth, DVector<f64>)> = each.collect::<Result<_, ProveError>>()?;
     let mut made: Vec<Sum> = Vec::new();
-    for carrier in &key.truth {
-        let free = |t: &&Truth| t.effect != carrier.effect && free_of(&made, &t.effect);
-        if !free_of(&made, &carrier.effect) {
+    for (carrier, own) in &each {
+        let free = |t: &Truth| !made.iter().any(|s| s.holds(&t.effect));
+        if !free(carrier) {
             continue;
         }
         let mut others: Vec<&Truth> = Vec::new();
-        for other in key.truth.iter().filter(free) {
-            if scale.alike(&carrier.effect, &other.effect)? < ALIKE {
+        for (other, left) in &each {
+            if other.effect == carrier.effect || !free(other) || alike(own, left) < ALIKE {
                 continue;
             }
             others.push(other);
@@ -47,18 +67,14 @@ pub(super) fn sums(case: &Case, ideal: &Ideal) -> Result<Vec<Sum>, ProveError> {
         if others.is_empty() || !(heavy(carrier) || others.iter().any(|t| heavy(t))) {
             continue;
         }
-        let effects: Vec<&str> = std::iter::once(carrier)
+        let effects: Vec<&str> = std::iter::once(*carrier)
             .chain(others)
             .map(|t| t.effect.as_str())
             .collect();
         made.push(Sum {
-            weight_m: scale.together_m(&effects)?,
+            weight_m: rms(&scale.left_of_m(&effects)?),
             effects: effects.into_iter().map(str::to_owned).collect(),
         });
     }
     Ok(made)
-}
-
-fn free_of(made: &[Sum], effect: &str) -> bool {
-    !made.iter().any(|s| s.effects.iter().any(|e| e == effect))
 }

@@ -93,11 +93,14 @@ pub(super) trait Split {
     fn exchanged(&self, missing: &str, wrong: &str) -> bool;
 }
 
+fn in_key(truth: &[Truth], id: &str) -> bool {
+    truth.iter().any(|t| t.effect == id)
+}
+
 /// The delay of `truth` for which one that is not there stands: motion alone never tells one from the other, so that
 /// one of them, found alone, is either.
 fn twin<'a>(truth: &'a [Truth], found: &str, all: &[&str]) -> Option<&'a str> {
-    let there = |t: &&Truth| t.effect == found;
-    if !DELAYS.contains(&found) || truth.iter().any(|t| there(&t)) {
+    if !DELAYS.contains(&found) || in_key(truth, found) {
         return None;
     }
     truth
@@ -108,7 +111,7 @@ fn twin<'a>(truth: &'a [Truth], found: &str, all: &[&str]) -> Option<&'a str> {
 
 /// Whether what was found is there, or stands for the other delay.
 pub(super) fn is_there(truth: &[Truth], found: &str, all: &[&str]) -> bool {
-    truth.iter().any(|t| t.effect == found) || twin(truth, found, all).is_some()
+    in_key(truth, found) || twin(truth, found, all).is_some()
 }
 
 /// Heaviest of what was found and is not there \[m\]: of what stands for an effect of the vocabulary's own law that was
@@ -146,14 +149,11 @@ pub(super) fn compare(
     split: &dyn Split,
 ) -> Tally {
     let all: Vec<&str> = found.iter().map(|f| f.0.as_str()).collect();
-    let known = |id: &str| truth.iter().any(|t| t.effect == id);
+    let known = |id: &str| in_key(truth, id);
     let in_sets = |id: &str| equivalent.iter().any(|s| s.iter().any(|e| e == id));
     let weight_of = |id: &str| found.iter().find(|f| f.0 == id).map(|f| f.1);
     // What was found of a sum, by its own name or by the other delay's.
-    let of_sum = |s: &Sum, f: &str| {
-        let own = |id: &str| s.effects.iter().any(|e| e == id);
-        own(f) || twin(truth, f, &all).is_some_and(own)
-    };
+    let of_sum = |s: &Sum, f: &str| s.holds(f) || twin(truth, f, &all).is_some_and(|t| s.holds(t));
     let in_sum = |f: &str| sums.iter().any(|s| of_sum(s, f));
     let mut there = Vec::new();
     // (missing, what stands for it).
@@ -174,21 +174,20 @@ pub(super) fn compare(
         }
         there.push((t.effect.clone(), t.weight_m, t.main, hit, weight));
     }
-    let made = sums.iter().map(|s| {
-        let own = |id: &str| s.effects.iter().any(|e| e == id);
+    let told = |s: &Sum| {
         let parts = found.iter().filter(|f| of_sum(s, &f.0));
         // They move alike: their weights add up.
         let found_m: f64 = parts.map(|f| f.1).sum();
-        let by_another = there.iter().any(|e| own(&e.0) && e.3 && e.4.is_none());
+        let by_another = there.iter().any(|e| s.holds(&e.0) && e.3 && e.4.is_none());
         SumFound {
             weight_m: s.weight_m,
             found_m: (found_m > 0.0).then_some(found_m),
             hit: found_m >= HALF * s.weight_m || (found_m == 0.0 && by_another),
-            main: truth.iter().any(|t| t.main && own(&t.effect)),
+            main: truth.iter().any(|t| t.main && s.holds(&t.effect)),
             effects: s.effects.clone(),
         }
-    });
-    let made: Vec<SumFound> = made.collect();
+    };
+    let made = sums.iter().map(told).collect();
     let right = |f: &str| known(f) || in_sum(f) || excused.iter().any(|e| e.1 == f);
     let scored: Vec<(String, f64, bool)> = found
         .iter()
@@ -196,7 +195,7 @@ pub(super) fn compare(
         .map(|(f, w)| (f.clone(), *w, right(f)))
         .collect();
     let heaviest = truth.first().filter(|t| t.main).map(|t| {
-        let own = |s: &&Sum| s.weight_m > t.weight_m || s.effects.contains(&t.effect);
+        let own = |s: &&Sum| s.weight_m > t.weight_m || s.holds(&t.effect);
         let sum = sums
             .iter()
             .filter(own)
