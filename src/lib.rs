@@ -1,33 +1,24 @@
 //! hydroline: a laser line on a tank floor, from camera frames to hydrodynamic parameters.
 //!
-//! One way for data: capture -> log; log/capture -> stripe (-> pose -> identify -> diagnose -> report).
-//! No module reaches backwards. Devices, clocks and files are injected.
+//! One way for data: capture -> log; log/capture -> stripe -> pose -> identify -> diagnose -> report.
+//! Each room is a crate of its own, so that the compiler holds who may use whom (ARCHITECTURE.md); this
+//! facade gives them their names in one place. Devices, clocks and files are injected.
 
-pub mod analysis;
-pub mod calibrate;
-pub mod capture;
-pub mod cli;
-pub mod clock;
-pub mod diagnose;
-pub mod diagnostics;
-pub mod event;
-pub mod frame;
-pub mod identify;
-pub mod import;
-pub mod log;
-pub mod pose;
-pub mod predict;
-pub mod prove;
-pub mod record;
-pub mod replay;
-pub mod reproduce;
-pub mod setpoint;
-pub mod shutdown;
-pub mod signals;
-pub mod simulate;
-pub mod simulated;
-pub mod smooth;
-pub mod stripe;
-pub mod thread_class;
-pub mod thruster;
-pub mod water;
+pub use hydroline_benchmark as prove;
+pub use hydroline_capture as capture;
+pub use hydroline_cli as cli;
+pub use hydroline_core::{clock, event, frame, session, shutdown, thread_class, water};
+pub use hydroline_daemon::{
+    analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,
+};
+pub use hydroline_diagnose as diagnose;
+pub use hydroline_identify as identify;
+pub use hydroline_identify::predict;
+pub use hydroline_import as import;
+pub use hydroline_log as log;
+pub use hydroline_plan as plan;
+pub use hydroline_pose as pose;
+pub use hydroline_pose::smooth;
+pub use hydroline_reproduce as reproduce;
+pub use hydroline_stripe as stripe;
+pub use hydroline_thruster as thruster;

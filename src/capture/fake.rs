@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use super::gaps::due_after;
 use super::{CaptureCounts, CaptureError, Captured, FrameSource, SourceDescription};
-use crate::clock::Clock;
-use crate::event::Event;
-use crate::frame::{Frame, FrameFault};
+use hydroline_core::clock::Clock;
+use hydroline_core::event::Event;
+use hydroline_core::frame::{Frame, FrameFault};
 
 /// One step of a script.
 #[derive(Debug, Clone)]
@@ -111,12 +111,13 @@ impl FrameSource for FakeSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::ManualClock;
+    use hydroline_core::clock::ManualClock;
 
     #[test]
     fn a_silence_at_the_end_is_lost_frames() {
         let clock = Arc::new(ManualClock::new(0, 1_700_000_000_000_000_000));
-        let frames = (0..3).map(|i| FakeStep::Frame(crate::log::testing::grey_frame(i, 8, 8)));
+        let frames =
+            (0..3).map(|i| FakeStep::Frame(hydroline_core::synthetic::grey_frame(i, 8, 8)));
         let steps = frames.chain([FakeStep::Silence(Duration::from_secs(2))]);
         let description = SourceDescription {
             rate_fps: 25.0,

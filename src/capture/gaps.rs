@@ -21,7 +21,7 @@
 use std::collections::VecDeque;
 
 use super::counts::{CaptureCounts, Excluded, Losses, SecondCounts};
-use crate::frame::{FrameFault, LossBefore};
+use hydroline_core::frame::{FrameFault, LossBefore};
 
 pub mod expected;
 pub mod tracker;

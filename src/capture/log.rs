@@ -1,6 +1,6 @@
 //! The frames of a log as a [`FrameSource`]: whatever runs behind a camera runs behind a recording.
 //!
-//! Capture otherwise knows frames, events and clocks only. Here it reads through [`crate::log::LogReader`]: the log's
+//! Capture otherwise knows frames, events and clocks only. Here it reads through [`hydroline_log::LogReader`]: the log's
 //! records are checked and decoded in that one place, and a second reader of the same files would be one to diverge. The
 //! dependency goes one way, to the reader; nothing of the log knows of this source.
 //!
@@ -19,10 +19,10 @@ use super::gaps::{Account, Note, Pause};
 use super::{
     CaptureCounts, CaptureError, Captured, FrameSource, NegotiatedFormat, SourceDescription,
 };
-use crate::clock::Clock;
-use crate::frame::{Frame, FrameMeta};
-use crate::log::messages::format_name;
-use crate::log::{LogError, LogReader, Record};
+use hydroline_core::clock::Clock;
+use hydroline_core::frame::{Frame, FrameMeta};
+use hydroline_log::messages::format_name;
+use hydroline_log::{LogError, LogReader, Record};
 
 /// Plays the `/camera/image` frames of a log, in the file's order.
 pub struct LogSource {

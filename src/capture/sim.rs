@@ -7,9 +7,9 @@
 use super::{
     CaptureCounts, CaptureError, Captured, FrameSource, NegotiatedFormat, SourceDescription,
 };
-use crate::clock::Clock;
-use crate::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 use bytes::Bytes;
+use hydroline_core::clock::Clock;
+use hydroline_core::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 use hydroline_rigs::{Camera, PixelFormat};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -191,7 +191,7 @@ impl<S: Scene> FrameSource for SimCamera<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::ManualClock;
+    use hydroline_core::clock::ManualClock;
 
     /// Records the times it was asked for.
     struct Times(Arc<std::sync::Mutex<Vec<(f64, u64)>>>);

@@ -14,9 +14,9 @@ use hydroline_rigs::{Camera, CameraBackend, DeviceIdentity, PixelFormat};
 use super::gaps::{Account, Note, Pause};
 use super::queue::{Action, BufferQueue, Call, Notice, Outcome, Patience};
 use super::{CaptureCounts, CaptureError, Captured, FrameSource, SourceDescription};
-use crate::clock::{Clock, ClockTriple};
-use crate::event::Event;
-use crate::frame::{Frame, FrameFault, FrameMeta};
+use hydroline_core::clock::{Clock, ClockTriple};
+use hydroline_core::event::Event;
+use hydroline_core::frame::{Frame, FrameFault, FrameMeta};
 
 pub mod check;
 pub mod controls;

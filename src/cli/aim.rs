@@ -2,14 +2,14 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, rigging};
-use crate::analysis::Analyst;
-use crate::capture::{Captured, FrameSource};
-use crate::clock::{Clock, SystemClock};
-use crate::frame::Frame;
-use crate::log::{bytes_per_s, free_bytes, writable_folder};
-use crate::record::glance::Gatherer;
-use crate::stripe::{Extractor, ExtractorConfig, annotate};
+use hydroline_capture::{Captured, FrameSource};
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_core::frame::Frame;
+use hydroline_daemon::analysis::Analyst;
+use hydroline_daemon::record::glance::Gatherer;
+use hydroline_log::{bytes_per_s, free_bytes, writable_folder};
 use hydroline_rigs::Rig;
+use hydroline_stripe::{Extractor, ExtractorConfig, annotate};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     writable_folder(&args.disk).map_err(|words| CliError::Config(format!("--disk {words}")))?;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let mut rigged = rigging::open(&rig, &clock, false)?;
-    let stop = crate::signals::listen().map_err(CliError::run)?;
+    let stop = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), stop)?;
     match (&args.png, last) {
         (Some(path), Some(frame)) => save(path, &frame)?,
@@ -66,7 +66,7 @@ fn watch(
     rig: &Rig,
     source: &mut dyn FrameSource,
     clock: &dyn Clock,
-    stop: &crate::signals::Signals,
+    stop: &hydroline_daemon::signals::Signals,
 ) -> Result<Option<Frame>, CliError> {
     let mut analyst = Analyst::new(ExtractorConfig::default(), None);
     let mut gatherer = Gatherer::new(rig.camera.rate_fps);

@@ -6,14 +6,14 @@ mod report;
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
-use crate::calibrate::{Setup, medium, rfc3339};
-use crate::clock::{Clock, SystemClock};
-use crate::log::LogReader;
 use collect::{Collected, Source};
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::map::Method;
 use hydroline_calib::{Calibration, ImageSize, Medium};
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_daemon::calibrate::{Setup, medium, rfc3339};
+use hydroline_log::LogReader;
 use hydroline_rigs::{Board, FlatPort, Rig};
 use report::{Against, Report};
 use std::path::{Path, PathBuf};

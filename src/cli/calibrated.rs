@@ -1,12 +1,12 @@
 //! Calibrations as `record` and `replay` take them.
 
 use super::{CliError, calibrate, inputs};
-use crate::calibrate::{Setup, medium};
-use crate::record::Conditions;
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::map::Method;
 use hydroline_calib::map::refractive::Known;
 use hydroline_calib::{Calibration, ImageSize, Medium};
+use hydroline_core::session::Conditions;
+use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_rigs::{Board, Rig};
 use std::path::{Path, PathBuf};
 

@@ -2,12 +2,12 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, rigging};
-use crate::capture::Captured;
-use crate::clock::{Clock, SystemClock};
-use crate::log::{bytes_per_s, free_bytes, writable_folder};
-use crate::thruster::ports::Roots;
-use crate::thruster::service::check_set;
+use hydroline_capture::Captured;
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_log::{bytes_per_s, free_bytes, writable_folder};
 use hydroline_rigs::{LinkPort, Rig};
+use hydroline_thruster::ports::Roots;
+use hydroline_thruster::service::check_set;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -3,21 +3,23 @@
 use super::print::outln;
 use super::record::Recording;
 use super::{CliError, Outcome, progress};
-use crate::diagnose::{Source, diagnose, read};
-use crate::identify::data::{Run, Start, load};
-use crate::identify::lm::LevenbergMarquardt;
-use crate::identify::problem::Objective;
-use crate::identify::report::significant;
-use crate::identify::{self, ModelChoice};
-use crate::log::{LogReader, Record};
-use crate::pose::run::PoseRun;
-use crate::record::{Conditions, Report, floor, preflight::preflight};
-use crate::replay::{Options, replay};
-use crate::shutdown::StopReason;
-use crate::stripe::{Extractor, ExtractorConfig, annotate};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::session::Conditions;
+use hydroline_core::shutdown::StopReason;
+use hydroline_daemon::record::{Report, floor};
+use hydroline_daemon::replay::{self, replay};
+use hydroline_diagnose::{Source, diagnose, read};
+use hydroline_identify::data::{Run, Start, load};
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::problem::Objective;
+use hydroline_identify::report::significant;
+use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_log::{LogReader, Record};
+use hydroline_plan::preflight::preflight;
+use hydroline_pose::run::PoseRun;
 use hydroline_rigs::{Dof, Plan, Rig};
+use hydroline_stripe::{Extractor, ExtractorConfig, annotate};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -86,7 +88,7 @@ fn stripes(out: &Path, name: &str) -> PathBuf {
 /// The vehicle's coefficients, by the model that lacks the lag.
 fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
     let runs: Result<Vec<Run>, _> = stripes.iter().map(|p| load(p, rig)).collect();
-    let options = identify::Options {
+    let options = Options {
         model: ModelChoice::Axis(Dof::Surge),
         method: &LevenbergMarquardt::default(),
         objective: Objective::LeastSquares,
@@ -95,8 +97,7 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
         cross_validate: false,
         seed: 1,
     };
-    let found =
-        identify::identify(&runs.map_err(CliError::run)?, rig, &options).map_err(CliError::run)?;
+    let found = identify(&runs.map_err(CliError::run)?, rig, &options).map_err(CliError::run)?;
     outln!();
     outln!("identify, with a model that knows of no lag:");
     for p in found.order.iter().filter_map(|k| found.parameters.get(k)) {
@@ -180,11 +181,11 @@ fn one_run(
     }
     let bar = progress::bar(report.capture.received, "replaying");
     let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(rig));
-    let options = Options {
+    let options = replay::Options {
         poses: Some(PoseRun::new(rig, map.clone())),
         map: Some(map),
         rig_toml: Some(rig.effective_toml.clone()),
-        ..Options::default()
+        ..replay::Options::default()
     };
     let result = replay(&log, &stripes, &options, &mut |frames| {
         bar.set_position(frames)

@@ -2,8 +2,8 @@
 
 use super::print::outln;
 use super::{CliError, Outcome};
-use crate::capture::devices::{CameraListing, cameras};
-use crate::thruster::ports::{Port, Roots};
+use hydroline_capture::devices::{CameraListing, cameras};
+use hydroline_thruster::ports::{Port, Roots};
 use std::path::Path;
 
 #[derive(Debug, clap::Args)]

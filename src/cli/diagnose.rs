@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
-use crate::diagnose::profiles::{Findings, level};
-use crate::diagnose::verdict::{Rung, Verdict, Word};
-use crate::diagnose::{Diagnosis, Part, Source, diagnose, read, report};
-use crate::identify::data::LoadError;
-use crate::identify::report::significant;
+use hydroline_diagnose::profiles::{Findings, level};
+use hydroline_diagnose::verdict::{Rung, Verdict, Word};
+use hydroline_diagnose::{Diagnosis, Part, Source, diagnose, read, report};
+use hydroline_identify::data::LoadError;
+use hydroline_identify::report::significant;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\

@@ -1,8 +1,8 @@
 //! `hydroline extract`: stripe points of single images.
 
 use super::{CliError, Outcome, inputs};
-use crate::frame::GreyImage;
-use crate::stripe::{Extractor, ExtractorConfig, Profile, StripePoint, annotate, write_csv};
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::{Extractor, ExtractorConfig, Profile, StripePoint, annotate, write_csv};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

@@ -8,18 +8,18 @@ use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
-use crate::identify::adopt::adopt;
-use crate::identify::bollard::{self, Bollard};
-use crate::identify::cmaes::Cmaes;
-use crate::identify::curve;
-use crate::identify::data::{Run, STILL_MIN_S, Start, is_still, load};
-use crate::identify::ga::Genetic;
-use crate::identify::lm::LevenbergMarquardt;
-use crate::identify::method::{Method, MethodError, Solution};
-use crate::identify::parameter::Coefficient;
-use crate::identify::problem::{Objective, Problem};
-use crate::identify::report::{html, significant};
-use crate::identify::{Identification, ModelChoice, Options, identify};
+use hydroline_identify::adopt::adopt;
+use hydroline_identify::bollard::{self, Bollard};
+use hydroline_identify::cmaes::Cmaes;
+use hydroline_identify::curve;
+use hydroline_identify::data::{Run, STILL_MIN_S, Start, is_still, load};
+use hydroline_identify::ga::Genetic;
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::method::{Method, MethodError, Solution};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::problem::{Objective, Problem};
+use hydroline_identify::report::{html, significant};
+use hydroline_identify::{Identification, ModelChoice, Options, identify};
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Search {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs};
-use crate::import::{Map, Severity, import, read_for};
+use hydroline_import::{Map, Severity, import, read_for};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\

@@ -2,8 +2,8 @@
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
-use crate::log::export::ExportOptions;
-use crate::log::{self, LogError};
+use hydroline_log::LogError;
+use hydroline_log::export::ExportOptions;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
@@ -94,13 +94,13 @@ fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Res
 }
 
 pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
-    let info = log::info::info(&args.log).map_err(failed)?;
+    let info = hydroline_log::info::info(&args.log).map_err(failed)?;
     print(args.json, &info)?;
     Ok(Outcome::Done)
 }
 
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
-    let diagnosis = log::doctor::doctor(&args.log).map_err(failed)?;
+    let diagnosis = hydroline_log::doctor::doctor(&args.log).map_err(failed)?;
     print(args.json, &diagnosis)?;
     Ok(if diagnosis.sound {
         Outcome::Done
@@ -111,7 +111,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
 
 pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
     inputs::new_file("--out", &args.out)?;
-    let recovery = log::recover::recover(&args.log, &args.out).map_err(failed)?;
+    let recovery = hydroline_log::recover::recover(&args.log, &args.out).map_err(failed)?;
     print(args.json, &recovery)?;
     Ok(if recovery.lossy {
         Outcome::Lossy
@@ -154,7 +154,7 @@ pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
         frames: !args.tables_only,
     };
     let out = export_folder(args)?;
-    let exported = log::export::export(&args.log, &out, options).map_err(failed)?;
+    let exported = hydroline_log::export::export(&args.log, &out, options).map_err(failed)?;
     if args.json {
         outln!(
             "{}",

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs};
-use crate::predict::{Identified, predict};
+use hydroline_identify::predict::{Identified, predict};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {

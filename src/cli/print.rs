@@ -14,13 +14,13 @@ pub fn write(text: Arguments<'_>) {
 
 /// `println!` that survives a closed pipe.
 macro_rules! outln {
-    () => { $crate::cli::print::write(format_args!("\n")) };
-    ($($arg:tt)*) => { $crate::cli::print::write(format_args!("{}\n", format_args!($($arg)*))) };
+    () => { $crate::print::write(format_args!("\n")) };
+    ($($arg:tt)*) => { $crate::print::write(format_args!("{}\n", format_args!($($arg)*))) };
 }
 
 /// `print!` that survives a closed pipe.
 macro_rules! out {
-    ($($arg:tt)*) => { $crate::cli::print::write(format_args!($($arg)*)) };
+    ($($arg:tt)*) => { $crate::print::write(format_args!($($arg)*)) };
 }
 
 pub(crate) use {out, outln};

@@ -2,10 +2,10 @@
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, progress};
-use crate::prove::case::{FULL, parse};
-use crate::prove::images;
-use crate::prove::score::complaint;
-use crate::prove::{
+use hydroline_benchmark::case::{FULL, parse};
+use hydroline_benchmark::images;
+use hydroline_benchmark::score::complaint;
+use hydroline_benchmark::{
     Category, Judged, Kept, ProveError, catalogue, judge, make, run as prove, score, table,
 };
 

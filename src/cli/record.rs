@@ -4,21 +4,19 @@ use super::calibrated::{MakeArgs, UseArgs};
 use super::print::{out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
-use crate::calibrate::{Setup, medium};
-use crate::clock::{Clock, SystemClock};
-use crate::log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
-use crate::record::{
-    self, Conditions, Job, Parts, Report, SessionInput, Status,
-    keys::Keys,
-    preflight::{Preflight, Repeats, preflight_runs},
-};
-use crate::shutdown::{Shutdown, StopReason};
-use crate::stripe::ExtractorConfig;
-use crate::thruster::service::check_set;
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_core::session::Conditions;
+use hydroline_core::shutdown::{Shutdown, StopReason};
+use hydroline_daemon::calibrate::{Setup, medium};
+use hydroline_daemon::record::{self, Job, Parts, Report, SessionInput, Status, keys::Keys};
+use hydroline_log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
+use hydroline_plan::preflight::{Preflight, Repeats, preflight_runs};
 use hydroline_rigs::{Plan, Rig};
+use hydroline_stripe::ExtractorConfig;
+use hydroline_thruster::service::check_set;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -379,7 +377,7 @@ fn stopped(keys: Option<&Keys>) -> bool {
 
 /// Waits between runs; false when a signal or a key ended the wait.
 fn settle(pause: Duration) -> Result<bool, CliError> {
-    let signals = crate::signals::listen().map_err(CliError::run)?;
+    let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let keys = Keys::watch(None);
     let bar = progress::bar(pause.as_secs(), "settling [s]");
     let end = Instant::now() + pause;
@@ -399,7 +397,7 @@ fn settle(pause: Duration) -> Result<bool, CliError> {
 
 /// Waits until someone at the tank says that the vehicle is back at the start; false when that will not be.
 fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
-    let signals = crate::signals::listen().map_err(CliError::run)?;
+    let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let [x, y, z, _, _, psi] = start;
     eprintln!(
         "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Space, q or Ctrl-C ends",
@@ -496,7 +494,8 @@ impl Recording<'_> {
             .map_err(CliError::config)?;
         }
         if let (Some(length), Some(plan)) = (length, self.plan)
-            && length.as_secs_f64() < plan.duration_s() + crate::record::LEAD.as_secs_f64()
+            && length.as_secs_f64()
+                < plan.duration_s() + hydroline_daemon::record::LEAD.as_secs_f64()
         {
             eprintln!(
                 "hydroline: --for {:.1} s is shorter than plan '{}' ({:.1} s, begun half a second in): the plan will be cut",
@@ -545,7 +544,7 @@ impl Recording<'_> {
                 clock.triple().monotonic_to_unix_ns(*start_ns),
             );
         }
-        let _log_lines = crate::diagnostics::into_log(&recorder);
+        let _log_lines = hydroline_daemon::diagnostics::into_log(&recorder);
         let job = Job {
             rig: self.rig.clone(),
             plan: self.plan.cloned(),

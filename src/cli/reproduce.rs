@@ -4,12 +4,12 @@ mod summary;
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs, progress};
-use crate::reproduce::{
+use clap::ValueEnum;
+use hydroline_reproduce::{
     CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row,
     Table11Row, all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7,
     table10, table11,
 };
-use clap::ValueEnum;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -440,7 +440,7 @@ fn print_cells(cells: &[Disturbed]) {
         "Largest change of a formula's result by another motion; entries the paper's text has lost are marked *"
     );
     for c in cells {
-        let name = |m: crate::reproduce::Motion| format!("{m:?}").to_lowercase();
+        let name = |m: hydroline_reproduce::Motion| format!("{m:?}").to_lowercase();
         let lost = if c.missing > 0 {
             format!("  ({} frames without an answer)", c.missing)
         } else {

@@ -1,16 +1,16 @@
 //! From a checked rig to the real or simulated parts that a recording is made of.
 
 use super::CliError;
-use crate::capture::sim::SimCamera;
-use crate::capture::v4l::system::KernelSystem;
-use crate::capture::{FrameSource, OpenOptions, V4lSource};
-use crate::clock::Clock;
-use crate::simulated::{BoardInView, CameraView, SimulatedVehicle};
-use crate::thruster::controller::{ControllerConfig, PtyController, SimController};
-use crate::thruster::ports::Roots;
-use crate::thruster::service::{Opener, serial_opener};
+use hydroline_capture::sim::SimCamera;
+use hydroline_capture::v4l::system::KernelSystem;
+use hydroline_capture::{FrameSource, OpenOptions, V4lSource};
+use hydroline_core::clock::Clock;
+use hydroline_daemon::simulated::{BoardInView, CameraView, SimulatedVehicle};
 use hydroline_rigs::{Board, CameraBackend, LinkPort, Rig};
 use hydroline_sim::Renderer;
+use hydroline_thruster::controller::{ControllerConfig, PtyController, SimController};
+use hydroline_thruster::ports::Roots;
+use hydroline_thruster::service::{Opener, serial_opener};
 use std::sync::Arc;
 
 /// The parts, opened.
@@ -96,11 +96,15 @@ pub fn open_with_board(
 fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyController, CliError> {
     let controller = SimController::new(ControllerConfig::for_rig(&rig.thrusters));
     let vehicle = vehicle.clone();
-    let on_pulses = Box::new(move |event: crate::thruster::controller::ControllerEvent| {
-        if let Err(error) = vehicle.pulse(event.host_monotonic_ns, event.channel, event.pulse_us) {
-            tracing::error!("simulated vehicle: {error}");
-        }
-    });
+    let on_pulses = Box::new(
+        move |event: hydroline_thruster::controller::ControllerEvent| {
+            if let Err(error) =
+                vehicle.pulse(event.host_monotonic_ns, event.channel, event.pulse_us)
+            {
+                tracing::error!("simulated vehicle: {error}");
+            }
+        },
+    );
     PtyController::start(controller, None, on_pulses).map_err(CliError::run)
 }
 

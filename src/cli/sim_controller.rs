@@ -2,11 +2,11 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs};
-use crate::clock::{Clock, SystemClock};
-use crate::thruster::controller::{
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_rigs::LinkKind;
+use hydroline_thruster::controller::{
     ControllerConfig, ControllerEvent, PtyController, ServeEnd, SimController, serve,
 };
-use hydroline_rigs::LinkKind;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::sync::Mutex;

@@ -2,9 +2,9 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
-use crate::log::Unfinished;
-use crate::record::preflight::preflight;
-use crate::simulate::{Options, simulate};
+use hydroline_daemon::simulate::{Options, simulate};
+use hydroline_log::Unfinished;
+use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
 use std::path::PathBuf;
 use std::time::Duration;

@@ -10,7 +10,7 @@ use super::conclude::{DiagnoseError, Diagnosis, active, explained};
 use super::search::Search;
 use super::setting::Setting;
 use super::source::Source;
-use crate::identify::data::{CHANNELS, Run};
+use hydroline_identify::data::{CHANNELS, Run};
 
 /// Stretches of a recording: two to fit, two to predict, of which the first helps to choose and the second only tells.
 const STRETCHES: usize = 4;
@@ -152,7 +152,7 @@ pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::identify::data::{Command, Sample};
+    use hydroline_identify::data::{Command, Sample};
 
     /// At rest, pressed to one side, held for a second, let go at 8 s.
     fn decay() -> Run {

@@ -19,7 +19,7 @@ use super::predict::{expected, predicted, predicted_beside};
 use super::rest::{places, reduced};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::Weights;
-use crate::identify::forward::ForwardError;
+use hydroline_identify::forward::ForwardError;
 
 /// Set and cost (its bits) of a fit.
 type Key = (Vec<usize>, u64);
@@ -417,9 +417,9 @@ impl<P: Linearised> Linearised for Told<'_, P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::View;
-    use crate::diagnose::family::{Variable, forces};
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::bank::View;
+    use crate::family::{Variable, forces};
+    use crate::testing::{candidate, setting, surge};
 
     fn fitted(setting: &Setting, weights: &Weights, set: &[usize]) -> Fit {
         let posed = Posed::new(setting, weights, set);

@@ -6,8 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::identify::forward::ForwardError;
-use crate::identify::lm::damped_step;
+use hydroline_identify::forward::ForwardError;
+use hydroline_identify::lm::damped_step;
 
 /// Least that a scaled diagonal is raised by: sets may hold what the data do not tell apart.
 const RIDGE: f64 = 1e-13;

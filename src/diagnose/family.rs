@@ -362,9 +362,9 @@ impl Touched {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::fit::Posed;
-    use crate::diagnose::testing::{candidate, setting, surge};
-    use crate::diagnose::weights::Weights;
+    use crate::fit::Posed;
+    use crate::testing::{candidate, setting, surge};
+    use crate::weights::Weights;
 
     /// A line through two knots is a line of the parameter itself: halfway lies the mean of both ends.
     #[test]

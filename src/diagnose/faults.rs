@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::setting::{Setting, Track};
 use super::verdict::DataFault;
 use super::weights::Weights;
-use crate::identify::data::{CHANNELS, Command, Run};
-use crate::import::check::{STUCK_ROWS, check_motion};
-use crate::import::{Imported, Severity};
-use crate::log::messages::pb;
+use hydroline_identify::data::{CHANNELS, Command, Run};
+use hydroline_import::check::{STUCK_ROWS, check_motion};
+use hydroline_import::{Imported, Severity};
+use hydroline_log::messages::pb;
 
 /// Share of samples apart from their neighbours above which a channel is no measurement.
 const OUTLIERS_MAX: f64 = 0.05;
@@ -306,7 +306,7 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::data::Sample;
+    use hydroline_identify::data::Sample;
 
     /// A coarse instrument that shows the same before the first load was taken for a stuck channel.
     #[test]

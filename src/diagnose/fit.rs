@@ -7,11 +7,11 @@ use super::candidate::Candidate;
 use super::descent::{Effort, Linear, Linearised, descend};
 use super::setting::{COEFFICIENTS, Setting};
 use super::weights::Weights;
-use crate::identify::forward::ForwardError;
-use crate::identify::lm::Squares;
-use crate::identify::parameter::{Coefficient, Free, free};
-use crate::identify::problem::Normal;
-use crate::identify::uncertainty::covariance;
+use hydroline_identify::forward::ForwardError;
+use hydroline_identify::lm::Squares;
+use hydroline_identify::parameter::{Coefficient, Free, free};
+use hydroline_identify::problem::Normal;
+use hydroline_identify::uncertainty::covariance;
 use hydroline_sim::effect::ParameterInfo;
 
 /// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, a few are worse; what data

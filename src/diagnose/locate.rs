@@ -266,7 +266,7 @@ pub fn locate(search: &Search<'_>, plain: &Fit, stage: Option<&str>) -> Where {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{hats, pulled, setting};
+    use crate::testing::{hats, pulled, setting};
 
     fn places(amplitudes: &[f64]) -> FamilyFit {
         let knots = (0..amplitudes.len()).map(|k| k as f64).collect();

@@ -15,8 +15,8 @@ use super::fit::Fit;
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::verdict::NextExperiment;
 use super::weights::Weights;
-use crate::record::preflight::preflight;
-use crate::setpoint::setpoint;
+use hydroline_plan::preflight::preflight;
+use hydroline_plan::setpoint::setpoint;
 use hydroline_sim::Allocation;
 
 /// Stamps of the run that is planned \[1/s\].

@@ -339,7 +339,7 @@ impl Posterior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::testing::{candidate, setting, surge};
 
     /// A friction of nothing was said to be tied with nothing: it is never ruled out by much.
     #[test]

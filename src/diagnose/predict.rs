@@ -8,10 +8,10 @@ use super::family::{FamilyFit, Joint};
 use super::fit::{Fit, Posed};
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::{Weights, in_both};
-use crate::identify::forward::ForwardError;
-use crate::identify::lm::descend;
-use crate::identify::noise::{Noise, Series, mask};
-use crate::identify::uncertainty::covariance;
+use hydroline_identify::forward::ForwardError;
+use hydroline_identify::lm::descend;
+use hydroline_identify::noise::{Noise, Series, mask};
+use hydroline_identify::uncertainty::covariance;
 
 /// Runs predicted, and what was missed.
 #[derive(Debug, Clone, PartialEq)]
@@ -307,8 +307,8 @@ mod tests {
     /// What the runs fitted leave open widens what the run held out may show; what they know well does not.
     #[test]
     fn a_prediction_may_miss_by_its_own_covariance() {
-        use crate::diagnose::search::Search;
-        use crate::diagnose::testing::{NOISE_M, setting, surge};
+        use crate::search::Search;
+        use crate::testing::{NOISE_M, setting, surge};
         let setting = setting(&[surge(0, &[])]);
         let held = [Track::of(&surge(2, &[]), setting.dof).unwrap()];
         let mut search = Search::new(&setting, &|_| {});

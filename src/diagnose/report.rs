@@ -14,7 +14,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
 use super::Diagnosis;
 use super::verdict::{Verdict, Word};
-use crate::identify::report::{STYLE, escape};
+use hydroline_identify::report::{STYLE, escape};
 use plot::{Line, Plot, stack};
 pub use traces::{Explained, Regime, Trace};
 

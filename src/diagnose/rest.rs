@@ -11,7 +11,7 @@ use super::descent::{Linear, Linearised};
 use super::fit::{Fit, Posed};
 use super::setting::Setting;
 use super::weights::Weights;
-use crate::identify::uncertainty::covariance;
+use hydroline_identify::uncertainty::covariance;
 
 /// A run begins at rest but for the tolerance drifted in this time \[s\]: the most that is allowed.
 const DRIFT_S: f64 = 2.0;
@@ -256,7 +256,7 @@ mod tests {
     /// Held still or let drift, begun at rest or far from it, a fit says the same of its rates.
     #[test]
     fn a_fit_tells_its_rates_whatever_was_believed() {
-        use crate::diagnose::testing::{setting, surge};
+        use crate::testing::{setting, surge};
         let setting = setting(&[surge(0, &[]), surge(1, &[])]);
         let free = Weights::first(&setting.tracks);
         let held = free.clone().at_rest(Some(still(setting.tolerance)));
@@ -285,7 +285,7 @@ mod tests {
     /// Against the same fit made under each sd: what its mass may be is as wide as they say together.
     #[test]
     fn not_knowing_how_still_widens_as_fits_under_each_sd_do() {
-        use crate::diagnose::testing::{setting, surge};
+        use crate::testing::{setting, surge};
         let setting = setting(&[surge(0, &[]), surge(1, &[])]);
         let free = Weights::first(&setting.tracks);
         let tolerance = setting.tolerance;

@@ -111,7 +111,7 @@ pub fn rescale(vocabulary: &mut [Candidate], load: f64, speed: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::candidate::vocabulary;
+    use crate::candidate::vocabulary;
 
     #[test]
     fn units_say_how_a_parameter_scales() {

@@ -9,8 +9,8 @@ use nalgebra::DMatrix;
 
 use super::candidate::{Candidate, limit, vocabulary};
 use super::scale::{factors, rescale};
-use crate::identify::data::{CHANNELS, Run};
-use crate::identify::parameter::{Coefficient, Term};
+use hydroline_identify::data::{CHANNELS, Run};
+use hydroline_identify::parameter::{Coefficient, Term};
 
 /// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
 const STEP_MAX_S: f64 = 0.04;
@@ -532,7 +532,7 @@ impl Setting {
 #[cfg(test)]
 mod tests {
     use super::{Track, averaged};
-    use crate::diagnose::testing::surge;
+    use crate::testing::surge;
     use hydroline_rigs::Dof;
 
     /// A table cut in the middle of a motion, its time counted from the cut, was fitted as if it began at rest.

@@ -8,9 +8,9 @@ use hydroline_rigs::Rig;
 use super::alone::let_go;
 use super::faults::{Records, fault, faults};
 use super::verdict::DataFault;
-use crate::identify::data::{LoadError, Run, load_messages};
-use crate::log::messages::{timestamp, unix_ns};
-use crate::log::{LogReader, Record};
+use hydroline_identify::data::{LoadError, Run, load_messages};
+use hydroline_log::messages::{timestamp, unix_ns};
+use hydroline_log::{LogReader, Record};
 
 /// A log taken apart.
 #[derive(Debug, Clone)]

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use super::family::{Acts, Family, FamilyFit, Prior, Variable};
 use super::search::Search;
 use super::setting::Setting;
-use crate::identify::data::{Command, Run, Sample};
+use hydroline_identify::data::{Command, Run, Sample};
 
 /// rms of the roughness that stands for noise \[m\].
 pub const NOISE_M: f64 = 1.5e-4;

@@ -178,9 +178,9 @@ pub fn weight_beyond(setting: &Setting, fit: &Fit, response: &DVector<f64>) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::{Acts, Variable};
-    use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{candidate, hats, setting, surge};
+    use crate::family::{Acts, Variable};
+    use crate::search::Search;
+    use crate::testing::{candidate, hats, setting, surge};
 
     /// Runs that began off the rig's zero made a scale of the position weigh a constant offset.
     #[test]

@@ -235,7 +235,7 @@ pub fn descend(
 
 /// (H + damping diag H) step = -g over the moving parameters; `ridge` is what the diagonal, scaled to
 /// one, gets on top in any case.
-pub(crate) fn damped_step(
+pub fn damped_step(
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,
     moves: &[usize],

@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 
 use super::outcome::{Identification, Trace};
 
-pub(crate) const STYLE: &str = "body{font:15px/1.45 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
+/// Style sheet of the pages.
+pub const STYLE: &str = "body{font:15px/1.45 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
 table{border-collapse:collapse;margin:.6em 0}td,th{padding:.15em .7em;border-bottom:1px solid #ddd;text-align:right}\
 td:first-child,th:first-child{text-align:left}svg{display:block;margin:.4em 0}.warn{color:#a40}h2{margin-top:1.6em}";
 
@@ -288,7 +289,8 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-pub(crate) fn escape(text: &str) -> String {
+/// Text as markup shows it.
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -8,8 +8,8 @@ use hydroline_rigs::Rig;
 
 use super::map::Map;
 use super::table::Imported;
-use crate::identify::data::{CHANNELS, unwrap_turns};
-use crate::identify::statistics::median;
+use hydroline_identify::data::{CHANNELS, unwrap_turns};
+use hydroline_identify::statistics::median;
 
 /// Equal rows that a moving channel does not have.
 pub const STUCK_ROWS: usize = 25;
@@ -97,7 +97,7 @@ pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mu
 }
 
 /// The same for motion that came without a map (a log): time, units, dead channels, kinematics.
-pub(crate) fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
+pub fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
     if data.times_s.len() < 4 {
         findings.push(Finding::fault(
             "too_short",

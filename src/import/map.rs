@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::identify::data::CHANNELS;
+use hydroline_identify::data::CHANNELS;
 
 /// Between samples of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Default)]

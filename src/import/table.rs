@@ -209,7 +209,7 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
                 factor,
                 find(
                     &c.column,
-                    &format!("motion.{}", crate::identify::data::CHANNELS[place]),
+                    &format!("motion.{}", hydroline_identify::data::CHANNELS[place]),
                 ),
             )
         })
@@ -330,7 +330,7 @@ pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> 
         _ => map
             .time
             .start_unix_s
-            .unwrap_or(crate::simulate::START_UNIX_S as f64),
+            .unwrap_or(hydroline_core::clock::SIMULATION_START_UNIX_S as f64),
     };
     if !(0.0..=4e9).contains(&unix_s) {
         findings.push(Finding::fault("time_unit", None, format!("the first stamp is UNIX {unix_s:.3e} s, outside 1970 .. 2096: is time.unit '{}' right?", map.time.unit)));

@@ -292,7 +292,7 @@ fn a_map_that_is_wrong_says_where() {
 
 #[test]
 fn a_table_at_rest_leaves_its_noise_in_the_log() {
-    use crate::identify::data::{StillNoise, load};
+    use hydroline_identify::data::{StillNoise, load};
     let still = table(1000, |k, c| {
         // A hash of k: no motion, no period.
         let noise = |salt: u64| {
@@ -452,7 +452,7 @@ fn an_sd_that_no_log_can_hold_is_named() {
 
 #[test]
 fn a_decay_seen_by_a_gyro_leaves_no_noise_at_rest() {
-    use crate::identify::data::load;
+    use hydroline_identify::data::load;
     let toml = "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.p_radps]\ncolumn = \"q\"\nunit = \"rad/s\"\n";
     let map = Map::from_toml(toml, "m").unwrap();
     let decay = table(1500, |k, c| {

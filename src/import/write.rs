@@ -5,9 +5,11 @@ use std::path::Path;
 use super::check::{Finding, Severity};
 use super::map::{Between, Map};
 use super::table::Imported;
-use crate::identify::data::StillWatch;
-use crate::log::messages::{pb, timestamp};
-use crate::log::{Entry, FileRecorder, Head, LogError, MetadataMap, SummaryInput, WriteSettings};
+use hydroline_identify::data::StillWatch;
+use hydroline_log::messages::{pb, timestamp};
+use hydroline_log::{
+    Entry, FileRecorder, Head, LogError, MetadataMap, SummaryInput, WriteSettings,
+};
 
 /// Steps of a linearly interpolated command \[s\].
 const LINEAR_STEP_S: f64 = 0.01;

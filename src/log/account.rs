@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::part::MetadataMap;
 use super::topic::Topic;
-use crate::frame::Frame;
+use hydroline_core::frame::Frame;
 
 /// Frames as the camera should have delivered them. Exact: `received + lost = expected`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -5,8 +5,8 @@ use prost::Message;
 
 use super::messages::{self, ImageMessage, Stamped, pb};
 use super::topic::Topic;
-use crate::event::Event;
-use crate::frame::Frame;
+use hydroline_core::event::Event;
+use hydroline_core::frame::Frame;
 
 /// One thing to log.
 #[derive(Debug, Clone, PartialEq)]

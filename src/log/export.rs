@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::LogError;
 use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
-use crate::frame::Frame;
+use hydroline_core::frame::Frame;
 
 /// What to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

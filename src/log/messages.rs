@@ -8,8 +8,8 @@ pub use foxglove::messages::{
 };
 use prost_types::Timestamp;
 
-use crate::clock::ClockTriple;
-use crate::event::{Event, Severity};
+use hydroline_core::clock::ClockTriple;
+use hydroline_core::event::{Event, Severity};
 
 mod frames;
 
@@ -18,10 +18,11 @@ pub use frames::{
     stamp_clock_name, stamp_source_name,
 };
 
-/// Generated from `hydroline.proto`.
+/// Generated from `hydroline.proto`, checked in so that a build needs no protobuf compiler; a test makes it anew
+/// and compares.
 #[allow(missing_docs, clippy::all)]
 pub mod pb {
-    include!(concat!(env!("OUT_DIR"), "/hydroline.rs"));
+    include!("generated/hydroline.rs");
 }
 
 pub use pb::{

@@ -14,7 +14,7 @@ use super::messages::{self, ImageMessage, pb};
 use super::part::MetadataMap;
 use super::scan::{self, FileScan, Scan, Step};
 use super::topic::Topic;
-use crate::frame::Frame;
+use hydroline_core::frame::Frame;
 
 /// A decoded message.
 #[derive(Debug, Clone, PartialEq)]

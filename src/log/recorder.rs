@@ -13,9 +13,9 @@ use super::queue::{Admission, Popped, Queue, Queued};
 use super::settings::{Head, PartOpener, WriteSettings};
 use super::time::LogTime;
 use super::writer::LogWriter;
-use crate::clock::Clock;
-use crate::event::{Event, Severity};
-use crate::frame::Frame;
+use hydroline_core::clock::Clock;
+use hydroline_core::event::{Event, Severity};
+use hydroline_core::frame::Frame;
 
 /// What producers share under the queue's lock.
 #[derive(Debug, Default)]

@@ -9,8 +9,8 @@ use proptest::prelude::*;
 
 use super::testing::{MemoryDisk, T0_NS, command, grey_frame};
 use super::*;
-use crate::clock::{Clock, ManualClock, SystemClock};
-use crate::event::{Event, Severity};
+use hydroline_core::clock::{Clock, ManualClock, SystemClock};
+use hydroline_core::event::{Event, Severity};
 
 fn head() -> Head {
     Head {
@@ -431,7 +431,7 @@ fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
     );
 
     let pair = |monotonic_ns, realtime_ns| {
-        let triple = crate::clock::ClockTriple {
+        let triple = hydroline_core::clock::ClockTriple {
             monotonic_ns,
             realtime_ns,
             ..Default::default()
@@ -452,7 +452,7 @@ fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
     let mut short = grey_frame(0, 16, 8);
     short.data = short.data.slice(..100);
     assert!(examined(&[Entry::frame(&short, 0)], &done).found("image", Error));
-    short.meta.fault = Some(crate::frame::FrameFault::Truncated);
+    short.meta.fault = Some(hydroline_core::frame::FrameFault::Truncated);
     assert!(examined(&[Entry::frame(&short, 0)], &done).sound);
 
     let ended = SummaryInput {

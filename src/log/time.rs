@@ -1,6 +1,6 @@
 //! Log times that never go back, and steps of the realtime clock.
 
-use crate::clock::ClockTriple;
+use hydroline_core::clock::ClockTriple;
 
 /// A step of CLOCK_REALTIME against CLOCK_MONOTONIC beyond this is an event.
 const STEP_NS: i128 = 10_000_000;

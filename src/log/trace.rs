@@ -101,7 +101,7 @@ mod tests {
     use super::super::testing::MemoryDisk;
     use super::super::*;
     use super::*;
-    use crate::clock::SystemClock;
+    use hydroline_core::clock::SystemClock;
     use std::path::Path;
     use tracing_subscriber::prelude::*;
 

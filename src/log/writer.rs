@@ -13,7 +13,7 @@ use super::entry::Entry;
 use super::part::{Fault, PartFile};
 use super::settings::{Head, PartOpener, WriteSettings};
 use super::topic::Topic;
-use crate::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity};
 
 /// Writes entries into one file after the other.
 pub struct LogWriter {

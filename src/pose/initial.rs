@@ -10,7 +10,7 @@ use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
 use nalgebra::{Matrix3, Vector3};
 
-pub(in crate::pose) mod assigned;
+pub(crate) mod assigned;
 
 /// Starts along X \[m\]: each flank of the hexagons (0.104 m) gets several.
 const GRID_X_M: f64 = 0.026;

@@ -10,10 +10,10 @@ use super::outline::Surfaces;
 use super::photometric::{self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, THICKNESS};
 use super::segments::{self, Levels};
 use super::sheet::SheetTable;
-use crate::frame::GreyImage;
-use crate::stripe::Profile;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::frame::GreyImage;
 use hydroline_rigs::{Mounts, Rig};
+use hydroline_stripe::Profile;
 use std::sync::Arc;
 
 mod ahead;

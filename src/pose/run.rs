@@ -7,11 +7,11 @@
 //! vehicle is expected that well.
 
 use super::joint::{Ahead, Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
-use crate::frame::GreyImage;
-use crate::log::messages::{pb::VehicleMotion, timestamp};
-use crate::stripe::Profile;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::frame::GreyImage;
+use hydroline_log::messages::{pb::VehicleMotion, timestamp};
 use hydroline_rigs::Rig;
+use hydroline_stripe::Profile;
 use std::sync::Arc;
 
 /// Fastest change of speed that continuity allows for \[m/s²\]: 16 N on the paper's vehicle give 0.06.

@@ -6,9 +6,9 @@
 //! UPPER one, because only its end is the target's edge: the lower one may be hidden behind it.
 
 use super::sheet::SheetTable;
-use crate::frame::GreyImage;
-use crate::stripe::{Profile, quality};
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::{Profile, quality};
 
 /// Fewest points of a stretch that may say where the levels lie.
 const LONG_STRETCH: usize = 10;
@@ -132,7 +132,7 @@ pub enum SegmentError {
 
 /// Stripe points of a profile in the laser plane, by column; those off the map are left out.
 pub fn plane_points(profile: &Profile, map: &dyn PlaneMap) -> Vec<PlanePoint> {
-    let point = |p: &crate::stripe::StripePoint| {
+    let point = |p: &hydroline_stripe::StripePoint| {
         let at = map.to_plane(p.column_px, p.row_px)?;
         let slope = map.jacobian(p.column_px, p.row_px)?;
         Some(PlanePoint {

@@ -6,11 +6,11 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, guess_of};
-use crate::identify::data::{Run, Start};
-use crate::identify::lm::LevenbergMarquardt;
-use crate::identify::parameter::Coefficient;
-use crate::identify::{ModelChoice, Options, identify};
-use crate::pose::Pose;
+use hydroline_identify::data::{Run, Start};
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_pose::Pose;
 
 /// One DOF by one estimator.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -1,15 +1,15 @@
 //! One frame on its way, and the six formulas on it.
 
 use super::{Motion, ReproduceError};
-use crate::frame::GreyImage;
-use crate::pose::Pose;
-use crate::pose::estimators::{self, Chain, ChainFix, Crossing};
-use crate::pose::joint::{Held, Hint, JointPose, PoseFitter};
-use crate::pose::segments::{self, Levels, PlanePoint};
-use crate::stripe::{Extractor, ExtractorConfig};
 use hydroline_calib::IdealMap;
+use hydroline_core::frame::GreyImage;
+use hydroline_pose::Pose;
+use hydroline_pose::estimators::{self, Chain, ChainFix, Crossing};
+use hydroline_pose::joint::{Held, Hint, JointPose, PoseFitter};
+use hydroline_pose::segments::{self, Levels, PlanePoint};
 use hydroline_rigs::{Rig, Target};
 use hydroline_sim::{Pose6, Renderer};
+use hydroline_stripe::{Extractor, ExtractorConfig};
 use rayon::prelude::*;
 use std::sync::Arc;
 

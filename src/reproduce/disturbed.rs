@@ -2,8 +2,8 @@
 
 use super::chain::{Bench, Reading, Seen};
 use super::{Motion, ReproduceError};
-use crate::pose::Pose;
-use crate::pose::joint::{Held, Light, squared_distance};
+use hydroline_pose::Pose;
+use hydroline_pose::joint::{Held, Light, squared_distance};
 use hydroline_rigs::{Rig, Target};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use serde::Serialize;

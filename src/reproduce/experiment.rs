@@ -15,15 +15,15 @@ use hydroline_sim::{EffectStack, Pose6, Renderer, Trajectory};
 use nalgebra::{Matrix2, Vector2};
 
 use super::ReproduceError;
-use crate::frame::GreyImage;
-use crate::identify::data::{Command, Run, Sample};
-use crate::identify::parameter::Coefficient;
-use crate::pose::Pose;
-use crate::pose::estimators::{self, Chain, ChainFix, Crossing};
-use crate::pose::joint::{JointPose, PoseCaveat};
-use crate::pose::run::{PoseRun, RunPose};
-use crate::pose::segments::Levels;
-use crate::stripe::{Extractor, ExtractorConfig};
+use hydroline_core::frame::GreyImage;
+use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_pose::Pose;
+use hydroline_pose::estimators::{self, Chain, ChainFix, Crossing};
+use hydroline_pose::joint::{JointPose, PoseCaveat};
+use hydroline_pose::run::{PoseRun, RunPose};
+use hydroline_pose::segments::Levels;
+use hydroline_stripe::{Extractor, ExtractorConfig};
 
 /// Frames per second, the camera's of the built-in rig.
 const RATE_HZ: f64 = 25.0;

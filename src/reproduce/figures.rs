@@ -4,7 +4,7 @@ use super::chain::{Bench, Reading};
 use super::figure::{Figure, Series};
 use super::surge::{self, Disturbance};
 use super::{Motion, ReproduceError};
-use crate::pose::Pose;
+use hydroline_pose::Pose;
 
 /// CG above the floor in the pitch animations \[m\] (Table 3).
 const HEIGHT_M: f64 = 0.68;

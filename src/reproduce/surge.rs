@@ -2,10 +2,10 @@
 
 use super::chain::{Bench, Reading, Seen};
 use super::{Motion, ReproduceError};
-use crate::pose::Pose;
-use crate::pose::estimators::{Chain, ChainFix, Crossing, surge_positions};
-use crate::pose::joint::Held;
-use crate::smooth::{Dynamics, MeasuredFrame, smooth};
+use hydroline_pose::Pose;
+use hydroline_pose::estimators::{Chain, ChainFix, Crossing, surge_positions};
+use hydroline_pose::joint::Held;
+use hydroline_pose::smooth::{Dynamics, MeasuredFrame, smooth};
 use hydroline_rigs::Rig;
 use serde::Serialize;
 

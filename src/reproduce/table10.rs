@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, Swing, guess_of};
-use crate::identify::data::{Run, Start};
-use crate::identify::lm::LevenbergMarquardt;
-use crate::identify::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
-use crate::identify::parameter::Coefficient;
-use crate::identify::problem::Objective;
-use crate::identify::{ModelChoice, Options, identify};
-use crate::pose::Pose;
+use hydroline_identify::data::{Run, Start};
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::problem::Objective;
+use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_pose::Pose;
 
 /// Table 7: ψ_S \[°\] and largest position error \[mm\] at 4 and 8 N.
 pub const TABLE7: [[(f64, f64); 2]; 3] = [
@@ -240,7 +240,7 @@ fn fit(
         },
     )?;
     let keys = Coefficient::of(Dof::Surge).map(Coefficient::key);
-    let number = |f: &dyn Fn(&crate::identify::Estimate) -> f64| {
+    let number = |f: &dyn Fn(&hydroline_identify::Estimate) -> f64| {
         keys.map(|k| found.parameters.get(k).map_or(f64::NAN, f))
     };
     let errors = |s: &Seen| -> Vec<f64> {

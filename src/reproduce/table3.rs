@@ -2,8 +2,8 @@
 
 use super::chain::{Bench, Reading, Seen};
 use super::{Motion, ReproduceError};
-use crate::pose::Pose;
-use crate::pose::joint::Held;
+use hydroline_pose::Pose;
+use hydroline_pose::joint::Held;
 use serde::Serialize;
 
 /// Places this close to a joint or widest point are counted apart \[m\] (issue: 8 mm).

@@ -298,7 +298,7 @@ impl System {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stripe::kernel::profile;
+    use crate::kernel::profile;
 
     #[test]
     fn the_series_gives_the_profile() {

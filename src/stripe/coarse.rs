@@ -5,7 +5,7 @@
 //! beyond it on either side (a top-hat minus its surroundings, 8 px against ±12 px) is a
 //! candidate where it is a local maximum down the column.
 
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use wide::u8x16;
 
 /// Rows per block.
@@ -255,7 +255,7 @@ fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stripe::synthetic::{StripeImage, render};
+    use crate::synthetic::{StripeImage, render};
 
     fn whole(image: &GreyImage) -> Tile {
         Tile {

@@ -7,7 +7,7 @@ use super::haze::HazeTable;
 use super::kernel::KernelTable;
 use super::path::PathScratch;
 use super::{ExtractorConfig, Profile, ProfileFault, noise};
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use std::ops::Range;
 
 /// Fewest rows in which a stripe and its background fit.

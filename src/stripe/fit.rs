@@ -3,7 +3,7 @@
 use super::clipped;
 use super::kernel::{Kernel, LANES, Lanes, split, widened};
 use super::synthetic::haze_over_pixel;
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use wide::{f32x4, i16x8, i32x8};
 
 /// Rows held per column: the widest kernel plus room to move.

@@ -9,7 +9,7 @@
 use super::fit::{Fit, HazeShape};
 use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
 use super::synthetic::haze_over_pixel;
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use nalgebra::{Matrix3, Vector3};
 use wide::{f32x4, i16x8, i32x4, u8x16};
 

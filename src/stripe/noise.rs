@@ -1,6 +1,6 @@
 //! Noise of a frame, from the frame itself.
 
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 
 /// Smallest noise: what rounding to whole grey levels adds, sqrt(1/12).
 pub(super) const ROUNDING_SD: f64 = 0.288_675_134_594_812_9;
@@ -75,7 +75,7 @@ fn truncated_sd(histogram: &[u32; 256]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stripe::synthetic::{StripeImage, render};
+    use crate::synthetic::{StripeImage, render};
 
     #[test]
     fn noise_is_found_to_three_percent_with_a_stripe_and_without() {

@@ -1,7 +1,7 @@
 //! The profile for people: CSV and a picture.
 
 use super::{Profile, quality};
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use image::{Rgb, RgbImage};
 use std::io::{self, Write};
 
@@ -59,7 +59,7 @@ pub fn annotate(image: &GreyImage, profile: &Profile) -> RgbImage {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::stripe::{Extractor, ExtractorConfig, StripePoint};
+    use crate::{Extractor, ExtractorConfig, StripePoint};
 
     #[test]
     fn csv_has_the_fixed_header_and_a_line_per_point() {
@@ -85,13 +85,13 @@ mod tests {
 
     #[test]
     fn the_stripe_is_drawn_where_it_lies() {
-        let stripe = crate::stripe::synthetic::StripeImage {
+        let stripe = crate::synthetic::StripeImage {
             width_px: 64,
             height_px: 64,
             row0_px: 30.2,
             ..Default::default()
         };
-        let image = crate::stripe::synthetic::render(&stripe);
+        let image = crate::synthetic::render(&stripe);
         let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
         let picture = annotate(&image, &profile);
         assert_eq!(picture.get_pixel(32, 30), &Rgb([0, 255, 80]));

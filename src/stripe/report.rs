@@ -6,7 +6,7 @@ use super::fit::{self, Fit, Known, Window};
 use super::haze::Haze;
 use super::trace::WIDTH_ROWS;
 use super::{Profile, StripePoint, noise, quality, segments};
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 
 impl Extractor {
     /// Points and rivals from the tracks.

@@ -2,7 +2,7 @@
 
 use super::synthetic::{StripeImage, render};
 use super::{Band, Extractor, ExtractorConfig, Profile, ProfileFault, quality};
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 use proptest::prelude::*;
 
 fn extract(image: &GreyImage) -> Profile {

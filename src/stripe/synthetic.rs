@@ -1,7 +1,7 @@
 //! Stripes with known truth and the Cramér-Rao bound that goes with them, for tests and benches.
 
-use crate::frame::GreyImage;
-use crate::stripe::kernel::profile;
+use crate::kernel::profile;
+use hydroline_core::frame::GreyImage;
 use nalgebra::{Matrix4, Vector4};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 

@@ -5,7 +5,7 @@ use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
 use super::haze::Haze;
 use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX};
 use super::{path, segments};
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 
 /// Columns read ahead of their fits; [`predicted`] reaches back as far.
 const COLUMNS_AHEAD: usize = 4;

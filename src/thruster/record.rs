@@ -1,6 +1,6 @@
 //! What the thruster service hands on, ready for the log: fields of `hydroline.proto`, times UNIX \[ns\].
 
-use crate::event::Event;
+use hydroline_core::event::Event;
 use std::sync::Arc;
 
 /// One command to one thruster, stamped when its last byte left the host (`hydroline.ThrusterCommand`).

@@ -1,6 +1,6 @@
 //! A disk that stands still now and then, and one that fills up.
 
-use hydroline::log::{FileSink, LogSink, PartOpener};
+use hydroline_log::{FileSink, LogSink, PartOpener};
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 use super::*;
-use crate::clock::ManualClock;
-use crate::event::{Event, Severity};
-use crate::frame::{FrameFault, LossBefore};
-use crate::log::testing::{T0_NS, grey_frame};
-use crate::log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
+use hydroline_core::clock::ManualClock;
+use hydroline_core::event::{Event, Severity};
+use hydroline_core::frame::{FrameFault, LossBefore};
+use hydroline_core::synthetic::{T0_NS, grey_frame};
+use hydroline_log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
 
 const PERIOD_NS: u64 = 40_000_000;
 

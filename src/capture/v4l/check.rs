@@ -5,7 +5,7 @@ use hydroline_rigs::PixelFormat;
 use super::device::{BufferInfo, PixFormat};
 use super::setup::bytes_per_px;
 use super::stamp::flags;
-use crate::frame::FrameFault;
+use hydroline_core::frame::FrameFault;
 
 /// A buffer that the driver gave back without a frame in it (EPIPE on the endpoint): no bytes, no stamp, no number.
 pub fn is_void(info: &BufferInfo) -> bool {

@@ -8,7 +8,7 @@ use std::path::Path;
 use hydroline_rigs::CameraControl;
 
 use super::device::{ControlInfo, Errno, V4lDevice};
-use crate::capture::{CaptureError, ControlReading};
+use crate::{CaptureError, ControlReading};
 
 /// V4L2_CTRL_FLAG_NEXT_CTRL
 const NEXT: u32 = 0x8000_0000;

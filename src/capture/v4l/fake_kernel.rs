@@ -10,7 +10,7 @@ use hydroline_rigs::DeviceIdentity;
 use super::device::*;
 use super::setup::{CAP_CAPTURE, CAP_STREAMING};
 use super::stamp::flags;
-use crate::clock::{Clock, ManualClock};
+use hydroline_core::clock::{Clock, ManualClock};
 
 pub const MS: u64 = 1_000_000;
 pub const AUTO_EXPOSURE: u32 = 0x009a_0901;

@@ -6,7 +6,7 @@ use hydroline_rigs::{Camera, PixelFormat};
 
 use super::controls;
 use super::device::{Capability, Errno, OfferedSize, PixFormat, V4lDevice, V4lSystem};
-use crate::capture::{CaptureError, ControlReading, NegotiatedFormat};
+use crate::{CaptureError, ControlReading, NegotiatedFormat};
 
 /// V4L2_CAP_VIDEO_CAPTURE
 pub const CAP_CAPTURE: u32 = 0x1;

@@ -8,8 +8,8 @@
 //!   before the stamp: mid-exposure = stamp - period / 2 - exposure / 2. A readout shorter than the period makes the
 //!   true time later by up to half a period.
 
-use crate::clock::ClockTriple;
-use crate::frame::{StampClock, StampSource};
+use hydroline_core::clock::ClockTriple;
+use hydroline_core::frame::{StampClock, StampSource};
 
 /// V4L2_BUF_FLAG_* bits (videodev2.h).
 pub mod flags {

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::device::PixFormat;
 use super::fake_kernel::*;
 use super::*;
-use crate::clock::ManualClock;
+use hydroline_core::clock::ManualClock;
 
 fn rig_camera() -> Camera {
     let control = |name: &str, value| CameraControl {

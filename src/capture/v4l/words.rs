@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::device::{BufferInfo, Errno};
 use super::stamp::{Placed, Trouble};
-use crate::capture::ControlReading;
-use crate::capture::gaps::{Note, Pause};
-use crate::capture::queue::Notice;
-use crate::clock::ClockTriple;
-use crate::event::{Event, Severity};
-use crate::frame::{FrameFault, LossBefore};
+use crate::ControlReading;
+use crate::gaps::{Note, Pause};
+use crate::queue::Notice;
+use hydroline_core::clock::ClockTriple;
+use hydroline_core::event::{Event, Severity};
+use hydroline_core::frame::{FrameFault, LossBefore};
 
 /// 0 = the moment it is said.
 const NOW: u64 = 0;

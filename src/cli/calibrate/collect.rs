@@ -1,9 +1,9 @@
 //! Boards out of images and logs.
 
-use crate::calibrate::{Poses, Setup, see};
-use crate::cli::{CliError, progress};
-use crate::frame::{Frame, GreyImage};
-use crate::log::{LogReader, Record};
+use crate::{CliError, progress};
+use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_daemon::calibrate::{Poses, Setup, see};
+use hydroline_log::{LogReader, Record};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -124,7 +124,7 @@ impl Collected {
     }
 }
 
-type Looked = Result<(GreyImage, crate::calibrate::Sighting), String>;
+type Looked = Result<(GreyImage, hydroline_daemon::calibrate::Sighting), String>;
 
 fn look(setup: &Setup, image: Result<GreyImage, String>, reason: bool) -> Looked {
     let image = image?;
@@ -200,7 +200,7 @@ fn log(
             .par_iter()
             .map(|(k, frame)| {
                 if let Some(fault) = frame.meta.fault {
-                    let name = crate::log::messages::fault_name(fault);
+                    let name = hydroline_log::messages::fault_name(fault);
                     return Err(format!("frame excluded: {name}"));
                 }
                 let grey = frame.to_grey().map_err(|e| e.to_string());

@@ -1,9 +1,9 @@
 //! The image with its nodes drawn in.
 
-use crate::calibrate::{Setup, see};
-use crate::frame::GreyImage;
 use hydroline_calib::Calibration;
 use hydroline_calib::board::node_m;
+use hydroline_core::frame::GreyImage;
+use hydroline_daemon::calibrate::{Setup, see};
 use image::{Rgb, RgbImage};
 
 const FOUND: Rgb<u8> = Rgb([0, 220, 0]);

@@ -1,12 +1,12 @@
 //! What a calibration is worth, in words and as JSON.
 
 use super::collect::Collected;
-use crate::calibrate::{PlacedBy, Setup, Sheet};
 use hydroline_calib::board::coplanarity::Coplanarity;
 use hydroline_calib::calibration::compare::Comparison;
 use hydroline_calib::detect::Orientation;
 use hydroline_calib::online::Status;
 use hydroline_calib::{CalibError, Calibration};
+use hydroline_daemon::calibrate::{PlacedBy, Setup, Sheet};
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;

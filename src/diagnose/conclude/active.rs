@@ -2,9 +2,9 @@
 
 use hydroline_rigs::{Dof, Rig};
 
-use crate::diagnose::setting::Track;
-use crate::identify::data::Run;
-use crate::identify::statistics::difference_sd;
+use crate::setting::Track;
+use hydroline_identify::data::Run;
+use hydroline_identify::statistics::difference_sd;
 
 /// Motion below this many noise sd is rest.
 const AT_REST_SD: f64 = 8.0;

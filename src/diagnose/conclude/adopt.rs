@@ -3,10 +3,10 @@
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::effect::ALL;
 
-use crate::diagnose::fit::Fit;
-use crate::diagnose::setting::{COEFFICIENTS, Setting};
-use crate::diagnose::verdict::Effect;
-use crate::identify::parameter::Coefficient;
+use crate::fit::Fit;
+use crate::setting::{COEFFICIENTS, Setting};
+use crate::verdict::Effect;
+use hydroline_identify::parameter::Coefficient;
 
 /// Puts the explanation into a rig.
 pub fn adopt(rig: &mut Rig, setting: &Setting, fit: &Fit, effects: &[Effect]) {

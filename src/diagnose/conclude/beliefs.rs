@@ -5,13 +5,13 @@
 //! their start; once it is taken for that, nothing is left by which it could be found.
 
 use super::found;
-use crate::diagnose::choosing::Choosing;
-use crate::diagnose::explain::{Explanation, covered};
-use crate::diagnose::family::Acts;
-use crate::diagnose::rest::{WORTH, places, still};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
-use crate::diagnose::weights::{Weights, in_both};
+use crate::choosing::Choosing;
+use crate::explain::{Explanation, covered};
+use crate::family::Acts;
+use crate::rest::{WORTH, places, still};
+use crate::search::Search;
+use crate::setting::Track;
+use crate::weights::{Weights, in_both};
 
 /// Searches once more under the least noise that was seen where the noise found is slow, then from rest where
 /// the runs were let drift at their start; the likeliest explanation, and the search it came from.
@@ -126,7 +126,7 @@ fn evidence(search: &Search<'_>, of: &Explanation, used: &[Vec<bool>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{setting, surge};
+    use crate::testing::{setting, surge};
 
     #[test]
     fn runs_held_out_tell_between_beliefs_where_one_of_them_foretells_them() {

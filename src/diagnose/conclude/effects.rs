@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use super::words::twice_note;
-use crate::diagnose::choosing::Choosing;
-use crate::diagnose::explain::{Explanation, Recheck, needs};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::posterior::{ALIKE, Group, Posterior};
-use crate::diagnose::search::Search;
-use crate::diagnose::verdict::{Effect, Law, Value};
+use crate::choosing::Choosing;
+use crate::explain::{Explanation, Recheck, needs};
+use crate::fit::Fit;
+use crate::posterior::{ALIKE, Group, Posterior};
+use crate::search::Search;
+use crate::verdict::{Effect, Law, Value};
 
 /// Probability from which an effect counts as established.
 const ESTABLISHED: f64 = 0.5;

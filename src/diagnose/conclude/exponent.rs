@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 use super::rivals::LIGHT;
 
-use crate::diagnose::descent::{Effort, descend};
-use crate::diagnose::family::{Acts, Family, FamilyFit, Joint, Prior, Variable};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::predict::{BETTER_T, Prediction, Starts, predicted_beside};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
-use crate::diagnose::verdict::Exponent;
+use crate::descent::{Effort, descend};
+use crate::family::{Acts, Family, FamilyFit, Joint, Prior, Variable};
+use crate::fit::Fit;
+use crate::predict::{BETTER_T, Prediction, Starts, predicted_beside};
+use crate::search::Search;
+use crate::setting::{COEFFICIENTS, Setting, Track};
+use crate::verdict::Exponent;
 
 /// Exponents tried: from, step, how many.
 const TRIED: (f64, f64, usize) = (0.5, 0.25, 15);
@@ -275,7 +275,7 @@ fn told(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::data::{Run, Sample};
+    use hydroline_identify::data::{Run, Sample};
     use hydroline_rigs::{Dof, Rig};
 
     /// The law itself says its power; what acts by place, time or command has none.

@@ -1,11 +1,11 @@
 //! Far from the noise: kin of what was named that predict as well.
 
-use crate::diagnose::bank::{joined, without};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::posterior::{Fitted, Group};
-use crate::diagnose::predict::held_out;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::bank::{joined, without};
+use crate::fit::{Fit, Posed};
+use crate::posterior::{Fitted, Group};
+use crate::predict::held_out;
+use crate::search::Search;
+use crate::setting::Track;
 
 /// Half chi-square per sample above which no law is exact; noise leaves 0.5.
 const INEXACT: f64 = 1.0;

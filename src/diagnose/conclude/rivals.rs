@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::tables::rms;
-use crate::diagnose::bank::{joined, without};
-use crate::diagnose::explain::{GAINS, Windows, pieces};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{COEFFICIENTS, Track};
-use crate::diagnose::verdict::{Alternative, Rung};
+use crate::bank::{joined, without};
+use crate::explain::{GAINS, Windows, pieces};
+use crate::fit::{Fit, Posed};
+use crate::predict::{BETTER_T, Prediction, predicted};
+use crate::search::Search;
+use crate::setting::{COEFFICIENTS, Track};
+use crate::verdict::{Alternative, Rung};
 
 /// Members asked, heaviest first.
 const MEMBERS: usize = 4;

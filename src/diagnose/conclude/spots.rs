@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::diagnose::bank::{View, outside, responses, whitened};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{Setting, Track};
+use crate::bank::{View, outside, responses, whitened};
+use crate::fit::Fit;
+use crate::search::Search;
+use crate::setting::{Setting, Track};
 
 /// Whitened size below which an effect at its most plausible could not be seen.
 const UNSEEN: f64 = 4.0;

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use super::rivals::{Rivals, names};
-use crate::diagnose::explain::Explanation;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::posterior::{Group, Posterior};
-use crate::diagnose::predict::{held_out, left_out, predicted_beside};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
-use crate::diagnose::verdict::{Alternative, BeforeAfter, NoiseFound, Value, Verdict};
-use crate::identify::parameter::Coefficient;
-use crate::identify::statistics::{chi2_above, ljung_box};
+use crate::explain::Explanation;
+use crate::fit::Fit;
+use crate::posterior::{Group, Posterior};
+use crate::predict::{held_out, left_out, predicted_beside};
+use crate::search::Search;
+use crate::setting::Track;
+use crate::verdict::{Alternative, BeforeAfter, NoiseFound, Value, Verdict};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::statistics::{chi2_above, ljung_box};
 
 /// How runs were predicted when none were held out.
 pub const BY_THE_OTHERS: &str =

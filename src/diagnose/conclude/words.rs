@@ -1,11 +1,11 @@
 //! The verdict in words.
 
-use crate::diagnose::explain::Explanation;
-use crate::diagnose::family::Variable;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::locate::{Stretch, elsewhere, of_one_run, stretches, told};
-use crate::diagnose::setting::Setting;
-use crate::diagnose::verdict::{Effect, Unexplained, Verdict, Word};
+use crate::explain::Explanation;
+use crate::family::Variable;
+use crate::fit::Fit;
+use crate::locate::{Stretch, elsewhere, of_one_run, stretches, told};
+use crate::setting::Setting;
+use crate::verdict::{Effect, Unexplained, Verdict, Word};
 
 /// Share of a force's strongest stretch below which it is next to nothing.
 const QUIET: f64 = 0.25;

@@ -1,12 +1,12 @@
 //! Runs held out fitted along with the others: what joins a set there.
 
 use super::elect::HELD_SHOWS;
-use crate::diagnose::bank::joined;
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::predicted;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{Setting, Track};
-use crate::diagnose::weights::Weights;
+use crate::bank::joined;
+use crate::fit::{Fit, Posed};
+use crate::predict::predicted;
+use crate::search::Search;
+use crate::setting::{Setting, Track};
+use crate::weights::Weights;
 
 /// Additions looked at beside the set: what the runs held out show first may be one more effect.
 const ADDED: usize = 4;
@@ -110,7 +110,7 @@ pub fn shown(search: &mut Search<'_>, held: &[Track], first: &Fit) -> Vec<(usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::testing::{candidate, setting, surge};
 
     /// What is shown, and whether the search has the limit by itself.
     fn with_a_limit_of(limit_n: f64) -> (Vec<(usize, Vec<f64>, f64)>, bool) {

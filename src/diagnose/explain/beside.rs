@@ -11,15 +11,15 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::Explanation;
-use crate::diagnose::bank::{
+use crate::bank::{
     ELSEWHERE, Motion, Promise, Response, begin, joined, responses_at, responses_by, whitened,
     without,
 };
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, FamilyFit, Joint};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Setting;
+use crate::descent::Effort;
+use crate::family::{Acts, FamilyFit, Joint};
+use crate::fit::Fit;
+use crate::search::Search;
+use crate::setting::Setting;
 
 /// Steps at most.
 const STEPS: usize = 9;

@@ -1,8 +1,8 @@
 //! The part of the runs held out over which free functions know what they say.
 
 use super::Explanation;
-use crate::diagnose::family::{Family, Variable};
-use crate::diagnose::setting::Track;
+use crate::family::{Family, Variable};
+use crate::setting::Track;
 
 /// How far beyond its outermost knots a function is still asked, over their span; a straight line further.
 const MARGIN: f64 = 0.02;
@@ -82,7 +82,7 @@ fn measured(variable: Variable, track: &Track, k: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::Acts;
+    use crate::family::Acts;
     use hydroline_sim::single::Line;
 
     #[test]

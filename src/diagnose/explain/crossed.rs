@@ -2,7 +2,7 @@
 
 use super::Explanation;
 use super::beside::beside;
-use crate::diagnose::search::Search;
+use crate::search::Search;
 
 /// Laws that bend asked with what the likeliest explanation has, at most.
 const CROSSED: usize = 3;
@@ -47,9 +47,9 @@ pub(super) fn crossed(search: &Search<'_>, contenders: &[Explanation]) -> Vec<Ex
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::{View, joined};
-    use crate::diagnose::family::{Variable, bends};
-    use crate::diagnose::testing::{candidate, searched, setting, surge};
+    use crate::bank::{View, joined};
+    use crate::family::{Variable, bends};
+    use crate::testing::{candidate, searched, setting, surge};
 
     #[test]
     fn a_bent_law_is_asked_with_what_the_likeliest_has_beside_another() {

@@ -8,11 +8,11 @@ use super::elect::{foretold, foretold_where_known};
 use super::grow::grow;
 use super::look::measured_where_far;
 use super::{Explanation, MISSES};
-use crate::diagnose::bank::{View, without};
-use crate::diagnose::family::{Acts, Variable, forces};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::bank::{View, without};
+use crate::family::{Acts, Variable, forces};
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
+use crate::setting::Track;
 
 /// Part that a law must explain as it is, of what it explains bent.
 ///
@@ -107,10 +107,10 @@ fn part_of_law(search: &Search<'_>, e: &Explanation, law: usize) -> Option<(Fit,
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::diagnose::bank::joined;
-    use crate::diagnose::family::bends;
-    use crate::diagnose::testing::{candidate, forced, setting};
-    use crate::identify::data::Run;
+    use crate::bank::joined;
+    use crate::family::bends;
+    use crate::testing::{candidate, forced, setting};
+    use hydroline_identify::data::Run;
 
     /// Judges one effect whose law bends by the rate.
     fn bent(runs: &[Run], (id, size): (&str, f64), judge: impl Fn(&Search<'_>, &Explanation)) {

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use super::Explanation;
 use super::beside::{SURELY_THERE, known, lacking, likeliest, too_slow};
 use super::look::{INEXACT, TWICE_PENALTY, twice};
-use crate::diagnose::bank::{View, joined, motion, responses_at, whitened, without};
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, Variable};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::rest::reduced;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Setting;
+use crate::bank::{View, joined, motion, responses_at, whitened, without};
+use crate::descent::Effort;
+use crate::family::{Acts, Variable};
+use crate::fit::{Fit, Posed};
+use crate::rest::reduced;
+use crate::search::Search;
+use crate::setting::Setting;
 
 /// Single effects that are doubled.
 const DOUBLED: usize = 4;
@@ -311,10 +311,10 @@ fn equal(search: &Search<'_>, candidate: usize, two: &Fit) -> std::ops::Range<us
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::bends;
-    use crate::diagnose::setting::{COEFFICIENTS, Setting};
-    use crate::diagnose::testing::{NOISE_M, candidate, setting, surge};
-    use crate::diagnose::weight::{weight_of, weight_of_all};
+    use crate::family::bends;
+    use crate::setting::{COEFFICIENTS, Setting};
+    use crate::testing::{NOISE_M, candidate, setting, surge};
+    use crate::weight::{weight_of, weight_of_all};
 
     /// The runs of two motions under this set and these numbers, with noise.
     fn tracked(made: &mut Setting, set: &[usize], numbers: &[f64]) {

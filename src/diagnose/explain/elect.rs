@@ -5,16 +5,14 @@ use rayon::prelude::*;
 use super::covered::covered;
 use super::look::{BELIEVED, modest};
 use super::{Explanation, FORETELLS};
-use crate::diagnose::bank::without;
-use crate::diagnose::choosing::Choosing;
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, Variable};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::predict::{
-    BETTER_T, Prediction, better_t, held_out, predicted, predicted_beside,
-};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::bank::without;
+use crate::choosing::Choosing;
+use crate::descent::Effort;
+use crate::family::{Acts, Variable};
+use crate::fit::{Fit, Posed};
+use crate::predict::{BETTER_T, Prediction, better_t, held_out, predicted, predicted_beside};
+use crate::search::Search;
+use crate::setting::Track;
 
 /// rms of the runs held out over the least one, and over noise, above which an explanation is none; its square
 /// where even the least is above that.
@@ -378,9 +376,9 @@ pub fn sparing(search: &Search<'_>, other: &Explanation, best: &Explanation) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::{View, joined};
-    use crate::diagnose::family::{bends, forces};
-    use crate::diagnose::testing::{candidate, searched, setting, surge};
+    use crate::bank::{View, joined};
+    use crate::family::{bends, forces};
+    use crate::testing::{candidate, searched, setting, surge};
 
     /// A bent law and a free force may be the same function: then what has a name stands.
     #[test]

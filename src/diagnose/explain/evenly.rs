@@ -4,10 +4,10 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::look::closed;
-use crate::diagnose::bank::{View, without};
-use crate::diagnose::family::bends;
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
+use crate::bank::{View, without};
+use crate::family::bends;
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
 
 /// Heavy members at most: what is there then is more than one law that is not quite the vocabulary's.
 const HEAVY: usize = 3;
@@ -43,9 +43,9 @@ pub(super) fn evenly(search: &Search<'_>, best: &Fit, heavy: &[usize]) -> Vec<Ex
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::joined;
-    use crate::diagnose::family::Variable;
-    use crate::diagnose::testing::{candidate, searched, setting, surge};
+    use crate::bank::joined;
+    use crate::family::Variable;
+    use crate::testing::{candidate, searched, setting, surge};
 
     #[test]
     fn heavy_members_are_bent_as_lines_without_the_light_ones() {

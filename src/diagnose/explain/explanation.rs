@@ -1,11 +1,11 @@
 //! An explanation: a set, what acts twice or bends beside it, and what it weighs.
 
 use super::SLIGHT;
-use crate::diagnose::choosing::Choosing;
-use crate::diagnose::family::{Acts, FamilyFit, Variable};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::search::Search;
-use crate::diagnose::weight::{weight_beyond, weight_of, weight_of_all, weight_of_bent, weights};
+use crate::choosing::Choosing;
+use crate::family::{Acts, FamilyFit, Variable};
+use crate::fit::Fit;
+use crate::search::Search;
+use crate::weight::{weight_beyond, weight_of, weight_of_all, weight_of_bent, weights};
 
 /// A set, and what is left beside it.
 #[derive(Debug, Clone)]

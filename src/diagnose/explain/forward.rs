@@ -7,11 +7,11 @@ use std::collections::BTreeSet;
 
 use super::Explanation;
 use super::windows::{Windows, pieces};
-use crate::diagnose::bank::without;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::predict::{BETTER_T, Prediction, predicted};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{COEFFICIENTS, Track};
+use crate::bank::without;
+use crate::fit::Fit;
+use crate::predict::{BETTER_T, Prediction, predicted};
+use crate::search::Search;
+use crate::setting::{COEFFICIENTS, Track};
 
 /// Most effects.
 const MOST: usize = 6;
@@ -29,7 +29,7 @@ const WORTH: f64 = 0.75;
 /// The same over whole runs, of what was judged in windows.
 const WORTH_ON_THE_WHOLE: f64 = 0.97;
 /// The same from which an effect is told to gain in the place of another one.
-pub(in crate::diagnose) const GAINS: f64 = 0.9;
+pub(crate) const GAINS: f64 = 0.9;
 /// Without a member over with it, up to which it is not.
 const AS_WELL: f64 = 1.01;
 

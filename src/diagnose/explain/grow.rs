@@ -9,12 +9,12 @@ use super::look::{Care, look, modest};
 use super::{
     ALL_BUT_NOISE, Explanation, LAW_OUT_OF_REACH, OUT_OF_REACH, PARTS, ROUNDS, WORTH_A_CLIMB,
 };
-use crate::diagnose::bank::without;
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::FamilyFit;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::bank::without;
+use crate::descent::Effort;
+use crate::family::FamilyFit;
+use crate::fit::Fit;
+use crate::search::Search;
+use crate::setting::Track;
 
 /// A seed's set searched again beside its function, and the function made sharper where that pays; `None` where what
 /// bends a law is too large for that (`modest`), or the log evidence `bar` out of reach.

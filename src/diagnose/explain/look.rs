@@ -4,13 +4,13 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::doubled::merged;
-use crate::diagnose::bank::{View, joined, motion, outside, whitened, without};
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::{Acts, Family, FamilyFit, Variable, bends, forces};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{COEFFICIENTS, Setting};
-use crate::diagnose::weight::{weight_beyond, weights};
+use crate::bank::{View, joined, motion, outside, whitened, without};
+use crate::descent::Effort;
+use crate::family::{Acts, Family, FamilyFit, Variable, bends, forces};
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
+use crate::setting::{COEFFICIENTS, Setting};
+use crate::weight::{weight_beyond, weights};
 
 /// Log evidence that a free force must gain before it is believed.
 pub(super) const BELIEVED: f64 = 5.0;
@@ -541,7 +541,7 @@ pub(super) fn twice(search: &Search<'_>, fit: &Fit, view: &View, member: usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, searched, setting, surge};
+    use crate::testing::{candidate, searched, setting, surge};
 
     /// A search may have come to an effect that is not there by a law that is not quite the vocabulary's.
     #[test]

@@ -8,9 +8,9 @@ use super::elect::{foretold, held_to_account};
 use super::grow::grow;
 use super::look::kinds;
 use super::{CLEARLY, Explanation, FAR_FROM_FORETOLD, KINDS, LAW_OUT_OF_REACH, at_best};
-use crate::diagnose::predict::held_out;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::predict::held_out;
+use crate::search::Search;
+use crate::setting::Track;
 
 /// Whether what is named foretells nothing of runs that go where the fitted ones went, beyond what these leave open of
 /// its numbers: it imitates something.
@@ -64,10 +64,10 @@ pub(super) fn without_a_name<'a>(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::diagnose::bank::joined;
-    use crate::diagnose::family::Variable;
-    use crate::diagnose::setting::COEFFICIENTS;
-    use crate::diagnose::testing::{candidate, pulled, searched, setting, surge};
+    use crate::bank::joined;
+    use crate::family::Variable;
+    use crate::setting::COEFFICIENTS;
+    use crate::testing::{candidate, pulled, searched, setting, surge};
 
     const FRICTION: [(&str, &[(&str, f64)]); 1] = [("coulomb_friction", &[("f_n", 0.4)])];
 

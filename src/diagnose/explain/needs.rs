@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::Explanation;
 use super::look::TWICE_PENALTY;
-use crate::diagnose::bank::without;
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::Acts;
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
+use crate::bank::without;
+use crate::descent::Effort;
+use crate::family::Acts;
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
 
 /// A fit that would end this far above the explanation's cost is not followed: the member is needed.
 const TOO_FAR: f64 = 60.0;

@@ -6,10 +6,10 @@
 
 use super::along::{FAR_FROM_NOISE, all_runs, along};
 use super::look::{Care, INEXACT, look};
-use crate::diagnose::family::Acts;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::Track;
+use crate::family::Acts;
+use crate::fit::Fit;
+use crate::search::Search;
+use crate::setting::Track;
 
 /// Log evidence that a function must gain in all runs together: no election stands behind it, and the best of two dozen bends
 /// of an exact law gains three now and then. A second copy is one choice, which its evidence has paid for.

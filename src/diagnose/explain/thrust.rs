@@ -3,11 +3,11 @@
 
 use super::Explanation;
 use super::look::{BELIEVED, MODEST};
-use crate::diagnose::bank::{View, joined};
-use crate::diagnose::descent::Effort;
-use crate::diagnose::family::Variable;
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
+use crate::bank::{View, joined};
+use crate::descent::Effort;
+use crate::family::Variable;
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
 
 /// A force of the load that matters as what the law of a thruster lacks: of the heaviest member with a corner in the load
 /// or, where there is none, of one that joins it and leaves it less to do. As it is where no such law does the most of it.
@@ -95,8 +95,8 @@ fn beside(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::forces;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::family::forces;
+    use crate::testing::{candidate, setting, surge};
 
     /// A limit with a round shoulder left a force of the load without a name beside it.
     #[test]

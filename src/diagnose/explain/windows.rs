@@ -9,12 +9,12 @@ use std::ops::Range;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::diagnose::bank::{View, joined, responses, whitened};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::search::Search;
-use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
-use crate::diagnose::weights::Weights;
-use crate::identify::noise::Noise;
+use crate::bank::{View, joined, responses, whitened};
+use crate::fit::{Fit, Posed};
+use crate::search::Search;
+use crate::setting::{COEFFICIENTS, Setting, Track};
+use crate::weights::Weights;
+use hydroline_identify::noise::Noise;
 
 /// Windows per run.
 const WINDOWS: usize = 10;

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 
 use super::linear::mark;
 use super::{Family, FamilyFit, Touched};
-use crate::diagnose::bank::{View, basis, outside};
-use crate::diagnose::descent::{Linear, Linearised};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::setting::Setting;
-use crate::diagnose::weights::Weights;
-use crate::identify::forward::ForwardError;
+use crate::bank::{View, basis, outside};
+use crate::descent::{Linear, Linearised};
+use crate::fit::{Fit, Posed};
+use crate::setting::Setting;
+use crate::weights::Weights;
+use hydroline_identify::forward::ForwardError;
 
 /// Least squares of a set's unknowns, then a function's amplitudes.
 pub struct Joint<'a> {

@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use hydroline_sim::effect::Stage;
 
 use super::{Acts, Family, Variable};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::setting::Setting;
+use crate::fit::Fit;
+use crate::setting::Setting;
 
 /// Knots per run at most and at least, and in all runs together.
 const EACH_RUN: (usize, usize, usize) = (17, 8, 120);
@@ -229,8 +229,8 @@ pub fn bends(setting: &Setting, fit: &Fit, candidates: &[usize]) -> Vec<Family> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::search::Search;
+    use crate::testing::{candidate, setting, surge};
 
     #[test]
     fn only_thrusters_bend_at_small_loads_and_all_but_them_at_small_speeds() {

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::prior::{LENGTHS, Prior};
 use super::{Acts, Family, FamilyFit, PENALTY, Touched};
-use crate::diagnose::bank::{View, outside, whitened};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::setting::{PASS, Setting};
-use crate::diagnose::weights::Weights;
+use crate::bank::{View, outside, whitened};
+use crate::fit::Fit;
+use crate::setting::{PASS, Setting};
+use crate::weights::Weights;
 
 /// Largest prior sd of the logarithm of the factor on a law that is near the vocabulary's.
 const NEAR_A_LAW: f64 = 0.4;

@@ -92,7 +92,7 @@ fn place(family: &Family, knot: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::family::Acts;
+    use crate::family::Acts;
 
     /// Denser knots keep what was known of the old ones.
     #[test]

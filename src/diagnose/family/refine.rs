@@ -5,11 +5,11 @@ use nalgebra::DVector;
 use super::linear::Smooth;
 use super::prior::Prior;
 use super::{Acts, Family, FamilyFit, Joint, PENALTY, Variable};
-use crate::diagnose::descent::{Effort, Linearised, descend};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::setting::Setting;
-use crate::diagnose::weights::Weights;
-use crate::identify::uncertainty::covariance;
+use crate::descent::{Effort, Linearised, descend};
+use crate::fit::Fit;
+use crate::setting::Setting;
+use crate::weights::Weights;
+use hydroline_identify::uncertainty::covariance;
 
 /// Times that the knots of a function are made denser.
 const SHARPENED: usize = 5;

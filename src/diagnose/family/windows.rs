@@ -4,10 +4,10 @@
 //! what its edges leave is taken up by effects that are not there.
 
 use super::{Acts, Family, FamilyFit};
-use crate::diagnose::descent::Effort;
-use crate::diagnose::fit::Fit;
-use crate::diagnose::setting::Setting;
-use crate::diagnose::weights::Weights;
+use crate::descent::Effort;
+use crate::fit::Fit;
+use crate::setting::Setting;
+use crate::weights::Weights;
 
 /// What is expected at a quiet knot, of what is expected at the others.
 pub(super) const QUIET: f64 = 0.01;
@@ -114,11 +114,11 @@ impl FamilyFit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::View;
-    use crate::diagnose::family::kinds::BETWEEN_S;
-    use crate::diagnose::family::{Variable, forces};
-    use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{hats, pulled, setting};
+    use crate::bank::View;
+    use crate::family::kinds::BETWEEN_S;
+    use crate::family::{Variable, forces};
+    use crate::search::Search;
+    use crate::testing::{hats, pulled, setting};
 
     /// Two runs of ten knots, laid end to end.
     fn flat() -> FamilyFit {

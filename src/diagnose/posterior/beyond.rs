@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::diagnose::bank::outside;
-use crate::diagnose::fit::{Fit, INCLUSION, Posed};
-use crate::diagnose::search::{LEAST_GAIN, Search};
-use crate::diagnose::weight::own_span;
+use crate::bank::outside;
+use crate::fit::{Fit, INCLUSION, Posed};
+use crate::search::{LEAST_GAIN, Search};
+use crate::weight::own_span;
 
 /// Share of a response's information outside of what is fitted, below which it is a blind spot's.
 const OWN_SHARE: f64 = 1e-6;

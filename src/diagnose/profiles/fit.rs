@@ -112,7 +112,7 @@ impl<'a> Problem<'a> {
     /// Of some runs.
     pub fn new(rig: &'a Rig, base: Base, runs: &'a [ImageRun], motions: Vec<Motion>) -> Self {
         let heights = rig.target.as_ref().map_or(1, |t| {
-            crate::pose::outline::Surfaces::new(Some(t))
+            hydroline_pose::outline::Surfaces::new(Some(t))
                 .heights_m()
                 .len()
         });

@@ -4,8 +4,8 @@
 //! ray's point at that height from the sheet. Nothing is projected: F and its slope along the
 //! column say how far a measured row is off, the same for every optics, bent rays included.
 
-use crate::pose::outline::Surfaces;
 use hydroline_calib::Pose;
+use hydroline_pose::outline::Surfaces;
 use hydroline_rigs::{Rig, Slab, SlabOutline, Target};
 use hydroline_sim::effect::Optics;
 use nalgebra::{Matrix3, Vector3};

@@ -14,8 +14,8 @@
 use super::fit::{Fitted, Problem};
 use super::geometry::Placed;
 use super::model::{Rays, belongs};
-use crate::frame::GreyImage;
 use hydroline_calib::Pose;
+use hydroline_core::frame::GreyImage;
 use nalgebra::{DMatrix, DVector};
 
 /// Width of a class of distance \[m\].

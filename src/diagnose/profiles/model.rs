@@ -2,7 +2,7 @@
 
 use super::geometry::{Geometry, Placed, Ray};
 use super::observe::{Bin, Edge, Seen};
-use crate::pose::outline::Edge as Side;
+use hydroline_pose::outline::Edge as Side;
 
 /// What is shared by all frames whatever the hypothesis, with the spread of its prior.
 ///

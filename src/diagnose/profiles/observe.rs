@@ -4,14 +4,14 @@
 //! names a calibration, pixels are first brought to where the rig's ideal camera would see the
 //! same point of the sheet, so that effects count from the calibration in force.
 
-use crate::frame::GreyImage;
-use crate::identify::data::{Command, LoadError, load_messages};
-use crate::log::messages::pb;
-use crate::log::{LogReader, Record};
-use crate::stripe::{Extractor, ExtractorConfig, Profile, StripePoint, quality};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, IdealMap};
+use hydroline_core::frame::GreyImage;
+use hydroline_identify::data::{Command, LoadError, load_messages};
+use hydroline_log::messages::pb;
+use hydroline_log::{LogReader, Record};
 use hydroline_rigs::Rig;
+use hydroline_stripe::{Extractor, ExtractorConfig, Profile, StripePoint, quality};
 use std::path::Path;
 
 /// Columns per bin: neighbours share what little the extractor's pooling shares.
@@ -160,7 +160,7 @@ pub fn from_images(
     let stamps: Vec<pb::VehicleMotion> = images
         .iter()
         .map(|(ns, _)| pb::VehicleMotion {
-            timestamp: Some(crate::log::messages::timestamp(*ns)),
+            timestamp: Some(hydroline_log::messages::timestamp(*ns)),
             ..pb::VehicleMotion::default()
         })
         .collect();

@@ -2,9 +2,9 @@
 
 use super::fit::{Fitted, Left};
 use super::model::Kind;
-use crate::diagnose::verdict::Effect;
-use crate::identify::report::escape;
+use crate::verdict::Effect;
 use hydroline_calib::IdealMap;
+use hydroline_identify::report::escape;
 use hydroline_rigs::Rig;
 use std::fmt::Write as _;
 

@@ -12,7 +12,7 @@
 use super::evidence::precision;
 use super::fit::UNIT;
 use super::observe::ImageRun;
-use crate::identify::parameter::Coefficient;
+use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::{Dof, Rig, Wrench};
 use hydroline_sim::{SimError, World};
 use nalgebra::{DMatrix, DVector};

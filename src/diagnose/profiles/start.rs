@@ -3,10 +3,10 @@
 use super::geometry::Geometry;
 use super::observe::{ImageRun, Seen};
 use super::prior::Motion;
-use crate::pose::initial::{self, Guess};
-use crate::pose::joint::{Hint, PoseFitter};
 use hydroline_calib::plane::{Fan, ImageSize, PlaneMap, PlanePoint};
 use hydroline_calib::{Calibration, IdealMap, Pose};
+use hydroline_pose::initial::{self, Guess};
+use hydroline_pose::joint::{Hint, PoseFitter};
 use hydroline_rigs::Rig;
 use nalgebra::Matrix2;
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use crate::identify::report::escape;
+use hydroline_identify::report::escape;
 
 /// Width of every plot \[px\].
 pub const WIDTH: f64 = 860.0;

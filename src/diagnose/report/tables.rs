@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use hydroline_sim::effect::ALL;
 
 use super::drawn;
-use crate::diagnose::verdict::{Law, Value, Verdict};
-use crate::identify::parameter::Coefficient;
-use crate::identify::report::{escape, significant};
+use crate::verdict::{Law, Value, Verdict};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::report::{escape, significant};
 
 fn amount(channel: &str, value: f64) -> String {
     let (unit, factor) = drawn(channel);
@@ -245,8 +245,8 @@ pub(super) fn ladder(page: &mut String, v: &Verdict) {
 /// What an alternative lacks, does without need, or does as well.
 fn why(
     v: &Verdict,
-    a: &crate::diagnose::verdict::Alternative,
-    best: Option<&crate::diagnose::verdict::Alternative>,
+    a: &crate::verdict::Alternative,
+    best: Option<&crate::verdict::Alternative>,
 ) -> String {
     let Some(best) = best.filter(|b| *b != a) else {
         return "the first".to_owned();

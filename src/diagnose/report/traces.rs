@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use crate::diagnose::bank::View;
-use crate::diagnose::family::{Acts, FamilyFit, Variable, laid_out, regimes};
-use crate::diagnose::fit::{Fit, Posed};
-use crate::diagnose::locate::stands_out;
-use crate::diagnose::setting::{COEFFICIENTS, Setting, Track};
-use crate::diagnose::weights::Weights;
-use crate::identify::lm::descend;
-use crate::identify::noise::Noise;
+use crate::bank::View;
+use crate::family::{Acts, FamilyFit, Variable, laid_out, regimes};
+use crate::fit::{Fit, Posed};
+use crate::locate::stands_out;
+use crate::setting::{COEFFICIENTS, Setting, Track};
+use crate::weights::Weights;
+use hydroline_identify::lm::descend;
+use hydroline_identify::noise::Noise;
 
 /// One DOF's problem and its two answers, kept for the report.
 #[derive(Debug)]

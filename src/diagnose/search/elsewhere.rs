@@ -1,11 +1,9 @@
 //! A period or a place has minima of its own: those of a set's members are looked for once more, all else as it is.
 
 use super::Search;
-use crate::diagnose::bank::{
-    Promise, View, begin, joined, motion, responses_of, whitened, without,
-};
-use crate::diagnose::candidate::{Candidate, share};
-use crate::diagnose::fit::{Fit, is_phase};
+use crate::bank::{Promise, View, begin, joined, motion, responses_of, whitened, without};
+use crate::candidate::{Candidate, share};
+use crate::fit::{Fit, is_phase};
 
 /// Other starts fitted per member.
 const TRIED: usize = 3;
@@ -68,9 +66,9 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::fit::Posed;
-    use crate::diagnose::search::Search;
-    use crate::diagnose::testing::{candidate, setting, surge};
+    use crate::fit::Posed;
+    use crate::search::Search;
+    use crate::testing::{candidate, setting, surge};
 
     /// A seiche that came to the wrong period stays there until it is looked for elsewhere.
     #[test]

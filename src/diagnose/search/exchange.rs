@@ -111,7 +111,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{candidate, searched, setting, surge};
+    use crate::testing::{candidate, searched, setting, surge};
 
     /// One at a time a search ends where no single step gains: the wrong one of two must be exchanged.
     #[test]

@@ -4,13 +4,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Search;
-use crate::diagnose::bank::{View, pursue, whitened};
-use crate::diagnose::explain::{Care, look};
-use crate::diagnose::family::{FamilyFit, Joint, regimes};
-use crate::diagnose::fit::Fit;
-use crate::diagnose::rest::{Rates, places};
-use crate::diagnose::weights::{Weights, noise_beyond};
-use crate::identify::noise::Noise;
+use crate::bank::{View, pursue, whitened};
+use crate::explain::{Care, look};
+use crate::family::{FamilyFit, Joint, regimes};
+use crate::fit::Fit;
+use crate::rest::{Rates, places};
+use crate::weights::{Weights, noise_beyond};
+use hydroline_identify::noise::Noise;
 
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;

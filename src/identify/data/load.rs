@@ -6,8 +6,8 @@ use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 
 use super::{Command, NOISE_KEY, Run, Sample, StillNoise};
-use crate::log::messages::{pb, timestamp, unix_ns};
-use crate::log::{LogError, LogReader, Record};
+use hydroline_log::messages::{pb, timestamp, unix_ns};
+use hydroline_log::{LogError, LogReader, Record};
 
 /// Why a log gives no run.
 #[derive(Debug, thiserror::Error)]

@@ -7,7 +7,7 @@ use super::super::noise::{RestNoise, about_median, at_rest};
 use super::super::problem::precision_of;
 use super::super::statistics::{difference_sd, median, robust_sd};
 use super::{CHANNELS, Run, Sample};
-use crate::log::messages::{pb, timestamp, unix_ns};
+use hydroline_log::messages::{pb, timestamp, unix_ns};
 
 /// Shortest run at rest that measures a noise's colour \[s\].
 pub const STILL_MIN_S: f64 = 20.0;

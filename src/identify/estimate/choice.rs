@@ -1,9 +1,9 @@
 //! Which equations these runs call for, and which of their coefficients are free.
 
 use super::{ModelChoice, Options};
-use crate::identify::data::Run;
-use crate::identify::parameter::Coefficient;
-use crate::identify::statistics::{difference_sd, median, robust_sd};
+use crate::data::Run;
+use crate::parameter::Coefficient;
+use crate::statistics::{difference_sd, median, robust_sd};
 use hydroline_rigs::{Dof, Rig, VehicleModel};
 
 /// One DOF if only one is driven; without commands the one that moves most for its noise.

@@ -2,16 +2,12 @@
 
 use super::fit::{Fit, NOT_WHITE, beside};
 use super::{IdentifyError, Options};
-use crate::identify::data::Run;
-use crate::identify::outcome::{
-    Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace,
-};
-use crate::identify::parameter::Coefficient;
-use crate::identify::problem::Objective;
-use crate::identify::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95};
-use crate::identify::uncertainty::{
-    PROFILE_EVALUATIONS, Profile, Ridge, correlation, covariance, profile,
-};
+use crate::data::Run;
+use crate::outcome::{Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
+use crate::parameter::Coefficient;
+use crate::problem::Objective;
+use crate::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95};
+use crate::uncertainty::{PROFILE_EVALUATIONS, Profile, Ridge, correlation, covariance, profile};
 use hydroline_rigs::Rig;
 use nalgebra::{Cholesky, DMatrix};
 use std::collections::BTreeMap;

@@ -1,12 +1,12 @@
 //! Parameters, noise and outliers in turns until none of them moves the others.
 
 use super::{IdentifyError, Options};
-use crate::identify::forward::Forward;
-use crate::identify::lm;
-use crate::identify::noise::{Noise, RestNoise, Series, mask};
-use crate::identify::problem::{Objective, Problem, from};
-use crate::identify::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
-use crate::identify::uncertainty::covariance;
+use crate::forward::Forward;
+use crate::lm;
+use crate::noise::{Noise, RestNoise, Series, mask};
+use crate::problem::{Objective, Problem, from};
+use crate::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
+use crate::uncertainty::covariance;
 use nalgebra::DMatrix;
 
 /// sd over the rig's size above which a coefficient is held.

@@ -3,12 +3,12 @@
 use super::IdentifyError;
 use super::conclude::UNEXCITED;
 use super::fit::{Fit, hold_undetermined};
-use crate::identify::data::Run;
-use crate::identify::forward::Forward;
-use crate::identify::lm;
-use crate::identify::outcome::{CrossValidation, Identification};
-use crate::identify::parameter::Coefficient;
-use crate::identify::problem::Problem;
+use crate::data::Run;
+use crate::forward::Forward;
+use crate::lm;
+use crate::outcome::{CrossValidation, Identification};
+use crate::parameter::Coefficient;
+use crate::problem::Problem;
 
 /// Makes the equations of some runs with some coefficients free.
 pub(super) type Make<'a> =

@@ -1,9 +1,9 @@
 //! The noise of the measurement, from stretches at rest or from what a log carries of one.
 
-use crate::identify::data::{Run, is_still};
-use crate::identify::forward::Forward;
-use crate::identify::noise::{RestNoise, Stretch, about_median, at_rest};
-use crate::identify::problem::precision;
+use crate::data::{Run, is_still};
+use crate::forward::Forward;
+use crate::noise::{RestNoise, Stretch, about_median, at_rest};
+use crate::problem::precision;
 
 /// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
 /// Its level belongs to the sd that was logged there; `references` are those of the slots here.

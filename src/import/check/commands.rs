@@ -5,7 +5,7 @@ use hydroline_rigs::{Dof, Rig};
 use super::super::map::Map;
 use super::super::table::Imported;
 use super::Finding;
-use crate::identify::data::capacity;
+use hydroline_identify::data::capacity;
 
 /// A thrust this many times the thruster's largest is another unit, not a strong thruster.
 const ABSURD: f64 = 20.0;

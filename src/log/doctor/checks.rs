@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::{Finding, Grade};
-use crate::event::Severity;
-use crate::log::messages::{self, pb};
-use crate::log::reader::Record;
-use crate::log::records::{ChannelRecord, Damage};
-use crate::log::topic::Topic;
+use crate::messages::{self, pb};
+use crate::reader::Record;
+use crate::records::{ChannelRecord, Damage};
+use crate::topic::Topic;
+use hydroline_core::event::Severity;
 
 /// Realtime steps beyond this are reported \[ns\].
 const STEP_NS: i128 = 10_000_000;

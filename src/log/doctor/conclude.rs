@@ -2,8 +2,8 @@
 
 use super::checks::{BRACKET_NS, Checks};
 use super::{Finding, Grade};
-use crate::log::part::MetadataMap;
-use crate::log::scan::Learnt;
+use crate::part::MetadataMap;
+use crate::scan::Learnt;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
     summary.get("recovered").is_some_and(|v| v == "true")

@@ -6,7 +6,7 @@ use hydroline_rigs::PixelFormat;
 use super::{
     CAMERA_FRAME, CompressedImage, FrameInfo, RawImage, Stamped, foxglove_time, timestamp,
 };
-use crate::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
+use hydroline_core::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
 
 /// The image part of a frame.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
 //! Round trips.
 
 use super::*;
-use crate::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
 use bytes::Bytes;
+use hydroline_core::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
 use hydroline_rigs::PixelFormat;
 use proptest::prelude::*;
 use prost::Message;

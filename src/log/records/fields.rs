@@ -7,7 +7,7 @@ use bytes::{Buf, Bytes};
 use mcap::records::op;
 
 use super::{Damage, LIMIT_BYTES, PREFIX_BYTES};
-use crate::log::part::MetadataMap;
+use crate::part::MetadataMap;
 
 /// Fields of a record, each only as long as the bytes that are there.
 struct Fields {
@@ -65,7 +65,7 @@ impl Fields {
 
 /// A schema record.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(in crate::log) struct SchemaRecord {
+pub(crate) struct SchemaRecord {
     pub id: u16,
     pub name: String,
     pub encoding: String,
@@ -74,7 +74,7 @@ pub(in crate::log) struct SchemaRecord {
 
 /// A channel record.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::log) struct ChannelRecord {
+pub(crate) struct ChannelRecord {
     pub id: u16,
     pub schema_id: u16,
     pub topic: String,
@@ -84,7 +84,7 @@ pub(in crate::log) struct ChannelRecord {
 
 /// A message record.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::log) struct MessageRecord {
+pub(crate) struct MessageRecord {
     pub channel_id: u16,
     pub sequence: u32,
     pub log_ns: u64,
@@ -94,7 +94,7 @@ pub(in crate::log) struct MessageRecord {
 
 /// A chunk record's header and its still compressed content.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::log) struct ChunkRecord {
+pub(crate) struct ChunkRecord {
     pub start_ns: u64,
     pub end_ns: u64,
     pub uncompressed_bytes: u64,
@@ -107,7 +107,7 @@ pub(in crate::log) struct ChunkRecord {
 
 /// Counts of a statistics record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::log) struct StatisticsRecord {
+pub(crate) struct StatisticsRecord {
     pub messages: u64,
     pub chunks: u32,
 }
@@ -119,17 +119,17 @@ fn fields(opcode: u8, body: &Bytes) -> Fields {
     }
 }
 
-pub(in crate::log) fn header(body: &Bytes) -> Result<(String, String), Damage> {
+pub(crate) fn header(body: &Bytes) -> Result<(String, String), Damage> {
     let mut f = fields(op::HEADER, body);
     Ok((f.string("profile")?, f.string("library")?))
 }
 
-pub(in crate::log) fn metadata(body: &Bytes) -> Result<(String, MetadataMap), Damage> {
+pub(crate) fn metadata(body: &Bytes) -> Result<(String, MetadataMap), Damage> {
     let mut f = fields(op::METADATA, body);
     Ok((f.string("name")?, f.map("metadata map")?))
 }
 
-pub(in crate::log) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
+pub(crate) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
     let mut f = fields(op::SCHEMA, body);
     let id = f.u16("schema id")?;
     if id == 0 {
@@ -147,7 +147,7 @@ pub(in crate::log) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
     })
 }
 
-pub(in crate::log) fn channel(body: &Bytes) -> Result<ChannelRecord, Damage> {
+pub(crate) fn channel(body: &Bytes) -> Result<ChannelRecord, Damage> {
     let mut f = fields(op::CHANNEL, body);
     Ok(ChannelRecord {
         id: f.u16("channel id")?,
@@ -158,7 +158,7 @@ pub(in crate::log) fn channel(body: &Bytes) -> Result<ChannelRecord, Damage> {
     })
 }
 
-pub(in crate::log) fn message(body: &Bytes) -> Result<MessageRecord, Damage> {
+pub(crate) fn message(body: &Bytes) -> Result<MessageRecord, Damage> {
     let mut f = fields(op::MESSAGE, body);
     Ok(MessageRecord {
         channel_id: f.u16("channel id")?,
@@ -169,7 +169,7 @@ pub(in crate::log) fn message(body: &Bytes) -> Result<MessageRecord, Damage> {
     })
 }
 
-pub(in crate::log) fn statistics(body: &Bytes) -> Result<StatisticsRecord, Damage> {
+pub(crate) fn statistics(body: &Bytes) -> Result<StatisticsRecord, Damage> {
     let mut f = fields(op::STATISTICS, body);
     let messages = f.u64("message count")?;
     let _schemas = f.u16("schema count")?;
@@ -182,11 +182,11 @@ pub(in crate::log) fn statistics(body: &Bytes) -> Result<StatisticsRecord, Damag
     })
 }
 
-pub(in crate::log) fn data_end(body: &Bytes) -> Result<u32, Damage> {
+pub(crate) fn data_end(body: &Bytes) -> Result<u32, Damage> {
     fields(op::DATA_END, body).u32("data section crc")
 }
 
-pub(in crate::log) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
+pub(crate) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
     let mut f = fields(op::FOOTER, body);
     f.u64("summary start")?;
     f.u64("summary offset start")?;
@@ -194,7 +194,7 @@ pub(in crate::log) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
 }
 
 /// Parses a chunk's header. A content shorter than promised is an error unless `torn`.
-pub(in crate::log) fn chunk(body: &Bytes, torn: bool) -> Result<ChunkRecord, Damage> {
+pub(crate) fn chunk(body: &Bytes, torn: bool) -> Result<ChunkRecord, Damage> {
     let mut f = fields(op::CHUNK, body);
     let (start_ns, end_ns) = (f.u64("start time")?, f.u64("end time")?);
     let (uncompressed_bytes, crc) = (f.u64("uncompressed size")?, f.u32("crc")?);
@@ -281,7 +281,7 @@ impl ChunkRecord {
 }
 
 /// Takes the next record off a chunk's content.
-pub(in crate::log) fn next_inner(content: &mut Bytes) -> Option<Result<(u8, Bytes), Damage>> {
+pub(crate) fn next_inner(content: &mut Bytes) -> Option<Result<(u8, Bytes), Damage>> {
     if !content.has_remaining() {
         return None;
     }
@@ -305,7 +305,7 @@ pub(in crate::log) fn next_inner(content: &mut Bytes) -> Option<Result<(u8, Byte
 
 /// Schemas and channels declared so far.
 #[derive(Debug, Clone, Default)]
-pub(in crate::log) struct Declared {
+pub(crate) struct Declared {
     pub schemas: BTreeMap<u16, SchemaRecord>,
     pub channels: BTreeMap<u16, std::sync::Arc<ChannelRecord>>,
 }

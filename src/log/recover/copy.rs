@@ -6,9 +6,9 @@ use std::io::BufWriter;
 
 use mcap::records::MessageHeader;
 
-use crate::log::part::MetadataMap;
-use crate::log::records::{ChannelRecord, MessageRecord};
-use crate::log::scan::FileScan;
+use crate::part::MetadataMap;
+use crate::records::{ChannelRecord, MessageRecord};
+use crate::scan::FileScan;
 
 /// Order-dependent checksum over all messages, names and times.
 #[derive(Default)]

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use prost::Message;
 
-use crate::log::messages::pb;
-use crate::log::part::MetadataMap;
-use crate::log::records::{ChannelRecord, MessageRecord};
-use crate::log::topic::Topic;
+use crate::messages::pb;
+use crate::part::MetadataMap;
+use crate::records::{ChannelRecord, MessageRecord};
+use crate::topic::Topic;
 
 /// Counts frames and what they and the events say about those that are missing.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! The hexagon chain: from the edge points A, B, C, D to ψ_S and X_S.
 
 use super::EstimatorFault;
-use crate::pose::segments::{Levels, Step};
+use crate::segments::{Levels, Step};
 use hydroline_rigs::{SlabOutline, Target};
 
 /// Farthest a fix may lie from where continuity expects it \[m\]: half a hexagon.

@@ -1,8 +1,8 @@
 //! The formulas against exact geometry: no image, no noise.
 
 use super::*;
-use crate::pose::outline::Surfaces;
-use crate::pose::segments::Step;
+use crate::outline::Surfaces;
+use crate::segments::Step;
 use hydroline_calib::Pose;
 use hydroline_sim::fixture::{hexagon_target, lshpi_rig};
 use proptest::prelude::*;

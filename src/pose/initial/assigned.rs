@@ -6,8 +6,8 @@
 //! it is, is for the image to say. An assignment's solution depends on nothing but itself.
 
 use super::{GRID_PSI_RAD, GRID_X_M, Guess, agrees, level_pose};
-use crate::pose::outline::{Edge, Surfaces, Top};
-use crate::pose::segments::{Levels, Step};
+use crate::outline::{Edge, Surfaces, Top};
+use crate::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
 use nalgebra::{Matrix4, Vector3, Vector4};
@@ -30,7 +30,7 @@ const STEPS_MOST: usize = 8;
 const ASSIGNMENTS_MOST: usize = 20_000;
 
 /// All places where the steps fit, with pitch; near `centre_m` where given (within `near_m`).
-pub(in crate::pose) fn guesses(
+pub(crate) fn guesses(
     levels: &Levels,
     surfaces: &Surfaces,
     mounts: &Mounts,

@@ -6,10 +6,10 @@
 //! bit; where not, it is fitted anew.
 
 use super::{Hint, JointPose, PoseFault, PoseFitter, Starts};
-use crate::frame::GreyImage;
-use crate::pose::initial::{self, Guess};
-use crate::pose::segments::Levels;
-use crate::stripe::Profile;
+use crate::initial::{self, Guess};
+use crate::segments::Levels;
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::Profile;
 
 /// A frame fitted ahead of its turn.
 #[derive(Debug, Clone)]

@@ -5,8 +5,8 @@ use super::settle::sane;
 use super::solve::solve;
 use super::valley::Valley;
 use super::{PoseCaveat, PoseFitter};
-use crate::frame::GreyImage;
-use crate::stripe::Profile;
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::Profile;
 
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;

@@ -6,9 +6,9 @@ use super::super::photometric::{
 use super::settle::{lit_noise, sane};
 use super::solve::covariance;
 use super::{JointPose, PoseCaveat, PoseFault, PoseFitter};
-use crate::frame::GreyImage;
-use crate::stripe::Profile;
 use hydroline_calib::Pose;
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::Profile;
 
 /// Final robust cut in noise sds.
 pub(super) const CUT: f64 = 6.0;

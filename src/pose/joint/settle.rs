@@ -6,7 +6,7 @@ use super::super::photometric::{
 use super::PoseFitter;
 use super::solve::solve;
 use super::valley::Valley;
-use crate::frame::GreyImage;
+use hydroline_core::frame::GreyImage;
 
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.

@@ -4,10 +4,10 @@ use super::super::initial::{self, Guess};
 use super::super::photometric::State;
 use super::super::segments::{self, Caveat, Levels};
 use super::{Hint, PoseCaveat, PoseFault, PoseFitter};
-use crate::frame::GreyImage;
-use crate::stripe::Profile;
 use hydroline_calib::Pose;
+use hydroline_core::frame::GreyImage;
 use hydroline_rigs::Mounts;
+use hydroline_stripe::Profile;
 
 /// Guesses are rounded to this before the fit, so that equal guesses give equal bits \[m\], \[rad\].
 const ROUND: f64 = 1e-4;

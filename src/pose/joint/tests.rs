@@ -1,10 +1,10 @@
 //! Rendered frames through extraction and fit.
 
 use super::*;
-use crate::stripe::{Extractor, ExtractorConfig};
 use hydroline_calib::{IdealMap, Pose};
 use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
+use hydroline_stripe::{Extractor, ExtractorConfig};
 
 fn frame(rig: &Rig, pose: &Pose) -> GreyImage {
     let renderer = Renderer::new(rig).unwrap();

@@ -9,7 +9,7 @@ use super::plan::Strip;
 use super::sums::{BULK, Counter};
 use super::turned::{Ray, Turned, dot};
 use super::{Photometric, State};
-use crate::pose::normal::Tables;
+use crate::normal::Tables;
 
 /// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
 struct End {

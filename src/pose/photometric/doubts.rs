@@ -40,7 +40,7 @@ pub(super) struct EdgeName {
 
 /// Doubts of a frame's edges, and of its pixels.
 #[derive(Debug, Clone, Default)]
-pub(in crate::pose) struct Doubts {
+pub(crate) struct Doubts {
     /// `None`: not looked for yet.
     edges: Option<Vec<(EdgeName, f64)>>,
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
@@ -107,7 +107,7 @@ impl Doubts {
 
 /// The edges that a comparison has met.
 #[derive(Debug, Clone, Default)]
-pub(in crate::pose) struct EdgesSeen {
+pub(crate) struct EdgesSeen {
     pub(super) edges: Vec<EdgeSums>,
     /// Share of the blur that the light was taken to get on the pixel grid.
     pub(super) grid_share: f64,

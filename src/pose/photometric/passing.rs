@@ -4,8 +4,8 @@ use super::Photometric;
 use super::grid::Grid;
 use super::plan::{Cut, Near, Plan, Strip};
 use super::turned::{EdgeTurned, Hit, Ray, Turned, dot};
-use crate::pose::normal::{Both, Pair, Tables};
-use crate::pose::outline::{Edge, Outline};
+use crate::normal::{Both, Pair, Tables};
+use crate::outline::{Edge, Outline};
 
 /// How much of the light of a pixel passes, with what moves it.
 #[derive(Clone, Copy)]

@@ -5,7 +5,7 @@ use super::passing::upright_corner;
 use super::torn::CUTS_MOST;
 use super::turned::{Hit, Ray, Turned};
 use super::{Photometric, State};
-use crate::pose::outline::Outline;
+use crate::outline::Outline;
 
 /// Reach of the light, standard deviations.
 const REACH: f64 = 3.7;
@@ -66,7 +66,7 @@ pub(super) struct Cut {
 
 /// Which pixels a frame is judged by.
 #[derive(Debug, Clone, Default)]
-pub(in crate::pose) struct Plan {
+pub(crate) struct Plan {
     pub(super) strips: Vec<Strip>,
     cuts: Vec<Cut>,
     edges: Vec<u16>,
@@ -84,7 +84,7 @@ impl Strip {
 
 impl Plan {
     /// The same with every `keep`-th only of the columns that no edge crosses.
-    pub(in crate::pose) fn thinned(&self, keep: usize) -> Plan {
+    pub(crate) fn thinned(&self, keep: usize) -> Plan {
         let columns = self.strips.chunk_by(|a, b| a.column == b.column);
         let mut plain = 0;
         let kept = columns.filter(|strips| {
@@ -121,7 +121,7 @@ impl Plan {
 
 /// Which columns a plan takes, and how far the pose may still move.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::pose) struct Choice {
+pub(crate) struct Choice {
     /// Every so many columns.
     pub step: usize,
     /// Of those that no edge crosses, every so many.

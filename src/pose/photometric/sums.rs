@@ -4,7 +4,7 @@ pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
 use super::{BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Square, THICKNESS};
-use crate::pose::normal::Tables;
+use crate::normal::Tables;
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
@@ -16,7 +16,7 @@ pub(super) const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND]
 
 /// Sums over the pixels.
 #[derive(Debug, Clone, Default)]
-pub(in crate::pose) struct Sums {
+pub(crate) struct Sums {
     /// Jᵀ W J.
     pub information: Square,
     /// Jᵀ W r.
@@ -41,7 +41,7 @@ pub(in crate::pose) struct Sums {
 
 /// How residuals count.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::pose) struct Weighting {
+pub(crate) struct Weighting {
     /// Pixel noise \[grey levels\].
     pub noise_sd: f64,
     /// Beyond this many noise sds a residual counts less and less (Tukey) or linearly (Huber).

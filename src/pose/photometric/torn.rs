@@ -11,7 +11,7 @@ use super::plan::{Near, Plan, Strip};
 use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
 use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, PARAMETERS, Photometric, State, THICKNESS};
-use crate::pose::normal::{Pair, Tables};
+use crate::normal::{Pair, Tables};
 
 /// Value in the middle, and gain per row.
 type Line = [f64; 2];

@@ -1,7 +1,7 @@
 //! A ray against a level, with its derivatives by the pose; and all that depends on the pose alone.
 
 use super::Photometric;
-use crate::pose::outline::Surfaces;
+use crate::outline::Surfaces;
 use hydroline_calib::Pose;
 use nalgebra::Matrix3;
 

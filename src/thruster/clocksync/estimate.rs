@@ -1,6 +1,6 @@
 //! What the fit says, and 32-bit times made 64 bits wide.
 
-use crate::thruster::record::ControllerClock;
+use crate::record::ControllerClock;
 
 /// Where the controller's clock stands.
 #[derive(Debug, Clone, Copy, PartialEq)]

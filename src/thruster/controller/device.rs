@@ -1,12 +1,10 @@
 //! The two firmwares: bytes to reactions.
 
 use super::{ControllerConfig, OwnClock};
-use crate::thruster::ChannelPulse;
-use crate::thruster::maestro::{self, Command, CommandParser};
-use crate::thruster::stamped::{
-    ControllerMessage, Deframer, FrameError, HostMessage, OutputState, error,
-};
-use crate::thruster::transport::LineModel;
+use crate::ChannelPulse;
+use crate::maestro::{self, Command, CommandParser};
+use crate::stamped::{ControllerMessage, Deframer, FrameError, HostMessage, OutputState, error};
+use crate::transport::LineModel;
 use hydroline_rigs::LinkKind;
 
 /// What the firmware can see while it handles one byte.

@@ -1,8 +1,8 @@
 //! The simulated controller as a [`Transport`] in memory: host and controller on one injected clock, no threads.
 
 use super::{ControllerEvent, SimController};
-use crate::clock::Clock;
-use crate::thruster::transport::{LineModel, Sent, Transport, Wire};
+use crate::transport::{LineModel, Sent, Transport, Wire};
+use hydroline_core::clock::Clock;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -2,8 +2,8 @@
 
 use super::serve::serve;
 use super::{ControllerEvent, Faults, SimController};
-use crate::clock::{Clock, SystemClock};
-use crate::thread_class::real_time;
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_core::thread_class::real_time;
 use std::fs::File;
 use std::io;
 use std::os::fd::{FromRawFd, OwnedFd};

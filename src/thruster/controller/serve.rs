@@ -1,7 +1,7 @@
 //! Runs a [`SimController`] over any descriptor.
 
 use super::{ControllerEvent, SimController};
-use crate::clock::Clock;
+use hydroline_core::clock::Clock;
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::sync::atomic::{AtomicBool, Ordering};

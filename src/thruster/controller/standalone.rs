@@ -3,7 +3,7 @@
 
 use super::pty::{OnPulses, PtyController, PtyError};
 use super::{ControllerConfig, ServeEnd, SimController, serve};
-use crate::clock::SystemClock;
+use hydroline_core::clock::SystemClock;
 use std::io;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};

@@ -1,5 +1,5 @@
 use super::*;
-use crate::thruster::stamped::{ControllerMessage, Deframer, HostMessage};
+use crate::stamped::{ControllerMessage, Deframer, HostMessage};
 use hydroline_rigs::LinkKind;
 use proptest::prelude::*;
 
@@ -70,9 +70,7 @@ fn the_watchdog_acts_on_time_although_nobody_looked() {
         let mut c = SimController::new(config(kind, 115_200));
         let request = match kind {
             LinkKind::Stamped => set_pulses(1, 6400),
-            LinkKind::Maestro => crate::thruster::maestro::set_target(3, 6400)
-                .unwrap()
-                .to_vec(),
+            LinkKind::Maestro => crate::maestro::set_target(3, 6400).unwrap().to_vec(),
         };
         c.receive(0, &request);
         let mut events = Vec::new();
@@ -100,7 +98,7 @@ fn a_refused_set_changes_nothing_and_says_so() {
     assert!(events.is_empty());
     match &messages(&bytes)[0].1 {
         ControllerMessage::Ack { errors, pulses, .. } => {
-            assert_eq!(*errors, crate::thruster::stamped::error::RANGE);
+            assert_eq!(*errors, crate::stamped::error::RANGE);
             assert_eq!(
                 pulses,
                 &[ChannelPulse {
@@ -143,7 +141,7 @@ proptest! {
         let mut c = SimController::new(config(kind, 115_200));
         c.receive(0, &garbage);
         let clean = if maestro {
-            crate::thruster::maestro::set_target(3, 6400).unwrap().to_vec()
+            crate::maestro::set_target(3, 6400).unwrap().to_vec()
         } else {
             [vec![0], set_pulses(1, 6400)].concat()
         };

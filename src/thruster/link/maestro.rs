@@ -1,9 +1,9 @@
 //! The Maestro behind [`Protocol`]: Set Target for all channels, then Get Position for all: the echo.
 
 use super::{Echo, LinkEvent, Protocol};
-use crate::thruster::ChannelPulse;
-use crate::thruster::clocksync::Estimate;
-use crate::thruster::maestro::{self, Request, Response, Responses};
+use crate::ChannelPulse;
+use crate::clocksync::Estimate;
+use crate::maestro::{self, Request, Response, Responses};
 use std::collections::VecDeque;
 
 /// How often the error register is read \[ns\].

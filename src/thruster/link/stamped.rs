@@ -1,9 +1,9 @@
 //! The `stamped` protocol behind [`Protocol`], with clock sync and reset detection.
 
 use super::{Echo, LinkEvent, Protocol};
-use crate::thruster::ChannelPulse;
-use crate::thruster::clocksync::{Added, ClockSync, Estimate, Exchange, SyncSettings};
-use crate::thruster::stamped::{ControllerMessage, Deframer, HostMessage, error};
+use crate::ChannelPulse;
+use crate::clocksync::{Added, ClockSync, Estimate, Exchange, SyncSettings};
+use crate::stamped::{ControllerMessage, Deframer, HostMessage, error};
 use std::collections::VecDeque;
 
 /// Settings of [`StampedProtocol`].

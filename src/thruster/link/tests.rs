@@ -1,8 +1,8 @@
 //! One test body, both protocols, against the simulated controller in memory.
 
 use super::*;
-use crate::clock::{Clock, ManualClock};
-use crate::thruster::controller::{ControllerConfig, Faults, Loopback, OutputCause, SimController};
+use crate::controller::{ControllerConfig, Faults, Loopback, OutputCause, SimController};
+use hydroline_core::clock::{Clock, ManualClock};
 use hydroline_rigs::{Link, LinkPort, ThrustCurve, Thruster};
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! What is wrong before a byte is sent.
 
-use crate::thruster::link::{Protocol, protocol_for};
-use crate::thruster::safety::State;
-use crate::thruster::stamped::MAX_CHANNELS;
-use crate::thruster::transport::Wire;
+use crate::link::{Protocol, protocol_for};
+use crate::safety::State;
+use crate::stamped::MAX_CHANNELS;
+use crate::transport::Wire;
 use hydroline_rigs::ThrusterSet;
 
 /// Why the service does not start or take something.

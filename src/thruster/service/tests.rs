@@ -7,14 +7,14 @@ mod wild;
 
 use super::error::check;
 use super::*;
-use crate::clock::ManualClock;
-use crate::event::Event;
-use crate::thruster::controller::{
+use crate::controller::{
     ControllerConfig, ControllerEvent, Faults, Loopback, OutputCause, SimController,
 };
-use crate::thruster::record::{CommandRecord, EchoRecord};
-use crate::thruster::scheduler::PlannedLoad;
-use crate::thruster::transport::Sent;
+use crate::record::{CommandRecord, EchoRecord};
+use crate::scheduler::PlannedLoad;
+use crate::transport::Sent;
+use hydroline_core::clock::ManualClock;
+use hydroline_core::event::Event;
 use hydroline_rigs::{Link, LinkKind, LinkPort, ThrustCurve, Thruster};
 use std::sync::atomic::AtomicU32;
 use std::time::Duration;

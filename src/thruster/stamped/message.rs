@@ -2,7 +2,7 @@
 
 use super::frame::{FrameError, frame};
 use super::{MAX_CHANNELS, VERSION};
-use crate::thruster::ChannelPulse;
+use crate::ChannelPulse;
 
 /// Host to controller.
 #[derive(Debug, Clone, PartialEq, Eq)]

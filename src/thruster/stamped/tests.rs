@@ -1,5 +1,5 @@
 use super::*;
-use crate::thruster::ChannelPulse;
+use crate::ChannelPulse;
 use proptest::prelude::*;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

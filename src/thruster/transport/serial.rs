@@ -1,8 +1,8 @@
 //! A serial port (or pseudo-terminal) through the `serialport` crate.
 
 use super::{LineModel, Sent, Transport, Wire};
-use crate::clock::Clock;
-use crate::thruster::lowlatency::{self, LowLatency};
+use crate::lowlatency::{self, LowLatency};
+use hydroline_core::clock::Clock;
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::io::{self, Read, Write};
 use std::os::fd::AsRawFd;
@@ -109,8 +109,7 @@ impl SerialTransport {
                 hint: "plugged in? `hydroline devices` lists what is there".into(),
             },
             K::Io(io::ErrorKind::PermissionDenied) => OpenError::Permission(
-                crate::thruster::ports::permission_problem(path)
-                    .unwrap_or_else(|| error.to_string()),
+                crate::ports::permission_problem(path).unwrap_or_else(|| error.to_string()),
             ),
             _ => OpenError::Other {
                 path: path.to_path_buf(),

@@ -7,7 +7,7 @@ use super::super::haze::Haze;
 use super::super::model::Kind;
 use super::super::search::{ANY_PX, ASTRAY_PX, Searched};
 use super::CHANNELS;
-use crate::diagnose::verdict::{Effect, Law, Value};
+use crate::verdict::{Effect, Law, Value};
 use hydroline_calib::Pose;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::effect::{EffectInfo, find};

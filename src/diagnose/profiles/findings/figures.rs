@@ -7,7 +7,7 @@ use super::super::observe::ImageRun;
 use super::super::picture;
 use super::super::search::Searched;
 use super::{ImageError, problem};
-use crate::diagnose::verdict::BeforeAfter;
+use crate::verdict::BeforeAfter;
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! Findings as a sentence, as a verdict, and as a part of the motion's.
 
 use super::{CHANNELS, Findings};
-use crate::diagnose::Diagnosis;
-use crate::diagnose::verdict::{Effect, Test, Verdict, Where, Word};
+use crate::Diagnosis;
+use crate::verdict::{Effect, Test, Verdict, Where, Word};
 use hydroline_rigs::{Dof, Rig};
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! Poses of single frames under a refined geometry.
 
 use super::{Geometry, Refined, turned};
-use crate::pose::joint::{JointPose, Matrix7, PoseFitter};
-use crate::pose::photometric::State;
+use crate::joint::{JointPose, Matrix7, PoseFitter};
+use crate::photometric::State;
 use hydroline_calib::Pose;
 use nalgebra::Rotation3;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ const STEP_RAD: f64 = 1e-6;
 
 /// What a run has shown of the sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::pose::joint) struct Sheet {
+pub(in crate::joint) struct Sheet {
     /// Thickness with its sd \[m\].
     pub thickness_m: Option<[f64; 2]>,
     /// From the body to the frame in which the sheet stands upright.

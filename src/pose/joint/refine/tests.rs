@@ -1,11 +1,11 @@
 //! A run seen by a rig whose sheet is not what its file says.
 
 use super::*;
-use crate::stripe::{Extractor, ExtractorConfig};
 use hydroline_calib::IdealMap;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
+use hydroline_stripe::{Extractor, ExtractorConfig};
 
 const TILT_RAD: [f64; 2] = [0.0015, -0.001];
 const THICKNESS_M: f64 = 0.0021;

@@ -1,9 +1,9 @@
 //! Without a line: closing, looking for it again, coming back with neutral first.
 
 use super::{AWAY_NS, Core, Flow, REOPEN_NS};
-use crate::event::Severity;
-use crate::thruster::link::{ThrusterLink, WireLink};
-use crate::thruster::safety::{NeutralReason, State};
+use crate::link::{ThrusterLink, WireLink};
+use crate::safety::{NeutralReason, State};
+use hydroline_core::event::Severity;
 use hydroline_rigs::{Link, LinkKind};
 use std::time::Duration;
 

@@ -1,13 +1,13 @@
 //! While there is a line: due set-points, answers, the log of what has left.
 
 use super::{Core, Flow, Outgoing, STEP_NS};
-use crate::event::Severity;
-use crate::thruster::ChannelPulse;
-use crate::thruster::link::{Echo, LinkEvent, ThrusterLink};
-use crate::thruster::record::{CommandRecord, EchoRecord, LinkRecord};
-use crate::thruster::safety::{NeutralReason, State};
-use crate::thruster::scheduler::Tick;
-use crate::thruster::service::PlanState;
+use crate::ChannelPulse;
+use crate::link::{Echo, LinkEvent, ThrusterLink};
+use crate::record::{CommandRecord, EchoRecord, LinkRecord};
+use crate::safety::{NeutralReason, State};
+use crate::scheduler::Tick;
+use crate::service::PlanState;
+use hydroline_core::event::Severity;
 use hydroline_rigs::LinkKind;
 use std::sync::Arc;
 use std::time::Duration;

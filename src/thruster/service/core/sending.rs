@@ -1,12 +1,12 @@
 //! Set-points to bytes, through the gate; neutral past it.
 
 use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS, UNECHOED_SETS, Unechoed};
-use crate::event::Severity;
-use crate::thruster::ChannelPulse;
-use crate::thruster::curve::pulse_for_thrust;
-use crate::thruster::link::ThrusterLink;
-use crate::thruster::record::CommandRecord;
-use crate::thruster::safety::{NeutralReason, Refused, State};
+use crate::ChannelPulse;
+use crate::curve::pulse_for_thrust;
+use crate::link::ThrusterLink;
+use crate::record::CommandRecord;
+use crate::safety::{NeutralReason, Refused, State};
+use hydroline_core::event::Severity;
 
 impl Core {
     pub(super) fn run_thrust(

@@ -1,0 +1,510 @@
+//! Cases: what the diagnosis may see, and the key.
+
+use hydroline_rigs::{Dof, PhysicsEntry, Plan, Rig};
+use rand::{RngExt, SeedableRng, rngs::StdRng};
+
+use super::disturbance::Disturbance;
+use super::error::ProveError;
+use super::strange::{NEAR, Strange, UNNAMED};
+use super::tank::{Recorded, Tank};
+use super::{faulty, paper, plans, sizes};
+use hydroline_diagnose::Source;
+use hydroline_identify::parameter::Coefficient;
+
+/// Kind of case.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub enum Category {
+    /// Nothing matters: every second one with a background of four small effects.
+    Nothing,
+    /// One effect of practical size.
+    Single,
+    /// Two.
+    Pair,
+    /// Three.
+    Triple,
+    /// A law without a name.
+    Unnamed,
+    /// The paper's two constant-thrust runs.
+    Paper,
+    /// The data are wrong.
+    Fault,
+}
+
+impl Category {
+    /// All, in order.
+    pub const ALL: [Category; 7] = [
+        Category::Nothing,
+        Category::Single,
+        Category::Pair,
+        Category::Triple,
+        Category::Unnamed,
+        Category::Paper,
+        Category::Fault,
+    ];
+
+    /// Name in ids.
+    pub fn name(self) -> &'static str {
+        match self {
+            Category::Nothing => "nothing",
+            Category::Single => "single",
+            Category::Pair => "pair",
+            Category::Triple => "triple",
+            Category::Unnamed => "unnamed",
+            Category::Paper => "paper",
+            Category::Fault => "fault",
+        }
+    }
+
+    /// Cases of this kind in the full set of [`FULL`].
+    fn full(self) -> usize {
+        match self {
+            Category::Nothing => 100,
+            Category::Single => 200,
+            Category::Pair => 60,
+            Category::Triple => 20,
+            Category::Unnamed => 50,
+            Category::Paper => 16,
+            Category::Fault => 14,
+        }
+    }
+}
+
+/// Size of the full set.
+pub const FULL: usize = 460;
+
+/// The cases of a run of `count` in the proportions of the full set, at least one of each kind.
+pub fn catalogue(count: usize, only: Option<Category>) -> Vec<(Category, usize)> {
+    if let Some(category) = only {
+        return (0..count).map(|i| (category, i)).collect();
+    }
+    Category::ALL
+        .into_iter()
+        .flat_map(|c| {
+            let n = ((c.full() * count) as f64 / FULL as f64).round().max(1.0) as usize;
+            (0..n).map(move |i| (c, i))
+        })
+        .collect()
+}
+
+/// An id back into its parts.
+///
+/// # Errors
+/// [`ProveError::UnknownCase`].
+pub fn parse(id: &str) -> Result<(Category, usize), ProveError> {
+    id.rsplit_once('-')
+        .and_then(|(name, index)| {
+            let category = Category::ALL.into_iter().find(|c| c.name() == name)?;
+            Some((category, index.parse().ok()?))
+        })
+        .ok_or_else(|| ProveError::UnknownCase {
+            id: id.to_owned(),
+            example: "single-7".to_owned(),
+        })
+}
+
+/// What the diagnosis may see.
+#[derive(Debug, Clone)]
+pub struct Sealed {
+    /// Logs to fit.
+    pub sources: Vec<Source>,
+    /// Logs to predict.
+    pub held: Vec<Source>,
+    /// The rig file.
+    pub rig: Rig,
+}
+
+/// An effect that is there.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Truth {
+    /// Id; for a law near the vocabulary's its mechanism, for an unnamed one `unnamed`.
+    pub effect: String,
+    /// Weight over the runs fitted \[m\].
+    pub weight_m: f64,
+    /// Of practical size (not background).
+    pub main: bool,
+    /// By the vocabulary's law.
+    pub exact: bool,
+    /// Its numbers.
+    pub parameters: Vec<(String, f64)>,
+}
+
+/// What only the key knows.
+#[derive(Debug, Clone)]
+pub struct Key {
+    /// The whole truth.
+    pub tank: Tank,
+    /// Effects, heaviest first.
+    pub truth: Vec<Truth>,
+    /// Runs with their noise, in the order of `sources`.
+    pub runs: Vec<Recorded>,
+    /// rms noise of the run held out that tells how well the choice predicts \[m\].
+    pub held_noise_m: Option<f64>,
+    /// What was done to the data.
+    pub fault: Option<faulty::Fault>,
+}
+
+impl Key {
+    /// The true coefficients of surge by key.
+    pub fn coefficients(&self) -> Vec<(String, f64)> {
+        Coefficient::of(Dof::Surge)
+            .iter()
+            .map(|c| (c.key().to_owned(), c.of_vehicle(&self.tank.vehicle)))
+            .collect()
+    }
+}
+
+/// A case.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// `category-index`.
+    pub id: String,
+    /// Kind.
+    pub category: Category,
+    /// With a background.
+    pub background: bool,
+    /// For the diagnosis.
+    pub sealed: Sealed,
+    /// For the judge.
+    pub key: Key,
+}
+
+/// Draws before a case is given up.
+const TRIES: usize = 60;
+/// Draws after which the next effect of the list is taken: some never weigh enough on some plans.
+const STAY: usize = 6;
+/// To the next effect with the same kind of law and of background: 60 keeps an index modulo 3, 4 and 5.
+const SHIFT: usize = 60;
+/// Of the tolerance: least weight of a main effect, so that it surely matters.
+const MAIN_LEAST: f64 = 1.15;
+/// Greatest weight of a main effect \[m\].
+const MAIN_MOST_M: f64 = 0.08;
+/// Of the tolerance: greatest weight of anything in the background.
+const BACKGROUND_MOST: f64 = 0.75;
+/// One delay cannot be told from the other by motion: a case holds one of them at most.
+pub const DELAYS: [&str; 2] = ["camera_latency", "command_latency"];
+
+/// Number of a case for the generator (splitmix of seed, kind and index).
+fn seed_of(seed: u64, category: Category, index: usize) -> u64 {
+    let mut z = seed
+        .wrapping_add((category as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+        .wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Makes a case; the same seed, kind and index give the same bytes.
+///
+/// # Errors
+/// [`ProveError`].
+pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveError> {
+    let id = format!("{}-{index}", category.name());
+    let mut rng = StdRng::seed_from_u64(seed_of(seed, category, index));
+    let rig = Rig::builtin("lshpi")?;
+    let paper = category == Category::Paper;
+    let plans = if paper {
+        paper::plans()?
+    } else {
+        plans::good(&mut rng)
+    };
+    // Of two more runs, held out, one helps to choose; the other one is asked for nothing but how well the choice predicts.
+    let mut apart = StdRng::seed_from_u64(seed_of(!seed, category, index));
+    let held_plans: Vec<Plan> = match paper {
+        true => Vec::new(),
+        false => (0..2).filter_map(|_| plans::another(&mut apart)).collect(),
+    };
+    // The paper's runs end with their thrust: what coasts down would tell more.
+    let length_s = |p: &Plan| if paper { p.duration_s() } else { plans::RUN_S };
+    let top_n = Tank::top_n(&rig, &plans, plans::RUN_S)?;
+    let fitted = plans.len();
+    let mut last = String::new();
+    for attempt in 0..TRIES {
+        let vehicle = off(&rig, &mut rng);
+        let wanted = wanted(category, index + attempt / STAY * SHIFT, top_n, &mut rng);
+        let clean = index % 5 == 4;
+        let mut tank = Tank {
+            rig: rig.clone(),
+            vehicle,
+            entries: wanted.entries.clone(),
+            strange: None,
+            disturbance: Disturbance::draw(clean, &mut rng),
+            seed: rng.random(),
+        };
+        let mut runs = record(&tank, &plans, &length_s)?;
+        tank.strange = match wanted.strange {
+            Wanted::No => None,
+            Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
+            Wanted::Unnamed(kind, share) => {
+                Strange::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
+            }
+        };
+        let weights = tank.weights(&runs)?;
+        let truth = truths(&tank, &wanted, &weights);
+        let tolerance = rig.tolerance.position_m;
+        let odd = truth.iter().find(|t| {
+            if category == Category::Fault {
+                false
+            } else if t.main {
+                !(MAIN_LEAST * tolerance..MAIN_MOST_M).contains(&t.weight_m)
+            } else {
+                t.weight_m > BACKGROUND_MOST * tolerance
+            }
+        });
+        if let Some(t) = odd {
+            last = format!("{} of {:.2} mm", t.effect, t.weight_m * 1e3);
+            continue;
+        }
+        if tank.strange.is_some() {
+            runs = record(&tank, &plans, &length_s)?;
+        }
+        let held: Vec<Recorded> = held_plans
+            .iter()
+            .enumerate()
+            .map(|(k, p)| tank.record(p, fitted + k, length_s(p)))
+            .collect::<Result<_, _>>()?;
+        let fault = (category == Category::Fault).then(|| faulty::Fault::of(index));
+        let read = |r: &Recorded| match &fault {
+            Some(f) => f.source(r, &rig, seed_of(seed, category, index)),
+            None => r.source(&rig),
+        };
+        let sealed = Sealed {
+            sources: runs.iter().map(read).collect::<Result<_, _>>()?,
+            held: held.iter().map(read).collect::<Result<_, _>>()?,
+            rig,
+        };
+        return Ok(Case {
+            id,
+            category,
+            background: truth.iter().any(|t| !t.main),
+            sealed,
+            key: Key {
+                held_noise_m: held.last().map(Recorded::noise_rms_m),
+                tank,
+                truth,
+                runs,
+                fault,
+            },
+        });
+    }
+    Err(ProveError::NoCase {
+        id,
+        tries: TRIES,
+        last,
+    })
+}
+
+fn record(
+    tank: &Tank,
+    plans: &[Plan],
+    length_s: &dyn Fn(&Plan) -> f64,
+) -> Result<Vec<Recorded>, ProveError> {
+    plans
+        .iter()
+        .enumerate()
+        .map(|(k, p)| tank.record(p, k, length_s(p)))
+        .collect()
+}
+
+/// Coefficients of surge up to 20 % off.
+fn off(rig: &Rig, rng: &mut StdRng) -> hydroline_rigs::Vehicle {
+    let mut vehicle = rig.vehicle.clone();
+    for c in Coefficient::of(Dof::Surge) {
+        let value = c.of_vehicle(&vehicle) * (0.8 + 0.4 * rng.random::<f64>());
+        c.put(&mut vehicle, value);
+    }
+    vehicle
+}
+
+enum Wanted {
+    No,
+    Near(&'static str, f64),
+    Unnamed(&'static str, f64),
+}
+
+struct Drawn {
+    entries: Vec<PhysicsEntry>,
+    /// How many of the entries are of practical size (they come first).
+    mains: usize,
+    strange: Wanted,
+}
+
+fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Drawn {
+    // Every third case of one to three effects has a law that is not quite the vocabulary's.
+    let near = index % 3 == 2;
+    let nth = index / 3 * 2 + index % 3;
+    let first = sizes::EFFECTS[nth % sizes::EFFECTS.len()];
+    let share = 0.3 + 0.7 * rng.random::<f64>();
+    let mechanism = NEAR[index / 3 % NEAR.len()];
+    let (mains, strange, background): (Vec<&str>, Wanted, bool) = match category {
+        Category::Nothing => (Vec::new(), Wanted::No, index % 2 == 1),
+        Category::Single | Category::Pair | Category::Triple => {
+            let count = match category {
+                Category::Single => 1,
+                Category::Pair => 2,
+                _ => 3,
+            };
+            let mut mains: Vec<&str> = if near { vec![mechanism] } else { vec![first] };
+            while mains.len() < count {
+                let other = others(&mains, rng);
+                mains.push(other);
+            }
+            let strange = if near {
+                mains.remove(0);
+                Wanted::Near(mechanism, share)
+            } else {
+                Wanted::No
+            };
+            (mains, strange, index % 4 != 3)
+        }
+        Category::Unnamed => {
+            let kind = UNNAMED[index % UNNAMED.len()];
+            let mains = if index.is_multiple_of(3) {
+                vec![others(&[], rng)]
+            } else {
+                Vec::new()
+            };
+            (mains, Wanted::Unnamed(kind, share), index % 4 != 3)
+        }
+        Category::Paper => (
+            vec![paper::SET[(index + index / SHIFT) % paper::SET.len()]],
+            Wanted::No,
+            false,
+        ),
+        Category::Fault => {
+            let mains = match faulty::Fault::of(index) {
+                faulty::Fault::ClockInMotion => vec!["clock_drift"],
+                _ => Vec::new(),
+            };
+            (mains, Wanted::No, false)
+        }
+    };
+    let mut taken = mains.clone();
+    if let Wanted::Near(m, _) = strange {
+        taken.push(m);
+    }
+    let mut entries: Vec<PhysicsEntry> = mains
+        .iter()
+        .map(|id| {
+            let share = 0.3 + 0.7 * rng.random::<f64>();
+            let mut made = sizes::entry(id, share, top_n, rng);
+            if category == Category::Paper {
+                paper::against(&mut made);
+            }
+            made
+        })
+        .collect();
+    if background {
+        for _ in 0..4 {
+            let mut id = others(&taken, rng);
+            // The strange laws' force is divided by the vehicle's own mass.
+            while !matches!(strange, Wanted::No) && id == "wall_added_mass" {
+                id = others(&taken, rng);
+            }
+            taken.push(id);
+            let share = 0.03 + 0.05 * rng.random::<f64>();
+            entries.push(sizes::entry(id, share, top_n, rng));
+        }
+    }
+    Drawn {
+        entries,
+        mains: mains.len(),
+        strange,
+    }
+}
+
+/// An effect that is not taken, nor is its twin.
+fn others(taken: &[&str], rng: &mut StdRng) -> &'static str {
+    loop {
+        let id = sizes::EFFECTS[rng.random_range(0..sizes::EFFECTS.len())];
+        let twin = DELAYS.contains(&id) && taken.iter().any(|t| DELAYS.contains(t));
+        if !taken.contains(&id) && !twin {
+            return id;
+        }
+    }
+}
+
+fn truths(tank: &Tank, wanted: &Drawn, weights: &[f64]) -> Vec<Truth> {
+    let mut truth: Vec<Truth> = tank
+        .entries
+        .iter()
+        .zip(weights)
+        .enumerate()
+        .map(|(i, (e, w))| Truth {
+            effect: e.effect.clone(),
+            weight_m: *w,
+            main: i < wanted.mains,
+            exact: true,
+            parameters: sizes::numbers(e),
+        })
+        .collect();
+    if let (Some(_), Some(weight)) = (&tank.strange, weights.get(tank.entries.len())) {
+        truth.push(Truth {
+            effect: match wanted.strange {
+                Wanted::Near(m, _) => m.to_owned(),
+                _ => UNNAMED_ID.to_owned(),
+            },
+            weight_m: *weight,
+            main: true,
+            exact: false,
+            parameters: Vec::new(),
+        });
+    }
+    truth.sort_by(|a, b| b.weight_m.total_cmp(&a.weight_m));
+    truth
+}
+
+/// What stands in a key for a law without a name.
+pub const UNNAMED_ID: &str = "unnamed";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_case_is_what_its_category_says_and_the_same_every_time() {
+        let a = make(1, Category::Single, 2).unwrap();
+        let b = make(1, Category::Single, 2).unwrap();
+        assert_eq!(a.key.truth, b.key.truth);
+        assert_eq!(a.key.runs[0].motion, b.key.runs[0].motion);
+        assert_eq!(a.sealed.sources.len(), 4);
+        assert_eq!(a.sealed.held.len(), 2);
+        let mains: Vec<&Truth> = a.key.truth.iter().filter(|t| t.main).collect();
+        assert_eq!(mains.len(), 1);
+        assert!(
+            !mains[0].exact,
+            "every third law is not quite the vocabulary's"
+        );
+        assert!(mains[0].weight_m > 0.0025);
+        assert_eq!(a.key.truth.len(), 5);
+        assert!(a.key.truth[1..].iter().all(|t| t.weight_m < 0.0015));
+        let other = make(2, Category::Single, 2).unwrap();
+        assert_ne!(other.key.coefficients(), a.key.coefficients());
+        let none = make(1, Category::Nothing, 0).unwrap();
+        assert!(none.key.truth.is_empty() && none.key.tank.entries.is_empty());
+    }
+
+    #[test]
+    fn ids_go_both_ways_and_the_full_set_holds_what_the_proof_asks_for() {
+        assert_eq!(parse("unnamed-12").unwrap(), (Category::Unnamed, 12));
+        assert!(parse("nonsense").is_err());
+        let full = catalogue(FULL, None);
+        assert_eq!(full.len(), FULL);
+        let count = |c| full.iter().filter(|f| f.0 == c).count();
+        assert!(count(Category::Nothing) >= 100 && count(Category::Single) >= 200);
+        assert!(count(Category::Pair) >= 60 && count(Category::Unnamed) >= 50);
+    }
+}

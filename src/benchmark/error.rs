@@ -1,0 +1,79 @@
+//! Why a case could not be made or diagnosed.
+
+use hydroline_rigs::RigError;
+use hydroline_sim::effect::EffectError;
+
+use hydroline_diagnose::DiagnoseError;
+use hydroline_identify::data::LoadError;
+use hydroline_plan::setpoint::SetpointError;
+use hydroline_sim::ThrustError;
+
+/// What can go wrong around a case.
+#[derive(Debug, thiserror::Error)]
+pub enum ProveError {
+    /// Built-in rig or plan.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// Thrusters.
+    #[error(transparent)]
+    Thrust(#[from] ThrustError),
+    /// A plan the thrusters cannot make.
+    #[error(transparent)]
+    Setpoint(#[from] SetpointError),
+    /// Effects.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// Messages.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// Diagnosis.
+    #[error("{id}: {source}")]
+    Diagnose {
+        /// Case.
+        id: String,
+        /// Why.
+        source: DiagnoseError,
+    },
+    /// An image-level case.
+    #[error("image-{index}: {reason}")]
+    Images {
+        /// Number.
+        index: usize,
+        /// Why.
+        reason: String,
+    },
+    /// No case of the asked kind found.
+    #[error(
+        "{id}: no draw in {tries} gave what the category asks for (last: {last}); take another --seed"
+    )]
+    NoCase {
+        /// Case.
+        id: String,
+        /// Draws.
+        tries: usize,
+        /// What the last one lacked.
+        last: String,
+    },
+    /// Unknown id.
+    #[error("no case '{id}'; ids look like {example} (category-index, index from 0)")]
+    UnknownCase {
+        /// Asked.
+        id: String,
+        /// A known one.
+        example: String,
+    },
+    /// A kept case cannot be read or written.
+    #[error("{path}: {reason}")]
+    Kept {
+        /// File.
+        path: String,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// The motion left all bounds.
+    #[error("the simulated motion is not finite at {t_s:.2} s")]
+    Diverged {
+        /// When \[s\].
+        t_s: f64,
+    },
+}

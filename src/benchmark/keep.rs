@@ -1,0 +1,129 @@
+//! Judged cases in a folder: a proof of hours can be broken off and gone on with.
+
+use std::path::{Path, PathBuf};
+
+use super::case::Category;
+use super::error::ProveError;
+use super::judge::Judged;
+
+/// A folder of cases of one seed, `ID.json` each: `{"id", "seed", "observed", "judged"}`.
+#[derive(Debug, Clone)]
+pub struct Kept {
+    folder: PathBuf,
+    seed: u64,
+}
+
+/// What stands in a file.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Sheet {
+    id: String,
+    seed: u64,
+    /// Whether the ideal observer was asked; `prove --only` always asks it.
+    #[serde(default = "yes")]
+    observed: bool,
+    judged: Judged,
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl Kept {
+    /// The folder, made where there is none.
+    ///
+    /// # Errors
+    /// [`ProveError::Kept`].
+    pub fn new(folder: &Path, seed: u64) -> Result<Self, ProveError> {
+        std::fs::create_dir_all(folder).map_err(|e| broken(folder, &e))?;
+        Ok(Kept {
+            folder: folder.to_owned(),
+            seed,
+        })
+    }
+
+    fn path(&self, id: &str) -> PathBuf {
+        self.folder.join(format!("{id}.json"))
+    }
+
+    /// The case as it was judged; `None` where it was not, or without the observer who is now asked for.
+    ///
+    /// # Errors
+    /// [`ProveError::Kept`]: not a case, or of another seed.
+    pub fn read(&self, id: &str, observe: bool) -> Result<Option<Judged>, ProveError> {
+        let path = self.path(id);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(broken(&path, &e)),
+        };
+        let sheet: Sheet = serde_json::from_str(&text).map_err(|e| ProveError::Kept {
+            path: path.display().to_string(),
+            reason: format!("is no judged case ({e}); remove it, and the case is run again"),
+        })?;
+        if sheet.seed != self.seed || sheet.id != id {
+            return Err(ProveError::Kept {
+                path: path.display().to_string(),
+                reason: format!(
+                    "holds {} of seed {}, not {id} of seed {}; name another folder with --keep",
+                    sheet.id, sheet.seed, self.seed
+                ),
+            });
+        }
+        // Of these the observer says nothing anyway.
+        let silent = matches!(sheet.judged.category, Category::Fault | Category::Paper);
+        Ok((sheet.observed || silent || !observe).then_some(sheet.judged))
+    }
+
+    /// Lays a case down, whole or not at all.
+    ///
+    /// # Errors
+    /// [`ProveError::Kept`].
+    pub fn write(&self, judged: &Judged, observed: bool) -> Result<(), ProveError> {
+        let path = self.path(&judged.id);
+        let sheet = Sheet {
+            id: judged.id.clone(),
+            seed: self.seed,
+            observed,
+            judged: judged.clone(),
+        };
+        let text = serde_json::to_string(&sheet).map_err(|e| ProveError::Kept {
+            path: path.display().to_string(),
+            reason: e.to_string(),
+        })?;
+        let part = path.with_extension("json.part");
+        std::fs::write(&part, text)
+            .and_then(|()| std::fs::rename(&part, &path))
+            .map_err(|e| broken(&path, &e))
+    }
+}
+
+fn broken(path: &Path, error: &std::io::Error) -> ProveError {
+    ProveError::Kept {
+        path: path.display().to_string(),
+        reason: format!("{error}; name a folder that can be written with --keep"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{judge, make};
+
+    #[test]
+    fn a_kept_case_is_read_back_as_it_was_judged_and_only_for_its_own_seed() {
+        let dir = tempfile::tempdir().unwrap();
+        let kept = Kept::new(&dir.path().join("new"), 5).unwrap();
+        assert!(kept.read("fault-0", true).unwrap().is_none());
+        let judged = judge(&make(5, Category::Fault, 0).unwrap(), false).unwrap();
+        kept.write(&judged, false).unwrap();
+        let back = kept.read("fault-0", true).unwrap().unwrap();
+        let text = |j: &Judged| serde_json::to_string(j).unwrap();
+        assert_eq!(text(&back), text(&judged));
+
+        let other = Kept::new(&dir.path().join("new"), 6).unwrap();
+        let said = other.read("fault-0", true).unwrap_err().to_string();
+        assert!(said.contains("seed 5") && said.contains("--keep"), "{said}");
+        std::fs::write(dir.path().join("new/fault-1.json"), "{}").unwrap();
+        assert!(kept.read("fault-1", true).is_err());
+    }
+}

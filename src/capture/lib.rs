@@ -1,0 +1,65 @@
+//! Frames from wherever they come: one [`FrameSource`] for V4L2, simulator and log.
+//!
+//! A source never loses a frame silently: each loss is counted under its cause in
+//! [`CaptureCounts`], and the number of frames that time says there should have been
+//! is computed on its own, so that the two can be compared.
+
+use std::time::Duration;
+
+use hydroline_core::event::Event;
+use hydroline_core::frame::Frame;
+
+pub mod counts;
+pub mod description;
+pub mod devices;
+pub mod error;
+pub mod fake;
+pub mod gaps;
+pub mod log;
+pub mod queue;
+pub mod sim;
+pub mod v4l;
+
+pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
+pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
+pub use error::CaptureError;
+pub use fake::{FakeSource, FakeStep};
+pub use log::LogSource;
+pub use v4l::{OpenOptions, V4lSource};
+
+/// A camera, or something that stands for one.
+pub trait FrameSource: Send {
+    /// What this source is and how it is set up now, for the log's session metadata.
+    fn describe(&self) -> SourceDescription;
+
+    /// The next thing that happened, after at most about `wait`.
+    ///
+    /// A source mends what it can by itself (frozen stream, unplug) and says so by
+    /// [`Captured::Event`]; it goes on being called with the same recording open.
+    ///
+    /// # Errors
+    /// Only what the source cannot mend: the caller ends the recording, in an orderly way.
+    fn next(&mut self, wait: Duration) -> Result<Captured, CaptureError>;
+
+    /// The caller stops here: frames that were due since the last one and never came are counted as lost.
+    ///
+    /// To be called once, after the last [`Self::next`] and before the last [`Self::counts`]. A source that ends by
+    /// itself (a log) has nothing to add.
+    fn finish(&mut self) {}
+
+    /// Frames received, lost per cause, and expected, up to now.
+    fn counts(&self) -> CaptureCounts;
+}
+
+/// One thing a source has to say.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Captured {
+    /// A frame, sound or marked by `meta.fault`.
+    Frame(Frame),
+    /// Something happened to the source; goes to the log, never dropped.
+    Event(Event),
+    /// Nothing within the wait.
+    Nothing,
+    /// No frame will ever come again (end of a log, of a simulated plan, of a script).
+    Finished,
+}

@@ -1,0 +1,10 @@
+//! What every room speaks of: clocks, events, frames, shutdown, the conditions of a session. No devices, no files.
+
+pub mod clock;
+pub mod event;
+pub mod frame;
+pub mod session;
+pub mod shutdown;
+pub mod synthetic;
+pub mod thread_class;
+pub mod water;

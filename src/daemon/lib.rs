@@ -1,0 +1,10 @@
+//! The chain put together: recording, replay, simulation and calibration. Devices, clocks and files are injected.
+
+pub mod analysis;
+pub mod calibrate;
+pub mod diagnostics;
+pub mod record;
+pub mod replay;
+pub mod signals;
+pub mod simulate;
+pub mod simulated;

@@ -1,0 +1,512 @@
+//! The daemon: camera and thrusters into one log, with the stripe extracted on the way.
+//!
+//! [`run`] gets everything injected (frame source, thruster line, recorder, clock, shutdown) and owns
+//! five threads: capture (never waits for anything but the camera), analysis (newest frame only), poses
+//! (newest stripe only), the thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
+
+mod calibrating;
+pub mod floor;
+pub mod glance;
+pub mod keys;
+pub mod limits;
+mod manager;
+pub mod newest;
+mod session;
+mod supervise;
+mod tracker;
+mod watch;
+mod worker;
+
+pub use calibrating::Calibrating;
+pub use session::{SessionInput, head};
+pub use supervise::LEAD;
+
+use crate::calibrate::{self, message};
+use hydroline_calib::plane::PlaneMap;
+use hydroline_capture::{CaptureCounts, FrameSource};
+use hydroline_core::clock::Clock;
+use hydroline_core::event::{Event, Severity};
+use hydroline_core::shutdown::{Shutdown, StopReason};
+use hydroline_log::messages::{self, pb, timestamp};
+use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
+use hydroline_plan::setpoint::setpoint;
+use hydroline_rigs::{Plan, Rig};
+use hydroline_sim::{Allocation, ThrustError};
+use hydroline_stripe::ExtractorConfig;
+use hydroline_thruster::scheduler::PlannedLoad;
+use hydroline_thruster::service::{Opener, ServiceError, ServiceStats, Sink};
+use hydroline_thruster::{ControllerClock, LinkRecord, ServiceConfig, ThrusterService};
+use newest::Newest;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Everything a recording touches, injected.
+pub struct Parts {
+    /// The camera, or what stands for it.
+    pub source: Box<dyn FrameSource>,
+    /// Opens the line to the thruster controller; `None` = record without thrusters.
+    pub line: Option<Opener>,
+    /// The open log.
+    pub recorder: Recorder,
+    /// The clocks.
+    pub clock: Arc<dyn Clock>,
+    /// From image to laser plane; `None` = profiles without plane coordinates.
+    pub map: Option<Arc<dyn PlaneMap>>,
+}
+
+/// What to do.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// The rig.
+    pub rig: Rig,
+    /// The plan to run; `None` = thrusters stay at neutral.
+    pub plan: Option<Plan>,
+    /// How long to record from the moment camera (and, with a plan, controller) are ready; `None` = until stopped.
+    pub length: Option<Duration>,
+    /// Longest wait for the first good frame (and for the controller, when there is a plan).
+    pub ready_within: Duration,
+    /// The extractor's settings.
+    pub extractor: ExtractorConfig,
+    /// The board to look for in every analysed frame; without length and plan the recording ends with an
+    /// accepted calibration.
+    pub calibrate: Option<calibrate::Setup>,
+}
+
+/// The state of a recording, for whoever watches.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Status {
+    /// Time since camera and controller were ready \[s\]; `None` = not ready yet.
+    pub elapsed_s: Option<f64>,
+    /// Frames received.
+    pub frames: u64,
+    /// Frames lost by the camera.
+    pub lost: u64,
+    /// Frames dropped by the log's queue.
+    pub dropped: u64,
+    /// Frames not analysed live.
+    pub skipped: u64,
+    /// Points in the newest stripe.
+    pub points: usize,
+    /// Bytes in the log.
+    pub bytes: u64,
+    /// Where a calibration in the making stands.
+    pub calibration: Option<String>,
+}
+
+/// How a recording went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Why it ended.
+    pub stop: StopReason,
+    /// The camera's account.
+    pub capture: CaptureCounts,
+    /// Frames analysed live.
+    pub analysed: u64,
+    /// Frames a newer one replaced before the analysis got to them.
+    pub skipped: u64,
+    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    pub poses: Option<PoseCounts>,
+    /// The thruster service's counters.
+    pub thrusters: Option<ServiceStats>,
+    /// The log's end.
+    pub log: LogOutcome,
+    /// How a calibration in the making ended; `None` when none was asked for or no frame was seen.
+    pub calibration: Option<Calibrating>,
+}
+
+/// What became of the stripes that were offered to the pose's fit.
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+pub struct PoseCounts {
+    /// Poses in the log.
+    pub fitted: u64,
+    /// Fitted, but not to be used without a look at the frame (another hexagon, ambiguous, misfit): not in the log.
+    pub doubtful: u64,
+    /// Frames without a pose, by reason.
+    pub none: BTreeMap<&'static str, u64>,
+    /// A newer stripe came before there was time to fit them; `replay` fits every one.
+    pub skipped: u64,
+}
+
+impl Report {
+    /// Whether frames or messages are missing (exit code 3).
+    pub fn lost_anything(&self) -> bool {
+        self.log.lost || self.capture.lost.total() > 0
+    }
+}
+
+/// Why a recording could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The thruster service did not start.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// The rig's thrusters do not work together.
+    #[error(transparent)]
+    Thrust(#[from] ThrustError),
+    /// The log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A thread or the signal handlers could not be set up.
+    #[error("cannot start the {what}: {source}")]
+    Start {
+        /// Which part.
+        what: &'static str,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// What the threads share.
+struct Shared {
+    recorder: Recorder,
+    clock: Arc<dyn Clock>,
+    shutdown: Shutdown,
+    newest: Newest<hydroline_core::frame::Frame>,
+    /// Stamp \[ns\], image and stripe for the poses.
+    stripes: Newest<(
+        u64,
+        hydroline_core::frame::GreyImage,
+        hydroline_stripe::Profile,
+    )>,
+    progress: Mutex<Progress>,
+    controller: Mutex<Option<ControllerClock>>,
+    tracker: tracker::Tracker,
+    floor: Mutex<Option<watch::Measured>>,
+    pose: Mutex<Option<watch::MeasuredPose>>,
+    calibrating: Mutex<Option<Calibrating>>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    counts: CaptureCounts,
+    first_good_ns: Option<u64>,
+    last_good_ns: Option<u64>,
+    analysed: u64,
+    points: usize,
+}
+
+impl Shared {
+    fn progress<R>(&self, f: impl FnOnce(&mut Progress) -> R) -> R {
+        f(&mut self.progress.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// An event goes to the log and, by its severity, to the diagnostics.
+    fn event(&self, event: &Event) {
+        self.recorder.event(event);
+        match event.severity {
+            Severity::Info => tracing::info!(kind = event.kind, "{}", event.message),
+            Severity::Warning => tracing::warn!(kind = event.kind, "{}", event.message),
+            Severity::Error => tracing::error!(kind = event.kind, "{}", event.message),
+        }
+    }
+
+    fn say(&self, severity: Severity, kind: &'static str, message: impl Into<String>) {
+        self.event(&Event::new(
+            self.clock.triple().realtime_ns,
+            severity,
+            kind,
+            message,
+        ));
+    }
+}
+
+/// Is told the state of a recording about ten times a second, on a thread of its own: a terminal that
+/// stands still must not hold up the recording.
+pub type Watch = Box<dyn FnMut(&Status) + Send>;
+
+struct Threads {
+    capture: JoinHandle<Option<CaptureCounts>>,
+    analysis: JoinHandle<Option<()>>,
+    poses: Option<JoinHandle<Option<PoseCounts>>>,
+    limits: JoinHandle<Option<()>>,
+}
+
+fn start_threads(
+    shared: &Arc<Shared>,
+    source: Box<dyn FrameSource>,
+    map: Option<Arc<dyn PlaneMap>>,
+    job: &Job,
+    service: Option<&ThrusterService>,
+) -> Result<Threads, RecordError> {
+    let neutral = service.map(ThrusterService::handle);
+    // A frame of the board shows no target.
+    let poses = map
+        .clone()
+        .filter(|_| job.calibrate.is_none())
+        .map(|map| worker::poses(shared.clone(), job, map))
+        .transpose()?;
+    let analysis = worker::analysis(shared.clone(), job, map)?;
+    let limits = watch::start(shared.clone(), job, neutral)?;
+    let capture = worker::capture(shared.clone(), source)?;
+    Ok(Threads {
+        capture,
+        analysis,
+        poses,
+        limits,
+    })
+}
+
+/// Shows the newest status on a thread that nobody waits for.
+fn show(status: Arc<Newest<Status>>, mut watch: Watch) {
+    let work = move || {
+        loop {
+            match status.take(Duration::from_secs(1)) {
+                newest::Taken::Item(status) => watch(&status),
+                newest::Taken::Nothing => {}
+                newest::Taken::Closed => return,
+            }
+        }
+    };
+    let spawned = std::thread::Builder::new()
+        .name("status".to_owned())
+        .spawn(work);
+    if let Err(error) = spawned {
+        tracing::warn!("no status line: {error}");
+    }
+}
+
+/// Records until the job is done or `shutdown` is raised.
+///
+/// # Errors
+/// [`RecordError`] when a part could not be started; what goes wrong later ends the run and stands in
+/// [`Report::stop`], with the log closed and readable.
+pub fn run(
+    parts: Parts,
+    job: &Job,
+    shutdown: &Shutdown,
+    watch: Watch,
+) -> Result<Report, RecordError> {
+    let shared = Arc::new(Shared {
+        recorder: parts.recorder.clone(),
+        clock: parts.clock.clone(),
+        shutdown: shutdown.clone(),
+        newest: Newest::default(),
+        stripes: Newest::default(),
+        progress: Mutex::new(Progress::default()),
+        controller: Mutex::new(None),
+        tracker: tracker::Tracker::new(&job.rig),
+        floor: Mutex::new(None),
+        pose: Mutex::new(None),
+        calibrating: Mutex::new(None),
+    });
+    announce(&shared, &job.rig, parts.map.as_deref());
+    let service = match parts.line {
+        Some(opener) => Some(start_service(&shared, &job.rig, opener)?),
+        None => None,
+    };
+    let started = start_threads(&shared, parts.source, parts.map, job, service.as_ref());
+    let status = Arc::new(Newest::default());
+    show(status.clone(), watch);
+    // Whatever failed to start, the parts that did are taken down in order and the file gets its end.
+    let result = match &started {
+        Ok(_) => supervise::supervise(&shared, job, service.as_ref(), &status),
+        Err(error) => Ok(StopReason::Failed(error.to_string())),
+    };
+    let stop = result.unwrap_or_else(|error| StopReason::Failed(error.to_string()));
+
+    // Neutral before anything else is taken down; shutdown() waits until the echo confirms it.
+    shutdown.raise(stop.clone());
+    manager::stopping(&stop.to_string());
+    let thrusters = service.map(ThrusterService::shutdown);
+    if let Ok(signals) = crate::signals::listen() {
+        signals.detach_all();
+    }
+    status.close();
+    let mut counts = CaptureCounts::default();
+    let mut poses = None;
+    if let Ok(threads) = started {
+        counts = worker::join(threads.capture).unwrap_or_default();
+        shared.newest.close();
+        worker::join(threads.analysis);
+        shared.stripes.close();
+        poses = threads.poses.and_then(worker::join);
+        worker::join(threads.limits);
+    }
+    shared.say(Severity::Info, "daemon.stop", stop.to_string());
+
+    let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
+    let log = parts.recorder.finish(&summary(
+        &stop,
+        &counts,
+        analysed,
+        skipped,
+        poses.as_ref(),
+        thrusters.as_ref(),
+    ))?;
+    Ok(Report {
+        stop,
+        capture: counts,
+        analysed,
+        skipped,
+        poses,
+        thrusters,
+        log,
+        calibration: calibrating::lock(&shared).take(),
+    })
+}
+
+/// What a viewer needs before the first frame: intrinsics and the map to the laser plane.
+fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
+    let now_ns = shared.clock.triple().realtime_ns;
+    shared
+        .recorder
+        .camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
+    match map {
+        Some(map) => {
+            let calibration = map.describe();
+            let message = message::in_force(&calibration, now_ns);
+            shared.recorder.plane_calibration(&message);
+            if calibration.residuals.is_none() {
+                shared.say(
+                    Severity::Warning,
+                    "calibration.none",
+                    "no calibration: plane coordinates come from the ideal camera of the rig's numbers (Eqs. 11-12), \
+                     their sd is that of the stripe alone; `record --calibrate` makes one, --calibration uses it",
+                );
+            }
+        }
+        None => shared.say(
+            Severity::Warning,
+            "calibration.none",
+            "no calibration: profiles hold pixels only, no laser-plane coordinates",
+        ),
+    }
+}
+
+fn start_service(
+    shared: &Arc<Shared>,
+    rig: &Rig,
+    opener: Opener,
+) -> Result<ThrusterService, ServiceError> {
+    let config = ServiceConfig {
+        set: rig.thrusters.clone(),
+        resume_after_loss: false,
+    };
+    let to = shared.clone();
+    let sink: Sink = Box::new(move |record| match record {
+        LinkRecord::Command(command) => {
+            to.tracker.command(&command);
+            to.recorder.command(&pb::ThrusterCommand {
+                timestamp: Some(timestamp(command.timestamp_ns)),
+                sequence: command.sequence,
+                thruster: command.thruster.to_string(),
+                thrust_n: command.thrust_n,
+                pulse_us: command.pulse_us,
+                due_ns: command.due_ns,
+                plan_step: command.plan_step,
+                cause: command.cause.to_owned(),
+            });
+        }
+        LinkRecord::Echo(echo) => to.recorder.echo(&pb::ThrusterEcho {
+            timestamp: Some(timestamp(echo.timestamp_ns)),
+            sequence: echo.sequence,
+            thruster: echo.thruster.to_string(),
+            pulse_us: echo.pulse_us,
+            controller_time_us: echo.controller_time_us,
+            round_trip_s: echo.round_trip_s,
+            errors: echo.errors,
+        }),
+        LinkRecord::Event(event) => to.event(&event),
+        LinkRecord::Clock(clock) => {
+            *to.controller.lock().unwrap_or_else(PoisonError::into_inner) = Some(clock);
+        }
+    });
+    ThrusterService::start(config, opener, shared.clock.clone(), sink)
+}
+
+/// The plan as the service asks for it. A load that cannot be commanded was refused before the start; should one
+/// appear all the same it is no thrust at all.
+fn loads(
+    rig: &Rig,
+    plan: &Plan,
+) -> Result<impl FnMut(f64) -> PlannedLoad + Send + 'static, ThrustError> {
+    let allocation = Allocation::new(&rig.thrusters)?;
+    let (rig, plan) = (rig.clone(), plan.clone());
+    Ok(
+        move |t_s: f64| match setpoint(&rig, &allocation, &plan, t_s) {
+            Ok(set) => PlannedLoad {
+                thrust_n: set.thrust_n,
+                pulses_us: Some(set.pulses_us),
+                plan_step: set.plan_step,
+            },
+            Err(error) => {
+                tracing::error!("{error}");
+                PlannedLoad {
+                    thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
+                    pulses_us: None,
+                    plan_step: 0,
+                }
+            }
+        },
+    )
+}
+
+fn summary(
+    stop: &StopReason,
+    counts: &CaptureCounts,
+    analysed: u64,
+    skipped: u64,
+    poses: Option<&PoseCounts>,
+    thrusters: Option<&ServiceStats>,
+) -> SummaryInput {
+    let lost = [
+        ("sequence_gap", counts.lost.sequence_gap),
+        ("time_gap", counts.lost.time_gap),
+        ("frozen", counts.lost.frozen),
+        ("unplugged", counts.lost.unplugged),
+        ("restarted", counts.lost.restarted),
+    ];
+    let mut summary = SummaryInput::clean(stop.to_string());
+    summary.clean = !matches!(stop, StopReason::Failed(_) | StopReason::PlanAborted(_));
+    summary.frames = Some(FrameLedger {
+        expected: counts.expected,
+        received: counts.received,
+        lost: lost
+            .into_iter()
+            .filter(|(_, n)| *n > 0)
+            .map(|(cause, n)| (cause.to_owned(), n))
+            .collect(),
+    });
+    let mut put = |key: &str, value: String| summary.more.insert(key.to_owned(), value);
+    put("frames.analysed", analysed.to_string());
+    put("frames.not_analysed", skipped.to_string());
+    put("frames.disagreement", counts.disagreement.to_string());
+    put("frames.period_s", counts.period_s.to_string());
+    put(
+        "frames.excluded.driver_error",
+        counts.excluded.driver_error.to_string(),
+    );
+    put(
+        "frames.excluded.truncated",
+        counts.excluded.truncated.to_string(),
+    );
+    put(
+        "frames.excluded.broken_jpeg",
+        counts.excluded.broken_jpeg.to_string(),
+    );
+    put("frames.excluded.stale", counts.excluded.stale.to_string());
+    put("frames.void", counts.excluded.void.to_string());
+    // With these the file's own count closes: logged + dropped = received + leftover + repeated.
+    put("frames.leftover", counts.excluded.leftover.to_string());
+    put("frames.repeated", counts.excluded.repeated.to_string());
+    put("frames.lost_at_end", counts.lost_at_end.to_string());
+    put("source.restarts", counts.restarts.to_string());
+    if let Some(poses) = poses {
+        put("poses.fitted", poses.fitted.to_string());
+        put("poses.doubtful", poses.doubtful.to_string());
+        put("poses.none", poses.none.values().sum::<u64>().to_string());
+        for (reason, n) in &poses.none {
+            put(&format!("poses.none.{reason}"), n.to_string());
+        }
+        put("poses.skipped", poses.skipped.to_string());
+    }
+    if let Some(stats) = thrusters {
+        put("commands.sets", stats.sets.to_string());
+        put("commands.echoed", stats.echoed.to_string());
+        put("commands.skipped", stats.skipped.to_string());
+        put("commands.link_losses", stats.losses.to_string());
+    }
+    summary
+}

@@ -1,0 +1,286 @@
+//! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
+
+use super::newest::Newest;
+use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
+use crate::signals::Signals;
+use hydroline_core::event::Severity;
+use hydroline_core::shutdown::StopReason;
+use hydroline_log::messages;
+use hydroline_thruster::ThrusterService;
+use hydroline_thruster::safety::{NeutralReason, State};
+use hydroline_thruster::service::PlanState;
+use std::sync::PoisonError;
+use std::time::Duration;
+
+/// How often the main thread looks around.
+const TICK: Duration = Duration::from_millis(100);
+/// From the moment everything is ready to the plan's first command.
+pub const LEAD: Duration = Duration::from_millis(500);
+
+/// Runs until something ends the recording and says what.
+pub(super) fn supervise(
+    shared: &Shared,
+    job: &Job,
+    service: Option<&ThrusterService>,
+    status: &Newest<Status>,
+) -> Result<StopReason, RecordError> {
+    let start = |source| RecordError::Start {
+        what: "signal handlers",
+        source,
+    };
+    let signals = crate::signals::listen().map_err(start)?;
+    if let Some(service) = service {
+        signals.attach(service.handle());
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(start)?;
+    let mut supervisor = Supervisor {
+        shared,
+        job,
+        service,
+        signals,
+        keys: Keys::watch(service.map(ThrusterService::handle)),
+        started_ns: shared.clock.monotonic_ns(),
+        began_ns: None,
+        spaced: false,
+    };
+    runtime.block_on(supervisor.run(status))
+}
+
+struct Supervisor<'a> {
+    shared: &'a Shared,
+    job: &'a Job,
+    service: Option<&'a ThrusterService>,
+    signals: &'static Signals,
+    keys: Option<Keys>,
+    started_ns: u64,
+    /// When the recording proper began: the first good frame and, with a plan, an answering controller.
+    began_ns: Option<u64>,
+    /// Space was pressed: the plan is over because someone wanted it.
+    spaced: bool,
+}
+
+impl Supervisor<'_> {
+    async fn run(&mut self, status: &Newest<Status>) -> Result<StopReason, RecordError> {
+        let mut tick = tokio::time::interval(TICK);
+        let mut second = tokio::time::interval(Duration::from_secs(1));
+        loop {
+            tokio::select! {
+                _ = second.tick() => {
+                    self.log_clocks();
+                    manager::alive();
+                }
+                _ = tick.tick() => {
+                    if let Some(reason) = self.look() {
+                        let late = self.keys.take().is_some_and(Keys::finish);
+                        return Ok(match reason {
+                            // Pressed while the run ended: no other run follows it.
+                            StopReason::Finished | StopReason::PlanCut(_) if late => {
+                                StopReason::Asked("a key at the run's end")
+                            }
+                            reason => reason,
+                        });
+                    }
+                    if self.began_ns.is_none() && self.ready() {
+                        self.began_ns = Some(self.shared.clock.monotonic_ns());
+                        manager::ready();
+                        self.begin()?;
+                    }
+                    status.put(self.status());
+                }
+            }
+        }
+    }
+
+    fn neutral(&self, reason: NeutralReason) {
+        if let Some(service) = self.service {
+            service.neutral(reason);
+        }
+    }
+
+    fn stop(&self, by: &'static str) -> StopReason {
+        if let Some(service) = self.service {
+            service.handle().bar(NeutralReason::Exit);
+        }
+        StopReason::Asked(by)
+    }
+
+    /// Anything that ends the recording?
+    fn look(&mut self) -> Option<StopReason> {
+        if let Some(reason) = self.shared.shutdown.reason() {
+            return Some(reason);
+        }
+        if let Some(signal) = self.signals.heard() {
+            return Some(self.stop(signal));
+        }
+        if let Some(reason) = self.shared.recorder.stopped() {
+            self.neutral(NeutralReason::Exit);
+            return Some(StopReason::LogStopped(reason));
+        }
+        if let Some(reason) = self.watch_keys() {
+            return Some(reason);
+        }
+        match (self.elapsed(), self.job.length) {
+            (Some(elapsed), Some(length)) if elapsed >= length => Some(self.finished()),
+            (None, _) if self.waited() > self.job.ready_within => Some(self.not_ready()),
+            _ => None,
+        }
+    }
+
+    /// The time is over: well, unless the plan did not come to its end.
+    fn finished(&self) -> StopReason {
+        if self.spaced {
+            return StopReason::Asked("Space (thrusters to neutral)");
+        }
+        let plan = self.service.map(ThrusterService::plan_state);
+        match (plan, &self.job.plan) {
+            (Some(PlanState::Aborted(why)), Some(plan)) => StopReason::PlanAborted(format!(
+                "plan '{}' was aborted to neutral: {why}",
+                plan.name
+            )),
+            (Some(PlanState::Refused(why)), Some(plan)) => {
+                StopReason::PlanAborted(format!("plan '{}' did not start: {why}", plan.name))
+            }
+            (Some(PlanState::None | PlanState::Waiting), Some(plan)) => {
+                StopReason::PlanAborted(format!("plan '{}' never started", plan.name))
+            }
+            (Some(PlanState::Running), Some(plan)) => {
+                let run_s = self.elapsed().unwrap_or_default().saturating_sub(LEAD);
+                StopReason::PlanCut(format!(
+                    "plan '{}' was cut at {:.1} of {:.1} s, as the recording's length asked",
+                    plan.name,
+                    run_s.as_secs_f64(),
+                    plan.duration_s()
+                ))
+            }
+            _ => StopReason::Finished,
+        }
+    }
+
+    fn watch_keys(&mut self) -> Option<StopReason> {
+        let keys = self.keys.as_ref()?;
+        if keys.quit() {
+            return Some(self.stop("the q key"));
+        }
+        if keys.space() {
+            self.spaced = true;
+            let words = if self.began_ns.is_some() {
+                "Space: thrusters to neutral, the plan is over; recording goes on, q ends it"
+            } else {
+                "Space before the start: no plan starts any more; recording goes on, q ends it"
+            };
+            self.shared
+                .say(Severity::Warning, "thruster.neutral", words);
+        }
+        None
+    }
+
+    fn waited(&self) -> Duration {
+        Duration::from_nanos(
+            self.shared
+                .clock
+                .monotonic_ns()
+                .saturating_sub(self.started_ns),
+        )
+    }
+
+    /// Time since the recording proper began.
+    fn elapsed(&self) -> Option<Duration> {
+        let now_ns = self.shared.clock.monotonic_ns();
+        Some(Duration::from_nanos(now_ns.saturating_sub(self.began_ns?)))
+    }
+
+    fn good_frame(&self) -> bool {
+        self.shared.progress(|p| p.first_good_ns.is_some())
+    }
+
+    /// An open line alone proves nothing: the controller has to have echoed a command.
+    fn link_up(&self) -> bool {
+        let answers = |s: &ThrusterService| s.state() != State::Lost && s.stats().echoed > 0;
+        self.service.is_none_or(answers)
+    }
+
+    /// A good frame, and an answering controller where a plan needs one.
+    fn ready(&self) -> bool {
+        self.good_frame() && (self.job.plan.is_none() || self.link_up())
+    }
+
+    fn not_ready(&self) -> StopReason {
+        let seconds = self.job.ready_within.as_secs_f64();
+        let missing = if self.good_frame() {
+            "the thruster controller does not answer: is it powered, and is thrusters.link right?"
+        } else {
+            "no good frame: is the camera plugged in and free?"
+        };
+        StopReason::Failed(format!(
+            "after {seconds:.0} s {missing} `hydroline check` says more"
+        ))
+    }
+
+    fn begin(&self) -> Result<(), RecordError> {
+        self.shared
+            .say(Severity::Info, "daemon.ready", "first good frame is here");
+        let (Some(plan), Some(service)) = (&self.job.plan, self.service) else {
+            return Ok(());
+        };
+        if self.spaced {
+            return Ok(());
+        }
+        let start_ns = self.shared.clock.monotonic_ns() + LEAD.as_nanos() as u64;
+        service.run_plan(
+            start_ns,
+            plan.duration_s(),
+            Box::new(loads(&self.job.rig, plan)?),
+        )?;
+        let words = format!(
+            "plan '{}' starts in {} ms, {:.1} s long",
+            plan.name,
+            LEAD.as_millis(),
+            plan.duration_s()
+        );
+        self.shared.say(Severity::Info, "plan.start", words);
+        Ok(())
+    }
+
+    fn log_clocks(&self) {
+        let controller = *self
+            .shared
+            .controller
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let controller = controller.map(|c| messages::pb::ControllerClock {
+            offset_us: c.offset_us,
+            offset_sd_us: c.offset_sd_us,
+            drift_ppm: c.drift_ppm,
+            drift_sd_ppm: c.drift_sd_ppm,
+            round_trip_us: c.round_trip_us,
+            round_trip_spread_us: c.round_trip_spread_us,
+            samples: c.samples,
+            host_epoch_ns: c.host_epoch_ns,
+            controller_epoch_us: c.controller_epoch_us,
+        });
+        self.shared.recorder.clock(&messages::clock_message(
+            &self.shared.clock.triple(),
+            controller,
+        ));
+    }
+
+    fn status(&self) -> Status {
+        let progress = self.shared.progress(|p| *p);
+        let log = self.shared.recorder.counts();
+        Status {
+            elapsed_s: self.elapsed().map(|e| e.as_secs_f64()),
+            frames: progress.counts.received,
+            lost: progress.counts.lost.total(),
+            dropped: log.frames_dropped,
+            skipped: self.shared.newest.skipped(),
+            points: progress.points,
+            bytes: log.bytes,
+            calibration: calibrating::lock(self.shared)
+                .as_ref()
+                .map(|c| c.line.clone()),
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! The three threads around the camera: capture, which waits for nothing else, analysis, which
+//! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
+
+use super::{Job, PoseCounts, RecordError, Shared, calibrating, floor, newest::Taken, watch};
+use crate::analysis::Analyst;
+use crate::calibrate::live::Live;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_capture::{CaptureCounts, Captured, FrameSource};
+use hydroline_core::event::Severity;
+use hydroline_core::frame::Frame;
+use hydroline_core::shutdown::StopReason;
+use hydroline_core::thread_class::{block_signals, step_back};
+use hydroline_log::messages;
+use hydroline_pose::joint::PoseFault;
+use hydroline_pose::run::{PoseRun, RunPose, motion_message};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Longest wait in either thread before it looks at the shutdown again.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Starts a thread. Should it panic, the run ends at once (and with it the thrusters), with words.
+pub(super) fn spawn<T: Send + 'static>(
+    what: &'static str,
+    shared: Arc<Shared>,
+    work: impl FnOnce(&Shared) -> T + Send + 'static,
+) -> Result<JoinHandle<Option<T>>, RecordError> {
+    std::thread::Builder::new()
+        .name(what.to_owned())
+        .spawn(move || {
+            block_signals();
+            let result = catch_unwind(AssertUnwindSafe(|| work(&shared)));
+            if result.is_err() {
+                let words = format!("the {what} thread panicked: this is a bug of hydroline");
+                shared.shutdown.raise(StopReason::Failed(words.clone()));
+                shared.say(Severity::Error, "daemon.panic", words);
+            }
+            result.ok()
+        })
+        .map_err(|source| RecordError::Start { what, source })
+}
+
+/// Waits for a thread; `None` when it panicked, which it has then said itself.
+pub(super) fn join<T>(thread: JoinHandle<Option<T>>) -> Option<T> {
+    thread.join().ok().flatten()
+}
+
+/// Most things fetched after the end: twice a driver's queue of 8, frames and events.
+const DRAIN: usize = 16;
+
+/// Hands one frame on: to the log, to the counters, to the analysis. Waits for none of them.
+fn take(shared: &Shared, source: &dyn FrameSource, frame: Frame, index: u64) {
+    shared.recorder.frame(&frame, index);
+    let counts = source.counts();
+    shared.progress(|p| {
+        p.counts = counts;
+        if frame.meta.fault.is_none() {
+            let at_ns = frame.meta.received_monotonic_ns;
+            p.first_good_ns.get_or_insert(at_ns);
+            p.last_good_ns = Some(at_ns);
+        }
+    });
+    shared.newest.put(frame);
+}
+
+/// The head of the log describes the camera of the start; the one that came back may have been set up otherwise.
+fn describe_again(shared: &Shared, source: &dyn FrameSource) {
+    let words = serde_json::to_string(&source.describe()).unwrap_or_default();
+    shared.say(Severity::Info, "camera.source", words);
+}
+
+/// Captures until shutdown; returns the source's account.
+pub(super) fn capture(
+    shared: Arc<Shared>,
+    mut source: Box<dyn FrameSource>,
+) -> Result<JoinHandle<Option<CaptureCounts>>, RecordError> {
+    spawn("capture", shared, move |shared| {
+        let mut index = 0;
+        while !shared.shutdown.is_raised() {
+            match source.next(LOOK) {
+                Ok(Captured::Frame(frame)) => {
+                    take(shared, &*source, frame, index);
+                    index += 1;
+                }
+                Ok(Captured::Event(event)) => {
+                    shared.event(&event);
+                    if event.kind == "camera.replugged" {
+                        describe_again(shared, &*source);
+                    }
+                }
+                Ok(Captured::Nothing) => {
+                    let counts = source.counts();
+                    shared.progress(|p| p.counts = counts);
+                }
+                Ok(Captured::Finished) => shared.shutdown.raise(StopReason::SourceEnded),
+                Err(error) => {
+                    shared.say(Severity::Error, "camera.failed", error.to_string());
+                    shared.shutdown.raise(StopReason::Failed(error.to_string()));
+                }
+            }
+        }
+        // What the driver already holds is not lost: at most one queue of it.
+        for _ in 0..DRAIN {
+            match source.next(Duration::ZERO) {
+                Ok(Captured::Frame(frame)) => {
+                    take(shared, &*source, frame, index);
+                    index += 1;
+                }
+                Ok(Captured::Event(event)) => shared.event(&event),
+                _ => break,
+            }
+        }
+        // Closes the account: what fell due up to now and never came is a loss too.
+        source.finish();
+        source.counts()
+    })
+}
+
+/// Analyses the newest frame whenever there is time.
+pub(super) fn analysis(
+    shared: Arc<Shared>,
+    job: &Job,
+    map: Option<Arc<dyn PlaneMap>>,
+) -> Result<JoinHandle<Option<()>>, RecordError> {
+    let mut live = job.calibrate.clone().map(Live::new);
+    let ends = job.length.is_none() && job.plan.is_none();
+    // A board in the sheet is neither floor nor target.
+    let with_poses = map.is_some() && live.is_none();
+    let mut analyst = Analyst::new(job.extractor.clone(), map);
+    let h_centre_m = job.rig.mounts.h_centre_m;
+    spawn("analysis", shared, move |shared| {
+        step_back(10);
+        loop {
+            match shared.newest.take(LOOK) {
+                Taken::Item(frame) => {
+                    let (profile, pixels) = analyst.analyse_whole(&frame);
+                    shared.recorder.profile(&profile);
+                    let drawing = messages::stripe_annotations(&profile);
+                    shared.recorder.annotations(&drawing);
+                    if let (Some(live), Some((image, _))) = (&mut live, &pixels) {
+                        let stamp_ns = frame.meta.mid_exposure_ns;
+                        calibrating::look(shared, live, image, stamp_ns, ends);
+                    } else if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
+                        let at_ns = frame.meta.received_monotonic_ns;
+                        *shared.floor.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some((at_ns, floor));
+                    }
+                    shared.progress(|p| {
+                        p.analysed += 1;
+                        p.points = profile.row_px.len();
+                    });
+                    if let (true, Some((image, full))) = (with_poses, pixels) {
+                        let stamp_ns = frame.meta.mid_exposure_ns;
+                        shared.stripes.put((stamp_ns, image, full));
+                    }
+                }
+                Taken::Nothing => {}
+                Taken::Closed => return,
+            }
+        }
+    })
+}
+
+/// Fits the pose of the newest stripe, behind everything else: a fit costs many times an extraction,
+/// and must not keep stripes from being extracted.
+pub(super) fn poses(
+    shared: Arc<Shared>,
+    job: &Job,
+    map: Arc<dyn PlaneMap>,
+) -> Result<JoinHandle<Option<PoseCounts>>, RecordError> {
+    let mut poses = PoseRun::new(&job.rig, map);
+    spawn("poses", shared, move |shared| {
+        step_back(19);
+        let mut counts = PoseCounts::default();
+        loop {
+            match shared.stripes.take(LOOK) {
+                Taken::Item((stamp_ns, image, profile)) => {
+                    let pose = poses.pose(stamp_ns, &image, &profile);
+                    counts.count(&pose);
+                    if let RunPose::Good(fit) = pose {
+                        let measured = watch::MeasuredPose::of(stamp_ns, &fit);
+                        *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(measured);
+                        let motion = motion_message(stamp_ns, &fit);
+                        shared.recorder.motion(&motion);
+                        if let Some(pose) = messages::pose_message(&motion) {
+                            shared.recorder.pose(&pose);
+                        }
+                    }
+                }
+                Taken::Nothing => {}
+                Taken::Closed => {
+                    counts.skipped = shared.stripes.skipped();
+                    return counts;
+                }
+            }
+        }
+    })
+}
+
+impl PoseCounts {
+    fn count(&mut self, pose: &RunPose) {
+        match pose {
+            RunPose::Good(_) => self.fitted += 1,
+            RunPose::Doubtful(_) => self.doubtful += 1,
+            RunPose::None(fault) => *self.none.entry(word(fault)).or_default() += 1,
+        }
+    }
+}
+
+/// A word for the summary's keys.
+fn word(fault: &PoseFault) -> &'static str {
+    match fault {
+        PoseFault::NoStripe(_) => "no_stripe",
+        PoseFault::Segments(_) => "segments",
+        PoseFault::Size { .. } => "size",
+        PoseFault::Nowhere { .. } => "nowhere_on_target",
+        PoseFault::FarFromHint { .. } => "far_from_expected",
+        PoseFault::Unexplained { .. } => "unexplained",
+        PoseFault::Unsettled => "unsettled",
+    }
+}

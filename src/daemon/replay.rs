@@ -1,0 +1,536 @@
+//! `replay`: every frame of a log extracted again, offline and deterministic.
+//!
+//! Everything of ours but the images is carried over; messages of foreign topics cannot be written
+//! by our writer and are counted by topic. Profiles are computed anew with the code that ran
+//! live, so that a frame that was extracted live gives the same bytes again, which is counted.
+
+use crate::analysis::Analyst;
+use crate::calibrate::message;
+use hydroline_calib::Calibration;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_identify::data::StillWatch;
+use hydroline_log::messages::{
+    self,
+    pb::{FrameInfo, StripeProfile, VehicleMotion},
+    unix_ns,
+};
+use hydroline_log::{
+    Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
+    SummaryInput, WriteSettings,
+};
+use hydroline_pose::joint::Ahead;
+use hydroline_pose::joint::refine::{RefineError, Wanted};
+use hydroline_pose::run::{PoseRun, RunPose, motion_message};
+use hydroline_rigs::Rig;
+use hydroline_stripe::{ExtractorConfig, Profile};
+use prost::Message;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::hash_map::DefaultHasher;
+use std::collections::{HashMap, HashSet};
+use std::hash::{Hash, Hasher};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+mod refined;
+mod smoothed;
+
+pub use refined::RefineReport;
+pub use smoothed::SmoothReport;
+
+/// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
+const BATCH: usize = 64;
+
+/// How to replay.
+#[derive(Clone, Default)]
+pub struct Options {
+    /// Copies the images too, so that the new log can be viewed and replayed on its own.
+    pub keep_images: bool,
+    /// The extractor's settings.
+    pub extractor: ExtractorConfig,
+    /// The calibration from image to laser plane.
+    pub map: Option<Arc<dyn PlaneMap>>,
+    /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
+    pub poses: Option<PoseRun>,
+    /// Refines what the frames share before they are fitted: one pass more over the log. Needs `poses`.
+    pub refine: Option<Wanted>,
+    /// Binds the poses of the run through this rig's dynamics ([`hydroline_pose::smooth`]): two passes over the log.
+    pub smooth: Option<Box<Rig>>,
+    /// The rig to state in the new log, when it is another than the recording's own.
+    pub rig_toml: Option<String>,
+    /// The calibration in force, for the new log's head.
+    pub calibration_toml: Option<String>,
+    /// The calibration in force where it is another than the recording's: stated on `/laser/calibration` in its place.
+    pub calibration: Option<Calibration>,
+}
+
+/// What a replay found.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Report {
+    /// Frames in the log.
+    pub frames: u64,
+    /// Frames with a stripe.
+    pub with_stripe: u64,
+    /// Frames excluded or without a stripe, by reason.
+    pub without_stripe: std::collections::BTreeMap<String, u64>,
+    /// Stripe points found.
+    pub points: u64,
+    /// Frames that had been extracted live.
+    pub live: u64,
+    /// Of these, profiles that came out bit for bit the same.
+    pub live_identical: u64,
+    /// Of these, profiles that came out otherwise; the rest have no image in the log to compare with.
+    pub live_different: u64,
+    /// Messages of topics or schemas that are not ours, by topic: not carried over.
+    pub foreign: std::collections::BTreeMap<String, u64>,
+    /// Frames with a pose that is fit for use (`/vehicle/motion`).
+    pub poses: u64,
+    /// Frames whose pose was left out, by reason.
+    pub without_pose: std::collections::BTreeMap<String, u64>,
+    /// What the frames were found to share, where it was asked for.
+    pub refined: Option<RefineReport>,
+    /// What binding the frames did, where it was asked for.
+    pub smoothed: Option<SmoothReport>,
+    /// Commands carried over.
+    pub commands: u64,
+    /// First and last stamp of a frame, UNIX \[ns\].
+    pub span_ns: Option<(u64, u64)>,
+}
+
+impl Options {
+    /// What counts as at rest: the tolerance of the rig in force, else the default one (2 mm, 0.1°).
+    fn tolerance(&self) -> [f64; 2] {
+        self.rig_toml
+            .as_deref()
+            .and_then(|t| hydroline_rigs::Rig::from_toml(t, "rig.toml", None).ok())
+            .map_or([0.002, 0.1f64.to_radians()], |rig| {
+                [rig.tolerance.position_m, rig.tolerance.attitude_rad]
+            })
+    }
+}
+
+impl Report {
+    fn compared(&mut self, identical: bool) {
+        if identical {
+            self.live_identical += 1;
+        } else {
+            self.live_different += 1;
+        }
+    }
+}
+
+/// Why a replay failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// Reading or writing a log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Refining what they share.
+    #[error("--refine: {0}")]
+    Refine(#[from] RefineError),
+    /// Binding the frames.
+    #[error(transparent)]
+    Smooth(#[from] hydroline_pose::smooth::SmoothError),
+    /// The rig's thrusters make no wrench.
+    #[error("the rig's dynamics cannot be used to smooth: {reason}")]
+    Dynamics {
+        /// Why.
+        reason: String,
+    },
+    /// Nothing to extract from.
+    #[error(
+        "{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it"
+    )]
+    NoImages {
+        /// The log.
+        path: PathBuf,
+    },
+}
+
+/// Replays one log into a new one; `progress` is told how many frames are done.
+///
+/// # Errors
+/// [`ReplayError`]. A damaged log stops with the place of the damage; `recover` it first.
+pub fn replay(
+    log: &Path,
+    out: &Path,
+    options: &Options,
+    progress: &mut dyn FnMut(u64),
+) -> Result<(Report, LogOutcome), ReplayError> {
+    let mut reader = LogReader::open(log)?;
+    let head = head(&reader, log, options);
+    let mut first = Vec::new();
+    // The camera's format decides the new file's channels; it is known at the first frame.
+    let mut camera = None;
+    for message in reader.by_ref() {
+        let message = message?;
+        if let Record::Frame(frame) = &message.record {
+            camera = Some(frame.format);
+            first.push(message);
+            break;
+        }
+        first.push(message);
+    }
+    if camera.is_none() {
+        return Err(ReplayError::NoImages {
+            path: log.to_owned(),
+        });
+    }
+    let mut report = Report::default();
+    let mut poses = options.poses.clone();
+    if let Some((wanted, run)) = options.refine.zip(options.poses.as_ref()) {
+        let (run, refined) = refined::refined(log, options, run, wanted)?;
+        report.refined = Some(refined);
+        poses = Some(run);
+    }
+    let bound = match &options.smooth {
+        Some(rig) => Some(smoothed::bound(log, options, poses.as_ref(), rig)?),
+        None => None,
+    };
+    let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
+    let mut state = Replay {
+        writer: FileRecorder::create(out, false, head, settings)?,
+        options,
+        live: HashMap::new(),
+        ours: HashMap::new(),
+        pending: Vec::with_capacity(BATCH),
+        frames_pending: 0,
+        report,
+        index: 0,
+        info: None,
+        run: poses.filter(|_| bound.is_none()),
+        bound: HashMap::new(),
+        posed: HashSet::new(),
+        still: StillWatch::default(),
+    };
+    if let Some((motions, report)) = bound {
+        state.bound = motions;
+        state.report.smoothed = Some(report);
+    }
+    for message in first.into_iter().map(Ok).chain(reader) {
+        state.take(message?)?;
+        progress(state.report.frames);
+    }
+    state.flush()?;
+    state.release_info()?;
+    progress(state.report.frames);
+    let mut summary = SummaryInput::clean("replayed to the end");
+    summary
+        .more
+        .insert("replay.live".to_owned(), state.report.live.to_string());
+    summary.more.insert(
+        "replay.live_identical".to_owned(),
+        state.report.live_identical.to_string(),
+    );
+    summary.more.insert(
+        "replay.live_different".to_owned(),
+        state.report.live_different.to_string(),
+    );
+    let refined = state.report.refined.iter();
+    summary
+        .more
+        .extend(refined.flat_map(RefineReport::metadata));
+    for (topic, n) in &state.report.foreign {
+        summary
+            .more
+            .insert(format!("replay.not_copied.{topic}"), n.to_string());
+    }
+    summary
+        .more
+        .extend(state.still.metadata(options.tolerance()));
+    let outcome = state.writer.finish(&summary)?;
+    Ok((state.report, outcome))
+}
+
+fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
+    let metadata = reader.metadata();
+    let toml = |name: &str| metadata.get(name).and_then(|m| m.get("toml")).cloned();
+    let mut session: MetadataMap = metadata.get("session").cloned().unwrap_or_default();
+    session.insert(
+        "replay.of".to_owned(),
+        log.file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default(),
+    );
+    session.insert(
+        "replay.version".to_owned(),
+        env!("CARGO_PKG_VERSION").to_owned(),
+    );
+    Head {
+        rig_toml: options
+            .rig_toml
+            .clone()
+            .or_else(|| toml("rig"))
+            .unwrap_or_default(),
+        calibration_toml: options
+            .calibration_toml
+            .clone()
+            .or_else(|| toml("calibration")),
+        session,
+    }
+}
+
+/// 64-bit fingerprint of a profile's bytes; two different profiles share one by a chance of 1 in 10^19.
+fn fingerprint(profile: &StripeProfile) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    profile.encode_to_vec().hash(&mut hasher);
+    hasher.finish()
+}
+
+struct Replay<'a> {
+    writer: FileRecorder,
+    options: &'a Options,
+    /// Fingerprints of the recording's profiles by stamp and sequence (the bytes of an hour would fill the memory).
+    live: HashMap<(u64, u32), u64>,
+    /// Profiles computed here that have not met their live twin yet.
+    ours: HashMap<(u64, u32), u64>,
+    pending: Vec<LogMessage>,
+    frames_pending: usize,
+    report: Report,
+    index: u64,
+    /// With images kept: a frame's account waiting for the image that brings it along.
+    info: Option<(u64, FrameInfo)>,
+    run: Option<PoseRun>,
+    /// Measures the noise of the poses, if the vehicle was at rest.
+    still: StillWatch,
+    /// Smoothed motion by stamp, in place of the frames' own poses.
+    bound: HashMap<u64, VehicleMotion>,
+    /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
+    posed: HashSet<u64>,
+}
+
+/// A frame's stripe, and its pose fitted ahead.
+type Posed = (GreyImage, Profile, Ahead);
+/// A frame's stripe: the message, and what its pose follows from.
+type Analysed = (StripeProfile, Option<Posed>);
+
+/// The stripe of a frame and its pose, fitted ahead of its turn.
+fn posed(analyst: &mut Analyst, run: &PoseRun, frame: &Frame) -> Analysed {
+    let (message, whole) = analyst.analyse_whole(frame);
+    let posed = whole.map(|(image, profile)| {
+        let ahead = run.ahead(frame.meta.mid_exposure_ns, &image, &profile);
+        (image, profile, ahead)
+    });
+    (message, posed)
+}
+
+impl Replay<'_> {
+    fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
+        self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
+        self.pending.push(message);
+        if self.frames_pending >= BATCH {
+            self.flush()
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Extracts the pending frames in parallel and writes everything pending in its order.
+    fn flush(&mut self) -> Result<(), ReplayError> {
+        let pending = std::mem::take(&mut self.pending);
+        self.frames_pending = 0;
+        let options = self.options;
+        let run = self.run.as_ref();
+        let profiles: Vec<Option<Analysed>> = pending
+            .par_iter()
+            .map_init(
+                || Analyst::new(options.extractor.clone(), options.map.clone()),
+                |analyst, message| match &message.record {
+                    Record::Frame(frame) => Some(match run {
+                        Some(run) => posed(analyst, run, frame),
+                        None => (analyst.analyse(frame), None),
+                    }),
+                    _ => None,
+                },
+            )
+            .collect();
+        for (message, profile) in pending.into_iter().zip(profiles) {
+            self.write(message, profile)?;
+        }
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        message: LogMessage,
+        analysed: Option<Analysed>,
+    ) -> Result<(), ReplayError> {
+        let log_ns = message.log_ns;
+        let entry = match message.record {
+            Record::Frame(frame) => {
+                if self.options.keep_images {
+                    // The frame writes its account itself; only the recording's index is taken over.
+                    let own = self
+                        .info
+                        .take_if(|(_, info)| info.sequence == frame.meta.sequence);
+                    self.release_info()?;
+                    let index = own.map_or(self.index, |(_, info)| info.frame_index);
+                    self.writer.write(log_ns, &Entry::frame(&frame, index))?;
+                }
+                self.index += 1;
+                if let Some((profile, pixels)) = analysed {
+                    self.count(&frame, &profile);
+                    self.writer.write(log_ns, &Entry::profile(&profile))?;
+                    if self.options.keep_images {
+                        self.writer.write(
+                            log_ns,
+                            &Entry::annotations(&messages::stripe_annotations(&profile)),
+                        )?;
+                    }
+                    self.write_pose(log_ns, frame.meta.mid_exposure_ns, pixels)?;
+                }
+                return Ok(());
+            }
+            Record::Profile(live) => {
+                let key = (live.timestamp.as_ref().map_or(0, unix_ns), live.sequence);
+                self.report.live += 1;
+                let bytes = fingerprint(&live);
+                match self.ours.remove(&key) {
+                    Some(ours) => self.report.compared(ours == bytes),
+                    None => {
+                        self.live.insert(key, bytes);
+                    }
+                }
+                return Ok(());
+            }
+            // Drawn again from the new profile.
+            Record::Annotations(_) => return Ok(()),
+            Record::Other { topic, .. } => {
+                *self.report.foreign.entry(topic).or_default() += 1;
+                return Ok(());
+            }
+            Record::FrameInfo(info) if self.options.keep_images => {
+                self.release_info()?;
+                self.info = Some((log_ns, info));
+                return Ok(());
+            }
+            Record::FrameInfo(info) => Entry::frame_info(&info),
+            Record::Log(line) => Entry::log_line(&line),
+            Record::Command(command) => {
+                self.report.commands += 1;
+                self.still.command(&command);
+                Entry::command(&command)
+            }
+            Record::Echo(echo) => Entry::echo(&echo),
+            // What the daemon measured live from this frame was computed again above.
+            Record::Motion(motion)
+                if motion
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&unix_ns(t))) =>
+            {
+                return Ok(());
+            }
+            Record::Pose(pose)
+                if pose
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&messages::foxglove_ns(t))) =>
+            {
+                return Ok(());
+            }
+            Record::Motion(motion) => {
+                self.still.motion(&motion);
+                Entry::motion(&motion)
+            }
+            Record::Truth(truth) => Entry::truth(&truth),
+            Record::Clock(clock) => Entry::clock(&clock),
+            Record::Event(event) => Entry::event_message(&event),
+            // What was in force while recording gives way to what is in force here; one in the making stays.
+            Record::PlaneCalibration(old) => match &self.options.calibration {
+                Some(new) if old.state.is_empty() || old.state == message::IN_FORCE => {
+                    let stamp_ns = old.timestamp.as_ref().map_or(0, unix_ns);
+                    Entry::plane_calibration(&message::in_force(new, stamp_ns))
+                }
+                _ => Entry::plane_calibration(&old),
+            },
+            Record::CameraCalibration(calibration) => Entry::camera_calibration(&calibration),
+            Record::Pose(pose) => Entry::pose(&pose),
+        };
+        Ok(self.writer.write(log_ns, &entry)?)
+    }
+
+    /// Writes an account whose image did not follow.
+    fn release_info(&mut self) -> Result<(), ReplayError> {
+        if let Some((log_ns, info)) = self.info.take() {
+            self.writer.write(log_ns, &Entry::frame_info(&info))?;
+        }
+        Ok(())
+    }
+
+    /// The pose of a frame, where a run is followed and the pose is fit for use.
+    fn write_pose(
+        &mut self,
+        log_ns: u64,
+        stamp_ns: u64,
+        pixels: Option<Posed>,
+    ) -> Result<(), ReplayError> {
+        if let Some(motion) = self.bound.get(&stamp_ns).cloned() {
+            self.posed.insert(stamp_ns);
+            self.report.poses += 1;
+            return self.write_motion(log_ns, &motion);
+        }
+        let (Some(run), Some((image, profile, ahead))) = (&mut self.run, pixels) else {
+            return Ok(());
+        };
+        self.posed.insert(stamp_ns);
+        let why = match run.pose_ahead(stamp_ns, &image, &profile, ahead) {
+            RunPose::Good(fit) => {
+                self.report.poses += 1;
+                let motion = motion_message(stamp_ns, &fit);
+                self.still.motion(&motion);
+                return self.write_motion(log_ns, &motion);
+            }
+            RunPose::Doubtful(fit) => fit
+                .caveats
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join("; "),
+            RunPose::None(fault) => fault.to_string(),
+        };
+        let reason: String = why.chars().filter(|c| !c.is_ascii_digit()).collect();
+        *self.report.without_pose.entry(reason).or_default() += 1;
+        Ok(())
+    }
+
+    fn write_motion(&mut self, log_ns: u64, motion: &VehicleMotion) -> Result<(), ReplayError> {
+        self.writer.write(log_ns, &Entry::motion(motion))?;
+        if let Some(pose) = messages::pose_message(motion) {
+            self.writer.write(log_ns, &Entry::pose(&pose))?;
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, frame: &Frame, profile: &StripeProfile) {
+        let stamp_ns = frame.meta.mid_exposure_ns;
+        let report = &mut self.report;
+        report.frames += 1;
+        report.points += profile.row_px.len() as u64;
+        report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| {
+            (a.min(stamp_ns), b.max(stamp_ns))
+        }));
+        if profile.fault.is_empty() {
+            report.with_stripe += 1;
+        } else {
+            // Numbers differ from frame to frame; the words before the first colon-and-number group them.
+            let reason = profile
+                .fault
+                .split(['(', ';'])
+                .next()
+                .unwrap_or_default()
+                .trim();
+            let reason: String = reason.chars().filter(|c| !c.is_ascii_digit()).collect();
+            *report.without_stripe.entry(reason).or_default() += 1;
+        }
+        let key = (stamp_ns, profile.sequence);
+        let bytes = fingerprint(profile);
+        match self.live.remove(&key) {
+            Some(live) => report.compared(live == bytes),
+            None => {
+                self.ours.insert(key, bytes);
+            }
+        }
+    }
+}

@@ -1,0 +1,318 @@
+//! `simulate`: a plan run through the forward model without waiting for the clock.
+//!
+//! The same rig, plan, seed and options give the same bytes: times start at a fixed UNIX second,
+//! nothing reads a clock, and the renderer's noise is counted, not drawn.
+
+use crate::simulated::{BoardInView, motion_message};
+use bytes::Bytes;
+use hydroline_capture::{CaptureError, NegotiatedFormat, SourceDescription};
+use hydroline_core::clock::SIMULATION_START_UNIX_S;
+use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource};
+use hydroline_log::messages::{self, pb, timestamp};
+use hydroline_log::{
+    Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings,
+};
+use hydroline_plan::setpoint::{Setpoint, SetpointError, setpoint};
+use hydroline_rigs::{Board, Plan, Rig};
+use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
+use rand::{SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, Normal};
+use std::collections::VecDeque;
+use std::path::Path;
+
+/// How to simulate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Seed of the images' and the measured motion's noise; `None` = the rig's.
+    pub seed: Option<u64>,
+    /// No images: measured motion (truth plus white noise) instead.
+    pub motion_only: bool,
+    /// White noise of the measured position, standard deviation \[m\] (motion only).
+    pub position_noise_m: f64,
+    /// White noise of the measured attitude, standard deviation \[rad\] (motion only).
+    pub attitude_noise_rad: f64,
+    /// Goes on for this long after the plan's last step \[s\] (coasting).
+    pub tail_s: f64,
+    /// Free text for the log.
+    pub note: Option<String>,
+    /// A calibration board in the sheet instead of the tank, and how far its face stands behind the sheet \[m\].
+    pub board: Option<(Board, f64)>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: None,
+            motion_only: false,
+            position_noise_m: 1.5e-4,
+            attitude_noise_rad: 0.01_f64.to_radians(),
+            tail_s: 0.0,
+            note: None,
+            board: None,
+        }
+    }
+}
+
+/// Why a plan could not be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulateError {
+    /// The world.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// The images.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A step asks for what the thrusters cannot do.
+    #[error(transparent)]
+    Plan(#[from] SetpointError),
+    /// The log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Noise that is not a standard deviation.
+    #[error("noise {value} is not a standard deviation: it must be finite and >= 0")]
+    Noise {
+        /// As given.
+        value: f64,
+    },
+    /// Anything a source says.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+}
+
+/// Runs a plan and writes its log; `progress` is told (frames done, frames in all).
+///
+/// # Errors
+/// [`SimulateError`]; a file that was begun is closed and readable.
+pub fn simulate(
+    rig: &Rig,
+    plan: &Plan,
+    out: &Path,
+    options: &Options,
+    progress: &mut dyn FnMut(u64, u64),
+) -> Result<LogOutcome, SimulateError> {
+    let mut rig = rig.clone();
+    if let Some(seed) = options.seed {
+        rig.camera.seed = seed;
+    }
+    // The simulator renders grey frames whatever the rig's real camera delivers.
+    rig.camera.pixel_format = PixelFormat::Grey;
+    let mut world = World::new(&rig, rig.tank.start_pose)?;
+    let renderer = if options.motion_only {
+        None
+    } else {
+        Some(Renderer::new(&rig)?)
+    };
+    let board = match (&options.board, options.motion_only) {
+        (Some((board, offset_m)), false) => Some(BoardInView::new(&rig, board, *offset_m)?),
+        _ => None,
+    };
+    let camera_format = renderer.as_ref().map(|_| PixelFormat::Grey);
+    let mut log = FileRecorder::create(
+        out,
+        false,
+        head(&rig, plan, options),
+        WriteSettings::offline(camera_format),
+    )?;
+    let mut noise = Noise::new(rig.camera.seed, options)?;
+    if renderer.is_some() {
+        let calibration = messages::camera_calibration(&rig.camera, at_ns(0.0));
+        log.write(at_ns(0.0), &Entry::camera_calibration(&calibration))?;
+    }
+
+    let length_s = plan.duration_s() + options.tail_s;
+    let frames = (length_s * rig.camera.rate_fps).floor() as u64;
+    let commands = (length_s * rig.thrusters.link.rate_hz).floor() as u64;
+    let rows = match renderer {
+        Some(_) => rig.camera.height_px as usize,
+        None => 1,
+    };
+    let mut next_command = 0;
+    // Commanded already because a row of the frame in hand looks beyond the frame's stamp, not logged yet.
+    let mut ahead: VecDeque<(f64, Setpoint)> = VecDeque::new();
+    let mut sequence = 0;
+    for k in 0..frames {
+        let t_s =
+            (k as f64 + 0.5 * rig.camera.exposure_s * rig.camera.rate_fps) / rig.camera.rate_fps;
+        let seen_s = world.latest_scene_time_s(t_s, rows).max(t_s);
+        while next_command <= commands && next_command as f64 / rig.thrusters.link.rate_hz <= seen_s
+        {
+            let command_s = next_command as f64 / rig.thrusters.link.rate_hz;
+            let set = setpoint(&rig, world.allocation(), plan, command_s)?;
+            world.command_pulses(command_s, &set.pulses_us)?;
+            ahead.push_back((command_s, set));
+            next_command += 1;
+        }
+        while ahead
+            .front()
+            .is_some_and(|(command_s, _)| *command_s <= t_s)
+        {
+            let Some((command_s, set)) = ahead.pop_front() else {
+                break;
+            };
+            write_commands(&mut log, &rig, &set, command_s, &mut sequence)?;
+        }
+        let stamp_ns = at_ns(t_s);
+        let truth = world.state_at(t_s)?;
+        match &renderer {
+            Some(renderer) => {
+                let pixels = match &board {
+                    Some(board) => board.frame(k),
+                    None => renderer.render_frame(&world.frame_poses(t_s, rows)?, k).0,
+                };
+                let frame = frame(&rig, pixels, k, stamp_ns);
+                log.write(stamp_ns, &Entry::frame(&frame, k))?;
+            }
+            None => {
+                let reported = world.pose_reported(t_s)?;
+                log.write(
+                    stamp_ns,
+                    &Entry::motion(&noise.measure(stamp_ns, &reported)),
+                )?;
+            }
+        }
+        log.write(stamp_ns, &Entry::truth(&motion_message(stamp_ns, &truth)))?;
+        progress(k + 1, frames);
+    }
+    Ok(log.finish(&SummaryInput::clean("simulated to the plan's end"))?)
+}
+
+fn at_ns(t_s: f64) -> u64 {
+    SIMULATION_START_UNIX_S * 1_000_000_000 + (t_s * 1e9).round() as u64
+}
+
+fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
+    let source = SourceDescription {
+        kind: "simulate".to_owned(),
+        format: NegotiatedFormat {
+            fourcc: "GREY".to_owned(),
+            width_px: rig.camera.width_px,
+            height_px: rig.camera.height_px,
+            ..NegotiatedFormat::default()
+        },
+        rate_fps: rig.camera.rate_fps,
+        ..SourceDescription::default()
+    };
+    let mut session = MetadataMap::new();
+    let mut put = |key: &str, value: String| session.insert(key.to_owned(), value);
+    put("kind", "simulate".to_owned());
+    put("plan", plan.source_toml.clone());
+    put("plan.name", plan.name.clone());
+    put("planned_s", plan.duration_s().to_string());
+    put("seed", rig.camera.seed.to_string());
+    put("source", serde_json::to_string(&source).unwrap_or_default());
+    if options.motion_only {
+        put("noise.position_m", options.position_noise_m.to_string());
+        put("noise.attitude_rad", options.attitude_noise_rad.to_string());
+    }
+    if let Some(note) = &options.note {
+        put("note", note.clone());
+    }
+    Head {
+        rig_toml: rig.effective_toml.clone(),
+        calibration_toml: None,
+        session,
+    }
+}
+
+fn write_commands(
+    log: &mut FileRecorder,
+    rig: &Rig,
+    set: &Setpoint,
+    t_s: f64,
+    sequence: &mut u32,
+) -> Result<(), LogError> {
+    for (thruster, (thrust_n, pulse_us)) in rig
+        .thrusters
+        .thrusters
+        .iter()
+        .zip(set.thrust_n.iter().zip(&set.pulses_us))
+    {
+        let message = pb::ThrusterCommand {
+            timestamp: Some(timestamp(at_ns(t_s))),
+            sequence: *sequence,
+            thruster: thruster.name.clone(),
+            thrust_n: *thrust_n,
+            pulse_us: *pulse_us,
+            due_ns: at_ns(t_s),
+            plan_step: set.plan_step,
+            cause: "plan".to_owned(),
+        };
+        log.write(at_ns(t_s), &Entry::command(&message))?;
+    }
+    // As the thruster service: one sequence per set, shared by all thrusters.
+    *sequence = sequence.wrapping_add(1);
+    Ok(())
+}
+
+fn frame(rig: &Rig, pixels: Vec<u8>, index: u64, stamp_ns: u64) -> Frame {
+    Frame {
+        format: PixelFormat::Grey,
+        width_px: rig.camera.width_px,
+        height_px: rig.camera.height_px,
+        stride_bytes: rig.camera.width_px,
+        data: Bytes::from(pixels),
+        meta: FrameMeta {
+            sequence: index as u32,
+            driver_stamp_ns: stamp_ns,
+            stamp_clock: StampClock::Realtime,
+            stamp_source: StampSource::MidExposure,
+            flags: 0,
+            received_monotonic_ns: stamp_ns,
+            mid_exposure_ns: stamp_ns,
+            exposure_s: rig.camera.exposure_s,
+            fault: None,
+            lost_before: LossBefore::default(),
+        },
+    }
+}
+
+/// White noise on measured poses.
+struct Noise {
+    rng: StdRng,
+    position: Normal<f64>,
+    attitude: Normal<f64>,
+}
+
+impl Noise {
+    fn new(seed: u64, options: &Options) -> Result<Self, SimulateError> {
+        let normal = |sd: f64| {
+            let sound = sd.is_finite() && sd >= 0.0;
+            Normal::new(0.0, sd)
+                .ok()
+                .filter(|_| sound)
+                .ok_or(SimulateError::Noise { value: sd })
+        };
+        Ok(Self {
+            rng: StdRng::seed_from_u64(seed),
+            position: normal(options.position_noise_m)?,
+            attitude: normal(options.attitude_noise_rad)?,
+        })
+    }
+
+    fn measure(&mut self, unix_ns: u64, pose: &Pose6) -> pb::VehicleMotion {
+        let [x, y, z, phi, theta, psi] = pose.to_array();
+        let mut position = |v: f64| Some(v + self.position.sample(&mut self.rng));
+        let (x_m, y_m, z_m) = (position(x), position(y), position(z));
+        let mut attitude = |v: f64| Some(v + self.attitude.sample(&mut self.rng));
+        let (phi_rad, theta_rad, psi_rad) = (attitude(phi), attitude(theta), attitude(psi));
+        let (p, a) = (
+            self.position.std_dev().powi(2),
+            self.attitude.std_dev().powi(2),
+        );
+        let mut covariance = vec![0.0; 36];
+        for (i, variance) in [p, p, p, a, a, a].into_iter().enumerate() {
+            covariance[7 * i] = variance;
+        }
+        pb::VehicleMotion {
+            timestamp: Some(timestamp(unix_ns)),
+            x_m,
+            y_m,
+            z_m,
+            phi_rad,
+            theta_rad,
+            psi_rad,
+            covariance,
+            ..pb::VehicleMotion::default()
+        }
+    }
+}

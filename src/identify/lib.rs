@@ -1,0 +1,34 @@
+//! Hydrodynamic parameters with their uncertainty, from motion and commands.
+//!
+//! `data` (a log becomes a [`Run`](data::Run)) -> a model with its sensitivities
+//! ([`Forward`](forward::Forward): one DOF in `axis`, the full Eq. 1 in `coupled`) -> `problem`
+//! (one vector of unknowns, residuals whitened by `noise`) -> a [`Method`](method::Method)
+//! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, blind spots).
+
+pub mod adopt;
+pub mod axis;
+mod blind;
+pub mod bollard;
+pub mod cmaes;
+pub mod coupled;
+pub mod curve;
+pub mod data;
+mod estimate;
+pub mod forward;
+pub mod ga;
+pub mod lm;
+pub mod method;
+pub mod noise;
+mod outcome;
+pub mod paper;
+pub mod parameter;
+pub mod predict;
+pub mod problem;
+pub mod report;
+pub mod statistics;
+pub mod uncertainty;
+
+pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};
+pub use outcome::{
+    BlindSpot, CrossValidation, Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace,
+};

@@ -1,0 +1,5 @@
+//! What the daemon is made of, on real files and terminals: the log under crashes, cuts, bit flips and slow disks; thruster lines.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+mod log_files;
+mod thruster_pty;

@@ -1,0 +1,20 @@
+//! From frames and logs to stripes, poses, coefficients and verdicts.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+mod diagnose_images;
+mod diagnose_motion;
+mod diagnose_real;
+mod identify_command;
+mod identify_noise;
+mod identify_runs;
+mod pose_cases;
+mod prove_small;
+mod replay_refine;
+mod reproduce_tables;
+mod stripe_cases;
+
+#[path = "../support/mod.rs"]
+mod support;
+
+#[path = "../support/experiment.rs"]
+mod experiment;

@@ -1,0 +1,15 @@
+//! The daemon as a whole: recordings on the simulated rig, its command line, kills, full disks, calibration while recording.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+mod calibrate_chain;
+mod cli_errors;
+mod record_command;
+mod record_disk;
+mod record_kill;
+mod simulate_reproducible;
+
+#[path = "../support/mod.rs"]
+mod support;
+
+#[path = "../support/slow_disk.rs"]
+mod slow_disk;
