@@ -2,16 +2,17 @@
 
 mod sets;
 mod tally;
+mod thresholds;
 mod undecided;
 
 use std::borrow::Cow;
 
 use hydroline_rigs::Plan;
 
-pub use self::tally::{Counted, SCORED_M, SumFound, Tally, weight_right};
+pub use self::tally::{Counted, SumFound, Tally, weight_right};
 use self::tally::{compare, invented, is_there};
+pub use self::thresholds::{SAID, SCORED_M, SPLIT};
 use self::undecided::Undecided;
-pub use self::undecided::{SAID, SPLIT};
 use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;

@@ -10,6 +10,7 @@ pub mod glance;
 pub mod keys;
 pub mod limits;
 mod manager;
+mod measured_pose;
 pub mod newest;
 mod session;
 mod supervise;
@@ -36,6 +37,7 @@ use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::scheduler::PlannedLoad;
 use hydroline_thruster::service::{Opener, ServiceError, ServiceStats, Sink};
 use hydroline_thruster::{ControllerClock, LinkRecord, ServiceConfig, ThrusterService};
+use measured_pose::MeasuredPose;
 use newest::Newest;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -174,7 +176,7 @@ struct Shared {
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
     floor: Mutex<Option<watch::Measured>>,
-    pose: Mutex<Option<watch::MeasuredPose>>,
+    pose: Mutex<Option<MeasuredPose>>,
     calibrating: Mutex<Option<Calibrating>>,
 }
 

@@ -1,6 +1,7 @@
 //! The daemon as a whole: recordings on the simulated rig, its command line, kills, full disks, calibration while recording.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+mod architecture;
 mod calibrate_chain;
 mod cli_errors;
 mod record_command;

@@ -5,8 +5,7 @@
 
 use nalgebra::DVector;
 
-use super::tally::SCORED_M;
-use super::undecided::SPLIT;
+use super::thresholds::{SCORED_M, SPLIT};
 use crate::case::{Case, Truth};
 use crate::error::ProveError;
 use crate::observer::Ideal;

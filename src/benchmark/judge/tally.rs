@@ -1,10 +1,9 @@
 //! Effect by effect: what is there against what was found, a set that the data cannot split counted once.
 
 use super::sets::Sum;
+use super::thresholds::SCORED_M;
 use crate::case::{DELAYS, Truth};
 
-/// What is lighter is not scored effect by effect \[m\].
-pub const SCORED_M: f64 = 0.5e-3;
 /// Share of a sum's weight below which what was found is not the sum.
 const HALF: f64 = 0.5;
 

@@ -2,14 +2,9 @@
 
 use super::Found;
 use super::tally::Split;
+use super::thresholds::{SAID, SPLIT};
 use crate::case::Case;
 use crate::observer::Ideal;
-
-/// Log evidence (a factor of 20) below which the data at their true noise cannot part two effects.
-pub const SPLIT: f64 = 3.0;
-/// The same where the diagnosis says that it cannot: its noise is estimated, and what it says must not excuse
-/// everything.
-pub const SAID: f64 = 6.0;
 
 /// The observer of a case, and what the diagnosis says of it.
 pub(super) struct Undecided<'a> {

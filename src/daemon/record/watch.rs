@@ -6,10 +6,10 @@
 
 use super::floor::Floor;
 use super::limits::{Estimate, LimitMonitor};
+use super::measured_pose::MeasuredPose;
 use super::{Job, RecordError, Shared, worker};
 use hydroline_core::event::Severity;
 use hydroline_core::shutdown::StopReason;
-use hydroline_pose::joint::JointPose;
 use hydroline_thruster::NeutralHandle;
 use hydroline_thruster::safety::NeutralReason;
 use std::sync::{Arc, PoisonError};
@@ -23,44 +23,12 @@ const FRESH_NS: u64 = 500_000_000;
 /// A measured pose older than this says nothing about now \[ns\]: a fit on a busy computer takes some tenths of a
 /// second, and while a pose stands for now, the faster model is not asked.
 const FRESH_POSE_NS: u64 = 400_000_000;
-/// A position with a larger standard deviation is no measurement to stop for \[m\]: limits are decimetres apart.
-const MAX_SD_M: f64 = 0.02;
-/// The same of an angle \[rad\]: 2 deg.
-const MAX_SD_RAD: f64 = 0.035;
 /// Without a good frame for so long a moving vehicle is unwatched: neutral \[ns\]. Longer than a camera
 /// takes to come back from an unplugged cable (2-3 s), shorter than a metre at full ahead.
 const BLIND_NS: u64 = 5_000_000_000;
 
 /// A floor line and when it was measured, CLOCK_MONOTONIC \[ns\].
 pub(super) type Measured = (u64, Floor);
-
-/// The newest measured pose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct MeasuredPose {
-    /// When it was true, UNIX \[ns\].
-    pub unix_ns: u64,
-    /// x, y, z, phi, theta, psi and their standard deviations \[m, rad\]; `None` = not shown by the frame.
-    pub eta: [Option<(f64, f64)>; 6],
-}
-
-impl MeasuredPose {
-    /// Of a fit.
-    pub fn of(unix_ns: u64, fit: &JointPose) -> Self {
-        let values = fit.pose.to_array();
-        let eta = std::array::from_fn(|i| {
-            fit.measured[i].then(|| (values[i], fit.covariance[(i, i)].sqrt()))
-        });
-        Self { unix_ns, eta }
-    }
-
-    /// The value of one degree of freedom when it is known well enough to judge by.
-    fn sane(&self, i: usize) -> Option<f64> {
-        let largest = if i < 3 { MAX_SD_M } else { MAX_SD_RAD };
-        self.eta[i]
-            .filter(|(value, sd)| value.is_finite() && *sd <= largest)
-            .map(|(value, _)| value)
-    }
-}
 
 /// Sorts what is known into one estimate per look.
 #[derive(Debug, Default)]

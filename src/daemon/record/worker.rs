@@ -1,7 +1,10 @@
 //! The three threads around the camera: capture, which waits for nothing else, analysis, which
 //! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
 
-use super::{Job, PoseCounts, RecordError, Shared, calibrating, floor, newest::Taken, watch};
+use super::{
+    Job, PoseCounts, RecordError, Shared, calibrating, floor, measured_pose::MeasuredPose,
+    newest::Taken,
+};
 use crate::analysis::Analyst;
 use crate::calibrate::live::Live;
 use hydroline_calib::plane::PlaneMap;
@@ -180,7 +183,7 @@ pub(super) fn poses(
                     let pose = poses.pose(stamp_ns, &image, &profile);
                     counts.count(&pose);
                     if let RunPose::Good(fit) = pose {
-                        let measured = watch::MeasuredPose::of(stamp_ns, &fit);
+                        let measured = MeasuredPose::of(stamp_ns, &fit);
                         *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) =
                             Some(measured);
                         let motion = motion_message(stamp_ns, &fit);

@@ -1,0 +1,9 @@
+//! What counts, and from where on two effects are apart.
+
+/// What is lighter is not scored effect by effect \[m\].
+pub const SCORED_M: f64 = 0.5e-3;
+/// Log evidence (a factor of 20) below which the data at their true noise cannot part two effects.
+pub const SPLIT: f64 = 3.0;
+/// The same where the diagnosis says that it cannot: its noise is estimated, and what it says must not excuse
+/// everything.
+pub const SAID: f64 = 6.0;
