@@ -1,9 +1,11 @@
-//! The daemon as a whole: recordings on the simulated rig, its command line, kills, full disks, calibration while recording.
+//! The daemon as a whole: recordings on the simulated rig, its command line, kills, full disks, calibration while recording;
+//! README and guide, whose commands run as printed.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod architecture;
 mod calibrate_chain;
 mod cli_errors;
+mod readme;
 mod record_command;
 mod record_disk;
 mod record_kill;
