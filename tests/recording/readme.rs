@@ -156,3 +156,23 @@ fn every_chapter_stands_in_the_summary() {
         }
     }
 }
+
+#[test]
+fn every_dependency_has_its_line_in_the_guide() {
+    let table = page("src/guide/dependencies.md");
+    let named: Vec<&str> = table
+        .lines()
+        .filter_map(|l| l.strip_prefix("| ")?.split(" | ").next())
+        .flat_map(|names| names.trim_end_matches(" (tests)").split(", "))
+        .collect();
+    let manifest: toml::Table = toml::from_str(&page("Cargo.toml")).unwrap();
+    let dependencies = manifest["workspace"]["dependencies"].as_table().unwrap();
+    let missing: Vec<&String> = dependencies
+        .keys()
+        .filter(|d| !d.starts_with("hydroline-") && !named.contains(&d.as_str()))
+        .collect();
+    assert!(
+        missing.is_empty(),
+        "no line in src/guide/dependencies.md says what these are for: {missing:?}"
+    );
+}
