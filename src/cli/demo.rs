@@ -13,7 +13,7 @@ use hydroline_diagnose::{Source, diagnose, read};
 use hydroline_identify::data::{Run, Start, load};
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::problem::Objective;
-use hydroline_identify::report::significant;
+use hydroline_report::significant;
 use hydroline_identify::{ModelChoice, Options, identify};
 use hydroline_log::{LogReader, Record};
 use hydroline_plan::preflight::preflight;

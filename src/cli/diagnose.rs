@@ -9,7 +9,7 @@ use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Rung, Verdict, Word};
 use hydroline_diagnose::{Diagnosis, Part, Source, diagnose, read, report};
 use hydroline_identify::data::LoadError;
-use hydroline_identify::report::significant;
+use hydroline_report::significant;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -128,13 +128,13 @@ pub(super) fn write_report(
 ) -> Result<PathBuf, CliError> {
     let mut pages = report::pages(found, command);
     if let Some(images) = images {
-        // Before the end of the page.
-        pages.html = pages
-            .html
-            .replacen("</body>", &format!("{}</body>", images.html), 1);
+        pages.page.body.append(images.section.clone());
     }
     let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
-    let mut files = vec![("diagnose.html", pages.html), ("diagnose.json", json)];
+    let mut files = vec![
+        ("diagnose.html", pages.page.html()),
+        ("diagnose.json", json),
+    ];
     if !pages.before_after_svg.is_empty() {
         files.push(("before-after.svg", pages.before_after_svg));
     }

@@ -18,7 +18,8 @@ use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::method::{Method, MethodError, Solution};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::{Objective, Problem};
-use hydroline_identify::report::{html, significant};
+use hydroline_identify::report::html;
+use hydroline_report::significant;
 use hydroline_identify::{Identification, ModelChoice, Options, identify};
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::outcome::{Estimate, Identification};
 use super::parameter::{Coefficient, Term};
-use super::report::significant;
+use hydroline_report::significant;
 
 /// Directions whose variance is below this share of the largest (at unit variances) carry no information.
 const NEGLIGIBLE: f64 = 1e-12;

@@ -85,8 +85,8 @@ pub fn figure12(every: usize) -> Result<Figure, ReproduceError> {
     Ok(Figure {
         title: "Pitch by Eq. 5 under a heave of 10 mm (paper, Fig. 12)".to_owned(),
         axes: [
-            "actual pitch, deg".to_owned(),
-            "calculated pitch, deg".to_owned(),
+            "actual pitch [deg]".to_owned(),
+            "calculated pitch [deg]".to_owned(),
         ],
         series,
         notes,
@@ -117,7 +117,7 @@ pub fn figure13(every: usize) -> Result<Figure, ReproduceError> {
         .collect();
     Ok(Figure {
         title: "Pitch and the line's place in the laser plane (paper, Fig. 13)".to_owned(),
-        axes: ["pitch, deg".to_owned(), "eta, mm".to_owned()],
+        axes: ["pitch [deg]".to_owned(), "eta [mm]".to_owned()],
         series: vec![
             Series {
                 name: "Eq. 5".to_owned(),
@@ -162,7 +162,7 @@ pub fn figure17(every: usize) -> Result<Figure, ReproduceError> {
     }
     Ok(Figure {
         title: "psi_S,i obtained from laser images at X = 4 N (paper, Fig. 17)".to_owned(),
-        axes: ["time, s".to_owned(), "psi_S,i, deg".to_owned()],
+        axes: ["time [s]".to_owned(), "psi_S,i [deg]".to_owned()],
         series,
         notes,
     })

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::support::{elements, read_markup};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
 use hydroline::identify::data::{Command, Run, Sample};
@@ -274,6 +275,34 @@ fn a_left_out_current_is_named_and_written_into_a_rig_that_predicts() {
         v.fit.held_out
     );
     assert!(v.fit.held_out.before["x_m"] > 3.0 * v.fit.held_out.noise["x_m"]);
+    // The page holds what the verdict does, and a figure of the run held out, of both fitted, of the free force.
+    let pages = hydroline::diagnose::report::pages(&found, "hydroline diagnose 'a < b'");
+    let html = pages.page.html();
+    let page = read_markup(&html);
+    assert_eq!(elements(&page, "figure"), 4);
+    let headings: Vec<&str> = page
+        .descendants()
+        .filter(|n| n.has_tag_name("h2"))
+        .filter_map(|n| n.text())
+        .collect();
+    for heading in [
+        "Before and after",
+        "What was left out",
+        "In the rig file",
+        "Where",
+        "Alternatives, and why they lost",
+        "The vehicle's own coefficients",
+        "Noise of the measurement",
+        "Faults of the data",
+        "What these runs cannot show",
+        "Next run",
+    ] {
+        assert!(headings.contains(&heading), "{heading}: {headings:?}");
+    }
+    let said = |words: &str| page.descendants().any(|n| n.text() == Some(words));
+    assert!(said(&v.sentence) && said("hydroline diagnose 'a < b'") && said("current"));
+    let figure = read_markup(&pages.before_after_svg);
+    assert!(figure.descendants().any(|n| n.text() == Some("c: x_m")));
     // The written rig reads back and holds it.
     let again = Rig::from_toml(&found.rig.to_toml(), "written.toml", None).unwrap();
     assert_eq!(again.physics[0].effect, "current");

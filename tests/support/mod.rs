@@ -114,3 +114,35 @@ pub fn alone() -> std::sync::MutexGuard<'static, ()> {
         .lock()
         .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
+
+/// A page or a figure as a strict reader takes it in, and nothing in it that must not be: numbers that are none,
+/// anything run or fetched.
+pub fn read_markup(text: &str) -> roxmltree::Document<'_> {
+    let options = roxmltree::ParsingOptions {
+        allow_dtd: true,
+        ..roxmltree::ParsingOptions::default()
+    };
+    let document = roxmltree::Document::parse_with_options(text, options).unwrap();
+    for node in document.descendants() {
+        let attributes = node.attributes().map(|a| a.value());
+        for written in attributes.clone().chain(node.text()) {
+            assert!(!written.contains("NaN"), "{node:?}: {written}");
+        }
+        let style = node.text().filter(|_| node.has_tag_name("style"));
+        for written in attributes.chain(style) {
+            for fetched in ["http", "url(", "@import"] {
+                assert!(!written.contains(fetched), "{fetched}: {written}");
+            }
+        }
+        for fetched in ["script", "link", "img", "iframe", "object"] {
+            assert!(!node.has_tag_name(fetched), "{fetched}: it must open offline");
+        }
+    }
+    document
+}
+
+/// How many elements of a name there are.
+pub fn elements(document: &roxmltree::Document<'_>, name: &str) -> usize {
+    let named = |n: &roxmltree::Node<'_, '_>| n.tag_name().name() == name;
+    document.descendants().filter(named).count()
+}

@@ -1,84 +1,45 @@
 //! SVG 1.1: sizes in mm and one user unit per mm, so that printers keep the scale.
 
-use std::fmt::Write;
-
 use super::{Layer, Shape, Sheet};
+use hydroline_report::markup::Element;
+use hydroline_report::svg;
 
-/// The sheet as SVG.
+/// Width of lines that are cut or only read \[mm\]: what a laser cutter takes for a cut.
+const LINE_MM: f64 = 0.2;
+const NOTE_COLOUR: &str = "#c00";
+
+/// The sheet as SVG. Places are written to a micrometre.
 pub fn write(sheet: &Sheet) -> String {
-    let [w, h] = sheet.size_mm;
-    let mut out = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" \
-         width=\"{w}mm\" height=\"{h}mm\" viewBox=\"0 0 {w} {h}\">\n<title>{}</title>\n",
-        escape(&sheet.title)
-    );
     // SVG's y runs down.
-    let y = |v: f64| round(h - v);
+    let down = |p: [f64; 2]| [p[0], sheet.size_mm[1] - p[1]];
+    let mut root =
+        svg::root(sheet.size_mm, "mm").child_line(Element::new("title").text(&sheet.title));
     for shape in &sheet.shapes {
-        let _ = match shape {
+        root.push_line(match shape {
             Shape::Polygon(layer, points) => {
-                let list: Vec<String> = points
-                    .iter()
-                    .map(|p| format!("{},{}", round(p[0]), y(p[1])))
-                    .collect();
-                writeln!(
-                    out,
-                    "<polygon class=\"{}\" points=\"{}\" {}/>",
-                    layer.name(),
-                    list.join(" "),
-                    style(*layer)
-                )
+                let corners: Vec<[f64; 2]> = points.iter().map(|p| down(*p)).collect();
+                styled(svg::polygon(&corners), *layer)
             }
-            Shape::Circle(layer, at, diameter) => writeln!(
-                out,
-                "<circle class=\"{}\" cx=\"{}\" cy=\"{}\" r=\"{}\" {}/>",
-                layer.name(),
-                round(at[0]),
-                y(at[1]),
-                round(0.5 * diameter),
-                style(*layer)
-            ),
-            Shape::Line(layer, a, b) => writeln!(
-                out,
-                "<line class=\"{}\" x1=\"{}\" y1=\"{}\" x2=\"{}\" y2=\"{}\" {}/>",
-                layer.name(),
-                round(a[0]),
-                y(a[1]),
-                round(b[0]),
-                y(b[1]),
-                style(*layer)
-            ),
-            Shape::Text(at, height, words) => writeln!(
-                out,
-                "<text class=\"NOTE\" x=\"{}\" y=\"{}\" font-size=\"{height}\" font-family=\"sans-serif\" fill=\"#c00\">{}</text>",
-                round(at[0]),
-                y(at[1]),
-                escape(words)
-            ),
-        };
+            Shape::Circle(layer, at, diameter) => {
+                styled(svg::circle(down(*at), 0.5 * diameter), *layer)
+            }
+            Shape::Line(layer, a, b) => styled(svg::line(down(*a), down(*b)), *layer),
+            Shape::Text(at, height, words) => svg::text(down(*at), *height, words)
+                .class(Layer::Note.name())
+                .with("font-family", "sans-serif")
+                .fill(NOTE_COLOUR),
+        });
     }
-    out.push_str("</svg>\n");
-    out
+    svg::file(root)
 }
 
-fn style(layer: Layer) -> &'static str {
+fn styled(shape: Element, layer: Layer) -> Element {
+    let shape = shape.class(layer.name());
     match layer {
-        Layer::Cut => "fill=\"none\" stroke=\"black\" stroke-width=\"0.2\"",
-        Layer::Mark => "fill=\"black\" stroke=\"none\"",
-        Layer::Light => "fill=\"white\" stroke=\"none\"",
-        Layer::Block => "fill=\"none\" stroke=\"blue\" stroke-width=\"0.2\"",
-        Layer::Note => "stroke=\"#c00\" stroke-width=\"0.2\"",
+        Layer::Cut => shape.fill("none").stroke("black", LINE_MM),
+        Layer::Mark => shape.fill("black"),
+        Layer::Light => shape.fill("white"),
+        Layer::Block => shape.fill("none").stroke("blue", LINE_MM),
+        Layer::Note => shape.fill("none").stroke(NOTE_COLOUR, LINE_MM),
     }
-}
-
-/// To a micrometre: shorter files, and no 1e-14 left over.
-fn round(mm: f64) -> f64 {
-    (mm * 1e3).round() / 1e3
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }

@@ -15,6 +15,7 @@ use crate::verdict::{Alternative, BeforeAfter, Effect, FitTable, Word};
 use effects::{effect, entry, hazy, heaviness, instead};
 use figures::{held_out, noise, rms, worst};
 use hydroline_identify::data::LoadError;
+use hydroline_report::Body;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use hydroline_sim::SimError;
 use hydroline_sim::effect::EffectError;
@@ -96,8 +97,8 @@ pub struct Findings {
     pub poses: Vec<Vec<(f64, [f64; 6])>>,
     /// The light beside the stripe.
     pub haze: Option<Haze>,
-    /// Pictures for the report.
-    pub html: String,
+    /// Section of the report with its pictures.
+    pub section: Body,
     /// Remarks.
     pub notes: Vec<String>,
     /// Sets of effects looked at.
@@ -261,7 +262,7 @@ pub fn explain(
         held_out_by: "every other frame, its pose alone fitted".to_owned(),
         held_out_written: BTreeMap::new(),
     };
-    let html = picture::section(rig, &found.nothing, best, &effects);
+    let section = picture::section(rig, &found.nothing, best, &effects);
     let zero = Searched::score(&found.nothing);
     let top = Searched::score(best);
     Ok(Findings {
@@ -298,7 +299,7 @@ pub fn explain(
             .map(|(r, p)| r.frames.iter().zip(p).map(|(f, p)| (f.t_s, *p)).collect())
             .collect(),
         haze,
-        html,
+        section,
         notes,
         sets_looked_at: found.all.len(),
         effects,

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use hydroline_sim::effect::ALL;
+use hydroline_report::page::{Row, Value as Cell};
+use hydroline_report::{Body, Inline, Quantity, Table, significant};
+use hydroline_sim::effect::{ALL, EffectInfo};
 
-use super::drawn;
 use crate::verdict::{Law, Value, Verdict};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::report::{escape, significant};
 
 fn amount(channel: &str, value: f64) -> String {
-    let (unit, factor) = drawn(channel);
+    let Quantity { unit, factor, .. } = Quantity::of(channel);
     format!("{:.3} {unit}", value * factor)
 }
 
@@ -26,12 +26,16 @@ fn amounts(values: &BTreeMap<String, f64>) -> String {
 fn with_sd(value: &Value) -> String {
     value.sd.map_or_else(
         || format!("{} (not determined)", significant(value.value)),
-        |sd| format!("{} &plusmn; {}", significant(value.value), significant(sd)),
+        |sd| format!("{} ± {}", significant(value.value), significant(sd)),
     )
 }
 
-pub(super) fn fit(page: &mut String, v: &Verdict) {
-    page.push_str("<table><tr><th>rms</th><th>before</th><th>after</th><th>noise</th></tr>\n");
+fn info(effect: &str) -> Option<&'static EffectInfo> {
+    ALL.iter().find(|i| i.id == effect)
+}
+
+pub(super) fn fit(b: &mut Body, v: &Verdict) {
+    let mut rows = Table::new(["rms", "before", "after", "noise"]);
     let tables = [
         ("fitted", &v.fit.train),
         (v.fit.held_out_by.as_str(), &v.fit.held_out),
@@ -42,18 +46,15 @@ pub(super) fn fit(page: &mut String, v: &Verdict) {
                 m.get(channel)
                     .map_or("-".to_owned(), |x| amount(channel, *x))
             };
-            let _ = writeln!(
-                page,
-                "<tr><td>{} ({})</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-                escape(channel),
-                escape(name),
+            rows.row([
+                format!("{channel} ({name})"),
                 amount(channel, *before),
                 of(&table.after),
-                of(&table.noise)
-            );
+                of(&table.noise),
+            ]);
         }
     }
-    page.push_str("</table>\n");
+    b.table(rows);
     if !v.test.statistic.is_empty() {
         let white: Vec<String> = v
             .test
@@ -61,118 +62,117 @@ pub(super) fn fit(page: &mut String, v: &Verdict) {
             .iter()
             .map(|p| format!("{p:.2}"))
             .collect();
-        let _ = writeln!(
-            page,
-            "<p>Is there a mismatch at all? {}: {:.1} with {} degrees of freedom, p = {:.1e}. Whiteness of what is left (Ljung-Box p per run): {}.</p>",
-            escape(&v.test.statistic),
+        b.paragraph(format!(
+            "Is there a mismatch at all? {}: {:.1} with {} degrees of freedom, p = {:.1e}. Whiteness of what is left (Ljung-Box p per run): {}.",
+            v.test.statistic,
             v.test.value,
             v.test.freedom,
             v.test.p_value,
             white.join(", ")
-        );
+        ));
     }
 }
 
-pub(super) fn effects(page: &mut String, v: &Verdict) {
+pub(super) fn effects(b: &mut Body, v: &Verdict) {
+    b.section("What was left out");
     if v.effects.is_empty() {
-        page.push_str("<h2>What was left out</h2><p>No effect is established.</p>\n");
+        b.paragraph("No effect is established.");
         return;
     }
-    page.push_str("<h2>What was left out</h2><table><tr><th>effect</th><th>probability</th><th>weight (rms)</th><th>matters</th><th>law</th><th>parameters</th></tr>\n");
+    let mut table = Table::new([
+        "effect",
+        "probability",
+        "weight (rms)",
+        "matters",
+        "law",
+        "parameters",
+    ]);
     for e in &v.effects {
-        let info = ALL.iter().find(|i| i.id == e.effect);
+        let info = info(&e.effect);
         let unit = |name: &str| {
             info.and_then(|i| i.parameters.iter().find(|p| p.name == name))
                 .map_or("", |p| p.unit)
         };
-        let numbers: Vec<String> = e
+        let parameters = e
             .parameters
             .iter()
-            .map(|(n, p)| format!("{} = {} {}", escape(n), with_sd(p), escape(unit(n))))
-            .chain(
-                e.words
-                    .iter()
-                    .map(|(n, w)| format!("{} = {}", escape(n), escape(w))),
+            .map(|(n, p)| format!("{n} = {} {}", with_sd(p), unit(n)))
+            .chain(e.words.iter().map(|(n, w)| format!("{n} = {w}")))
+            .fold(Inline::new(), |lines, line| {
+                let lines = if lines.is_empty() {
+                    lines
+                } else {
+                    lines.new_line()
+                };
+                lines.plain(line)
+            });
+        let law = if e.law == Law::Exact {
+            "exact"
+        } else {
+            "inexact"
+        };
+        table.push(
+            Row::new(
+                [Cell::from(Inline::new().strong(&e.effect)).hint(info.map_or("", |i| i.law))],
             )
-            .collect();
-        let _ = writeln!(
-            page,
-            "<tr><td title=\"{}\"><b>{}</b></td><td>{:.3}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(info.map_or("", |i| i.law)),
-            escape(&e.effect),
-            e.probability,
-            escape(&amounts(&e.weight)),
-            if e.matters { "yes" } else { "no" },
-            if e.law == Law::Exact {
-                "exact"
-            } else {
-                "inexact"
-            },
-            numbers.join("<br>")
+            .cell(format!("{:.3}", e.probability))
+            .cell(amounts(&e.weight))
+            .cell(if e.matters { "yes" } else { "no" })
+            .cell(law)
+            .cell(parameters),
         );
         for note in e.law_note.iter().chain(&e.notes) {
-            let _ = writeln!(
-                page,
-                "<tr><td></td><td colspan=\"5\" class=\"warn\">{}</td></tr>",
-                escape(note)
+            table.push(
+                Row::new([""])
+                    .cell(Cell::from(note).across(5).prose())
+                    .warning_if(true),
             );
         }
     }
-    page.push_str("</table>\n<p>Weight: rms of what the effect does to the motion that the vehicle's own coefficients cannot do. It matters above the rig's [tolerance].</p>\n");
-    page.push_str("<ul>");
-    for info in v
-        .effects
-        .iter()
-        .filter_map(|e| ALL.iter().find(|i| i.id == e.effect))
-    {
-        let _ = writeln!(
-            page,
-            "<li><b>{}</b> ({}): {}. <i>{}</i></li>",
-            info.id,
-            info.stage.name(),
-            escape(info.law),
-            escape(info.source)
-        );
-    }
-    page.push_str("</ul>\n");
+    b.table(table);
+    b.paragraph("Weight: rms of what the effect does to the motion that the vehicle's own coefficients cannot do. It matters above the rig's [tolerance].");
+    b.list(v.effects.iter().filter_map(|e| info(&e.effect)).map(|i| {
+        Inline::new()
+            .strong(i.id)
+            .plain(format!(" ({}): {}. ", i.stage.name(), i.law))
+            .emphasis(i.source)
+    }));
 }
 
-pub(super) fn unexplained(page: &mut String, v: &Verdict) {
+pub(super) fn unexplained(b: &mut Body, v: &Verdict) {
     if v.unexplained.is_empty() {
         return;
     }
-    page.push_str("<h2>What nothing in the vocabulary explains</h2><ul>");
-    for u in &v.unexplained {
-        let _ = writeln!(
-            page,
-            "<li>{}: {} (weight {}, log Bayes factor {:.1})</li>",
-            escape(&u.channel),
-            escape(&u.term),
+    b.section("What nothing in the vocabulary explains");
+    b.list(v.unexplained.iter().map(|u| {
+        format!(
+            "{}: {} (weight {}, log Bayes factor {:.1})",
+            u.channel,
+            u.term,
             amount(&u.channel, u.weight),
             u.log_bayes_factor
-        );
-    }
-    page.push_str("</ul>\n");
+        )
+    }));
 }
 
-pub(super) fn alternatives(page: &mut String, v: &Verdict) {
-    page.push_str("<h2>Alternatives, and why they lost</h2>\n");
+pub(super) fn alternatives(b: &mut Body, v: &Verdict) {
+    b.section("Alternatives, and why they lost");
     if v.equivalent.len() > 1 {
-        let _ = writeln!(
-            page,
-            "<p>These data cannot tell apart: <b>{}</b>.</p>",
-            escape(&super::together(v))
+        b.paragraph(
+            Inline::from("These data cannot tell apart: ")
+                .strong(super::together(v))
+                .plain("."),
         );
     }
-    let _ = writeln!(
-        page,
-        "<p>{} sets of effects looked at.</p>",
-        v.sets_looked_at
-    );
-    if v.alternatives.is_empty() {
-        return;
-    }
-    page.push_str("<table><tr><th>explanation</th><th>log evidence below the first</th><th>probability</th><th>fitted rms</th><th>held-out rms</th><th></th></tr>\n");
+    b.paragraph(format!("{} sets of effects looked at.", v.sets_looked_at));
+    let mut table = Table::new([
+        "explanation",
+        "log evidence below the first",
+        "probability",
+        "fitted rms",
+        "held-out rms",
+        "",
+    ]);
     let best = v.alternatives.first();
     for a in &v.alternatives {
         let name = if a.effects.is_empty() {
@@ -180,66 +180,59 @@ pub(super) fn alternatives(page: &mut String, v: &Verdict) {
         } else {
             a.effects.join(" + ")
         };
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{:.1}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(&name),
-            -a.log_evidence,
-            a.probability,
-            escape(&amounts(&a.train)),
-            escape(&amounts(&a.held_out)),
-            escape(&why(v, a, best))
+        table.push(
+            Row::new([
+                name,
+                format!("{:.1}", -a.log_evidence),
+                format!("{:.3}", a.probability),
+                amounts(&a.train),
+                amounts(&a.held_out),
+            ])
+            .cell(Cell::from(why(v, a, best)).prose()),
         );
     }
-    page.push_str("</table>\n");
+    b.table(table);
 }
 
 /// The heavy effects in the order of what they gain.
-pub(super) fn ladder(page: &mut String, v: &Verdict) {
+pub(super) fn ladder(b: &mut Body, v: &Verdict) {
     if v.ladder.len() < 2 {
         return;
     }
-    page.push_str("<h2>What each effect gains</h2><p>One after the other, each time the one that improves the prediction most, all refitted together.</p><table><tr><th></th><th>fitted rms</th><th>held-out rms</th>");
+    b.section("What each effect gains");
+    b.paragraph("One after the other, each time the one that improves the prediction most, all refitted together.");
     let windows = v.ladder.iter().any(|r| !r.held_out_in_windows.is_empty());
-    if windows {
-        page.push_str("<th>held-out rms in windows, a tenth of a run each</th>");
-    }
     let others = v.ladder.iter().any(|r| !r.instead.is_empty());
-    if others {
-        page.push_str("<th>in its place</th>");
+    let mut head = vec!["", "fitted rms", "held-out rms"];
+    if windows {
+        head.push("held-out rms in windows, a tenth of a run each");
     }
-    page.push_str("</tr>\n");
+    if others {
+        head.push("in its place");
+    }
+    let mut table = Table::new(head);
     for rung in &v.ladder {
         let name = if rung.effect.is_empty() {
             "the vehicle alone".to_owned()
         } else {
             format!("+ {}", rung.effect)
         };
-        let last = if windows {
-            format!("<td>{}</td>", escape(&amounts(&rung.held_out_in_windows)))
-        } else {
-            String::new()
-        };
-        let other = if others {
+        let mut row = Row::new([name, amounts(&rung.train), amounts(&rung.held_out)]);
+        if windows {
+            row = row.cell(amounts(&rung.held_out_in_windows));
+        }
+        if others {
             let channel = rung.train.keys().next().map_or("", String::as_str);
-            let told: Vec<String> = rung
+            let instead: Vec<String> = rung
                 .instead
                 .iter()
                 .map(|(id, rms)| format!("{id} {}", amount(channel, *rms)))
                 .collect();
-            format!("<td>{}</td>", escape(&told.join(", ")))
-        } else {
-            String::new()
-        };
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td>{last}{other}</tr>",
-            escape(&name),
-            escape(&amounts(&rung.train)),
-            escape(&amounts(&rung.held_out)),
-        );
+            row = row.cell(Cell::from(instead.join(", ")).prose());
+        }
+        table.push(row);
     }
-    page.push_str("</table>\n");
+    b.table(table);
 }
 
 /// What an alternative lacks, does without need, or does as well.
@@ -289,129 +282,137 @@ fn why(
     words
 }
 
-pub(super) fn coefficients(page: &mut String, v: &Verdict) {
-    page.push_str("<h2>The vehicle's own coefficients</h2><table><tr><th></th><th>without effects</th><th>with them</th><th>change</th><th>unit</th></tr>\n");
+pub(super) fn coefficients(b: &mut Body, v: &Verdict) {
+    b.section("The vehicle's own coefficients");
+    let mut table = Table::new(["", "without effects", "with them", "change", "unit"]);
     for (key, before) in &v.parameters.before {
         let Some(after) = v.parameters.after.get(key) else {
             continue;
         };
         let known = Coefficient::find(key);
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:+.1} %</td><td>{}</td></tr>",
-            escape(known.map_or(key.as_str(), |c| c.symbol())),
+        table.row([
+            known.map_or(key.as_str(), |c| c.symbol()).to_owned(),
             with_sd(before),
             with_sd(after),
-            100.0 * (after.value / before.value - 1.0),
-            escape(known.map_or("", Coefficient::unit))
-        );
+            format!("{:+.1} %", 100.0 * (after.value / before.value - 1.0)),
+            known.map_or("", Coefficient::unit).to_owned(),
+        ]);
     }
-    page.push_str("</table>\n<p>A coefficient that changes by more than its sd was doing the work of what was left out.</p>\n");
-    exponents(page, v);
+    b.table(table);
+    b.paragraph(
+        "A coefficient that changes by more than its sd was doing the work of what was left out.",
+    );
+    exponents(b, v);
 }
 
 /// What powers of the rate the data leave open.
-fn exponents(page: &mut String, v: &Verdict) {
+fn exponents(b: &mut Body, v: &Verdict) {
     for e in &v.parameters.exponents {
-        let _ = writeln!(
-            page,
-            "<h2>Exponent of {}</h2><p>{}</p><table><tr><th>power of the rate</th><th>log-likelihood below the best</th><th>held-out rms</th></tr>",
-            escape(&e.effect),
-            escape(&e.told)
-        );
+        b.section(format!("Exponent of {}", e.effect));
+        b.paragraph(&e.told);
+        let mut table = Table::new([
+            "power of the rate",
+            "log-likelihood below the best",
+            "held-out rms",
+        ]);
         for ((power, below), held) in e.tried.iter().zip(&e.log_likelihood).zip(&e.held_out) {
-            let _ = writeln!(
-                page,
-                "<tr><td>{power}</td><td>{below:.1}</td><td>{}</td></tr>",
-                held.map_or("-".to_owned(), |h| amount(&e.channel, h))
-            );
+            table.row([
+                power.to_string(),
+                format!("{below:.1}"),
+                held.map_or("-".to_owned(), |h| amount(&e.channel, h)),
+            ]);
         }
-        page.push_str("</table>\n");
+        b.table(table);
     }
 }
 
-pub(super) fn noise(page: &mut String, v: &Verdict) {
-    page.push_str("<h2>Noise of the measurement</h2><table><tr><th></th><th>sd</th><th>white</th><th>correlated</th><th>over</th><th>left out as outliers</th></tr>\n");
+pub(super) fn noise(b: &mut Body, v: &Verdict) {
+    b.section("Noise of the measurement");
+    let mut table = Table::new([
+        "",
+        "sd",
+        "white",
+        "correlated",
+        "over",
+        "left out as outliers",
+    ]);
     for (channel, n) in &v.noise {
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.2} s</td><td>{:.2} %</td></tr>",
-            escape(channel),
+        table.row([
+            channel.clone(),
             amount(channel, n.sd),
             amount(channel, n.white_sd),
             amount(channel, n.coloured_sd),
-            n.correlation_s,
-            100.0 * n.outliers
-        );
+            format!("{:.2} s", n.correlation_s),
+            format!("{:.2} %", 100.0 * n.outliers),
+        ]);
     }
-    page.push_str("</table>\n");
+    b.table(table);
 }
 
-pub(super) fn faults(page: &mut String, v: &Verdict) {
-    page.push_str("<h2>Faults of the data</h2>\n");
+pub(super) fn faults(b: &mut Body, v: &Verdict) {
+    b.section("Faults of the data");
     if v.data_faults.is_empty() {
-        page.push_str("<p>Units, signs, swapped, dead and stuck channels, gaps, repeated stamps, outliers and clocks were checked: nothing to remark.</p>\n");
+        b.paragraph("Units, signs, swapped, dead and stuck channels, gaps, repeated stamps, outliers and clocks were checked: nothing to remark.");
         return;
     }
-    page.push_str("<table><tr><th>fault</th><th>channel</th><th>run</th><th>evidence</th><th>stops the diagnosis</th></tr>\n");
+    let mut table = Table::new(["fault", "channel", "run", "evidence", "stops the diagnosis"]);
     for f in &v.data_faults {
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(&f.fault),
-            escape(&f.channel),
-            escape(&f.run),
-            escape(&f.evidence),
-            if f.fatal { "yes" } else { "no" }
+        table.push(
+            Row::new([&f.fault, &f.channel, &f.run])
+                .cell(Cell::from(&f.evidence).prose())
+                .cell(if f.fatal { "yes" } else { "no" }),
         );
     }
-    page.push_str("</table>\n");
+    b.table(table);
 }
 
 /// Blind spots, next run, remarks.
-pub(super) fn rest(page: &mut String, v: &Verdict) {
-    page.push_str("<h2>What these runs cannot show</h2><ul>");
-    for spot in &v.blind_spots {
-        let law = ALL.iter().find(|i| i.id == spot).map_or("", |i| i.law);
-        let _ = writeln!(page, "<li><b>{}</b>: {}</li>", escape(spot), escape(law));
-    }
-    page.push_str("</ul><h2>Next run</h2>");
-    match &v.next_experiment {
-        None => page.push_str("<p>No plan of the library would add anything.</p>\n"),
-        Some(next) => {
-            let sets: Vec<String> = next
-                .separates
-                .iter()
-                .map(|s| {
-                    if s.is_empty() {
-                        "nothing".to_owned()
-                    } else {
-                        s.join(" + ")
-                    }
-                })
-                .collect();
-            let mut considered: Vec<(&String, &f64)> = next.considered.iter().collect();
-            considered.sort_by(|a, b| b.1.total_cmp(a.1));
-            let list: Vec<String> = considered
-                .iter()
-                .map(|(n, f)| format!("{} {f:.1}", escape(n)))
-                .collect();
-            let _ = writeln!(
-                page,
-                "<p><b>{}</b> separates {}: expected log Bayes factor {:.1}. All plans asked: {}.</p><p><code>hydroline record --plan next.toml</code> runs it:</p><pre>{}</pre>",
-                escape(&next.plan),
-                escape(&sets.join(" from ")),
-                next.expected_log_bayes_factor,
-                list.join(", "),
-                escape(&next.plan_toml)
-            );
-        }
-    }
+pub(super) fn rest(b: &mut Body, v: &Verdict) {
+    b.section("What these runs cannot show");
+    b.list(v.blind_spots.iter().map(|spot| {
+        let law = info(spot).map_or("", |i| i.law);
+        Inline::new().strong(spot).plain(format!(": {law}"))
+    }));
+    next_run(b, v);
     if !v.notes.is_empty() {
-        page.push_str("<h2>Remarks</h2><ul>");
-        for note in &v.notes {
-            let _ = writeln!(page, "<li>{}</li>", escape(note));
-        }
-        page.push_str("</ul>\n");
+        b.section("Remarks");
+        b.list(&v.notes);
     }
+}
+
+fn next_run(b: &mut Body, v: &Verdict) {
+    b.section("Next run");
+    let Some(next) = &v.next_experiment else {
+        b.paragraph("No plan of the library would add anything.");
+        return;
+    };
+    let sets: Vec<String> = next
+        .separates
+        .iter()
+        .map(|s| {
+            if s.is_empty() {
+                "nothing".to_owned()
+            } else {
+                s.join(" + ")
+            }
+        })
+        .collect();
+    let mut considered: Vec<(&String, &f64)> = next.considered.iter().collect();
+    considered.sort_by(|a, b| b.1.total_cmp(a.1));
+    let list: Vec<String> = considered
+        .iter()
+        .map(|(n, f)| format!("{n} {f:.1}"))
+        .collect();
+    b.paragraph(Inline::new().strong(&next.plan).plain(format!(
+        " separates {}: expected log Bayes factor {:.1}. All plans asked: {}.",
+        sets.join(" from "),
+        next.expected_log_bayes_factor,
+        list.join(", ")
+    )));
+    b.paragraph(
+        Inline::new()
+            .code("hydroline record --plan next.toml")
+            .plain(" runs it:"),
+    );
+    b.listing(&next.plan_toml);
 }

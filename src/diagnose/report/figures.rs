@@ -1,0 +1,169 @@
+//! The report's figures: runs without and with what was left out, where the model misses, the free force.
+
+use super::{Explained, Regime, Trace};
+use crate::family::Variable;
+use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
+
+const BEFORE: Colour = Colour::VERMILLION;
+const AFTER: Colour = Colour::BLUE;
+const STRONG: Colour = Colour::GREEN;
+/// Half width of the drawn noise floor, in standard deviations.
+const FLOOR_SD: f64 = 2.0;
+/// Command edges are marks only where they can be told apart.
+const MARKS: usize = 40;
+
+fn time() -> Axis {
+    Axis::new("time [s]")
+}
+
+fn marks(trace: &Trace) -> Vec<f64> {
+    let edges = &trace.track.edges;
+    if edges.len() > MARKS {
+        return Vec::new();
+    }
+    edges.iter().map(|e| e.0).collect()
+}
+
+/// The noise of a channel as a band, and a residual's axis, in the unit shown.
+fn residuals(title: String, quantity: &Quantity<'_>, noise_sd: f64) -> Panel {
+    let floor = FLOOR_SD * noise_sd * quantity.factor;
+    Panel::new(title, time(), Axis::new(quantity.with_unit("residual"))).band(
+        &format!("noise, {FLOOR_SD} sd"),
+        Colour::GREY,
+        [-floor, floor],
+    )
+}
+
+/// Motion, and below it what each model misses beside the noise floor.
+pub(super) fn before_after(explained: &Explained, trace: &Trace) -> Figure {
+    let channel = explained.setting.channel();
+    let quantity = Quantity::of(channel);
+    let noise_sd = explained.weights.noise.total_sd();
+    let over_time = |values: &[f64]| points(&trace.track.times_s, &quantity.shown(values));
+    let (before, after) = trace.rms();
+    let (unit, factor) = (quantity.unit, quantity.factor);
+    let outliers = trace.outliers();
+    Figure::stack(
+        format!(
+            "{}: {channel} measured and by both models, and their residuals",
+            trace.track.name
+        ),
+        vec![
+            Panel::new(
+                format!("{}: {channel}", trace.track.name),
+                time(),
+                Axis::new(quantity.axis()),
+            )
+            .marks("commands", marks(trace))
+            .line("without", BEFORE, over_time(&trace.before))
+            .line("with what was left out", AFTER, over_time(&trace.after))
+            .line("measured", Colour::GREY, over_time(&trace.track.measured)),
+            residuals(
+                format!(
+                    "measured - model: rms {:.3} {unit} before, {:.3} after, noise {:.3}",
+                    before * factor,
+                    after * factor,
+                    noise_sd * factor
+                ),
+                &quantity,
+                noise_sd,
+            )
+            .marks("", marks(trace))
+            .line("before", BEFORE, over_time(&trace.residual(&trace.before)))
+            .line("after", AFTER, over_time(&trace.residual(&trace.after)))
+            .outliers(
+                "left out as outliers",
+                Colour::PURPLE,
+                outliers.iter().map(|(t, v)| [*t, v * factor]).collect(),
+            ),
+        ],
+    )
+    .shared_x()
+}
+
+/// What the model without effects leaves of a run: `more` = windows with more than noise,
+/// `strong` = windows in which the free force is strong \[s\].
+pub(super) fn misses(
+    explained: &Explained,
+    trace: &Trace,
+    more: Vec<[f64; 2]>,
+    strong: Vec<[f64; 2]>,
+) -> Figure {
+    let channel = explained.setting.channel();
+    let quantity = Quantity::of(channel);
+    let title = format!("{}: {channel}, measured - model", trace.track.name);
+    let residual = quantity.shown(&trace.residual(&trace.before));
+    let panel = residuals(title.clone(), &quantity, explained.weights.noise.total_sd())
+        .height(120.0)
+        .windows("more than noise", BEFORE, more)
+        .windows("free force strong", STRONG, strong)
+        .marks("commands", marks(trace))
+        .line(
+            "without effects",
+            BEFORE,
+            points(&trace.track.times_s, &residual),
+        );
+    Figure::stack(title, vec![panel])
+}
+
+/// Unit of what a free force depends on.
+fn unit(variable: Variable, linear: bool) -> &'static str {
+    match (variable, linear) {
+        (Variable::Place | Variable::PlaceAgainst, true) => "m",
+        (Variable::Place | Variable::PlaceAgainst, false) => "rad",
+        (
+            Variable::Rate | Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst,
+            true,
+        ) => "m/s",
+        (
+            Variable::Rate | Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst,
+            false,
+        ) => "rad/s",
+        (Variable::Load | Variable::LoadSize | Variable::LoadRatio, true) => "N",
+        (Variable::Load | Variable::LoadSize | Variable::LoadRatio, false) => "N m",
+        (
+            Variable::Time
+            | Variable::SinceEdge
+            | Variable::AfterEdge
+            | Variable::TimeIn(_)
+            | Variable::TimeEach,
+            _,
+        ) => "s",
+    }
+}
+
+/// The force that explains most of what the model without effects misses, over its variable.
+pub(super) fn free_force(explained: &Explained, regime: &Regime) -> Figure {
+    let f = &regime.found;
+    let linear = explained.setting.dof.index() < 3;
+    let load = if linear { "force [N]" } else { "moment [N m]" };
+    let knots: Vec<f64> = f.family.knots.iter().map(|k| f.family.shown(*k)).collect();
+    let within_sd = knots
+        .iter()
+        .zip(f.amplitudes.iter().zip(&f.sds))
+        .map(|(x, (a, sd))| [*x, a - sd, a + sd])
+        .collect();
+    let title = format!(
+        "free force over {} (log Bayes factor {:.1})",
+        f.family.variable.name(),
+        f.gain
+    );
+    let panel = Panel::new(
+        title.clone(),
+        Axis::new(format!(
+            "{} [{}]",
+            f.family.variable.name(),
+            unit(f.family.variable, linear)
+        )),
+        Axis::new(load),
+    )
+    .height(120.0)
+    .windows(
+        "strong",
+        STRONG,
+        vec![regime.range.map(|v| f.family.shown(v))],
+    )
+    .ribbon("one sd", Colour::GREY, within_sd)
+    .line("free force", STRONG, points(&knots, &f.amplitudes));
+    Figure::stack(title, vec![panel])
+}
