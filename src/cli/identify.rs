@@ -19,8 +19,8 @@ use hydroline_identify::method::{Method, MethodError, Solution};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::{Objective, Problem};
 use hydroline_identify::report::html;
-use hydroline_report::significant;
 use hydroline_identify::{Identification, ModelChoice, Options, identify};
+use hydroline_report::significant;
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Search {

@@ -11,6 +11,7 @@ mod pose_cases;
 mod prove_small;
 mod replay_refine;
 mod reproduce_tables;
+mod sample;
 mod stripe_cases;
 
 #[path = "../support/mod.rs"]

@@ -135,7 +135,10 @@ pub fn read_markup(text: &str) -> roxmltree::Document<'_> {
             }
         }
         for fetched in ["script", "link", "img", "iframe", "object"] {
-            assert!(!node.has_tag_name(fetched), "{fetched}: it must open offline");
+            assert!(
+                !node.has_tag_name(fetched),
+                "{fetched}: it must open offline"
+            );
         }
     }
     document

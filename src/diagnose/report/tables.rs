@@ -31,7 +31,7 @@ fn with_sd(value: &Value) -> String {
 }
 
 fn info(effect: &str) -> Option<&'static EffectInfo> {
-    ALL.iter().find(|i| i.id == effect)
+    ALL.iter().copied().find(|i| i.id == effect)
 }
 
 pub(super) fn fit(b: &mut Body, v: &Verdict) {

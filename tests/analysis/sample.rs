@@ -11,13 +11,8 @@
 //! Asked here as there: every number within 0.01 of the committed sd, every word of a verdict the same.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod support;
-
-#[path = "sample/cases.rs"]
 mod cases;
-#[path = "sample/judge.rs"]
 mod judge;
-#[path = "sample/results.rs"]
 mod results;
 
 use cases::Cases;

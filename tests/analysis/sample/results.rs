@@ -1,6 +1,6 @@
 //! What is read from a case's results, as tests/sample/lib/stages.py reads it.
 
-use crate::cases::{Cases, ran};
+use super::cases::{Cases, ran};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
