@@ -253,6 +253,14 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
             .map(|n| n.to_string_lossy().into_owned())
             .unwrap_or_default(),
     );
+    // A new log seals what it was given: what the old one could not vouch for stays said.
+    for finding in reader.seal_findings() {
+        tracing::warn!("{}: {finding}", log.display());
+        session.insert(
+            format!("replay.metadata.{}", finding.name),
+            finding.to_string(),
+        );
+    }
     session.insert(
         "replay.version".to_owned(),
         env!("CARGO_PKG_VERSION").to_owned(),

@@ -12,8 +12,10 @@ use bytes::{Buf, Bytes};
 use mcap::records::op;
 
 mod fields;
+mod find;
 
 pub(super) use fields::*;
+pub(super) use find::ChunkFinder;
 
 /// Longest record that is read into memory, and longest decompressed chunk.
 pub const LIMIT_BYTES: u64 = 64 << 20;
@@ -33,6 +35,8 @@ pub enum Damage {
     TooLong { opcode: u8, len: u64 },
     #[error("a record (opcode {opcode:#04x}) does not hold a whole {field}")]
     Malformed { opcode: u8, field: &'static str },
+    #[error("a record (opcode {opcode:#04x}) is {surplus} bytes longer than what it holds")]
+    Surplus { opcode: u8, surplus: u64 },
     #[error("a chunk's checksum is {saved:08x}, its content's {calculated:08x}")]
     ChunkCrc { saved: u32, calculated: u32 },
     #[error("compression `{0}` is not known; MCAP has none, lz4 and zstd")]
@@ -73,33 +77,12 @@ impl Damage {
     pub(super) fn loses_the_thread(&self) -> bool {
         matches!(
             self,
-            Damage::Cut { .. } | Damage::TooLong { .. } | Damage::ChunkSize { .. }
+            Damage::Cut { .. }
+                | Damage::TooLong { .. }
+                | Damage::ChunkSize { .. }
+                | Damage::Surplus { .. }
         )
     }
-}
-
-/// Where the next chunk begins whose checksum holds, at or after `from`.
-pub(super) fn find_chunk(file: &[u8], from: u64) -> Option<u64> {
-    let from = usize::try_from(from).ok()?;
-    let prefix = PREFIX_BYTES as usize;
-    (from..file.len().saturating_sub(prefix)).find_map(|at| {
-        if file[at] != op::CHUNK {
-            return None;
-        }
-        let mut length = file.get(at + 1..at + prefix)?;
-        let len = length.get_u64_le();
-        if len > LIMIT_BYTES {
-            return None;
-        }
-        let body = file.get(at + prefix..at + prefix + len as usize)?;
-        // A plausible header first: copying and hashing every candidate would take for ever.
-        let compression = u32::from_le_bytes(body.get(28..32)?.try_into().ok()?);
-        if compression > 4 {
-            return None;
-        }
-        let chunk = chunk(&Bytes::copy_from_slice(body), false).ok()?;
-        (chunk.crc != 0 && chunk.open().is_ok()).then_some(at as u64)
-    })
 }
 
 /// A record at the file's top level.

@@ -20,8 +20,9 @@ use serde::Serialize;
 use super::LogError;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChunkRecord};
+use super::records::{self, ChunkFinder, ChunkRecord};
 use super::scan::{self, FileScan, Step};
+use super::seal::{SealFinding, SealState, sealed};
 use super::unfinished::Unfinished;
 use copy::{Copy, Digest};
 use ledger::Ledger;
@@ -45,6 +46,9 @@ pub struct Recovery {
     pub from_torn_chunk: u64,
     /// What was damaged, with its offset.
     pub damage: Vec<(u64, String)>,
+    /// Metadata of which the digests do not say that it is as it was written; copied as it is, digest and all, so that
+    /// the new file says the same.
+    pub metadata: Vec<SealFinding>,
     /// Bytes at the end that gave nothing.
     pub unread_bytes: u64,
     /// Attachments, which are not copied.
@@ -98,6 +102,7 @@ fn copy_all(
         path: input.to_owned(),
         source,
     };
+    let mut finder = File::open(input).and_then(ChunkFinder::new).map_err(read)?;
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
     let first = loop {
@@ -147,7 +152,7 @@ fn copy_all(
                 spoilt |= !d.is_missing_end();
                 damage.push((offset, d.to_string()));
                 if d.loses_the_thread()
-                    && let Some(next) = next_chunk(input, offset + 1).map_err(read)?
+                    && let Some(next) = finder.find(offset + 1).map_err(read)?
                 {
                     spoilt = true;
                     scan.jump(next).map_err(read)?;
@@ -156,7 +161,9 @@ fn copy_all(
         }
         step = scan.next();
     }
-    let was_whole = scan.learnt.ended && damage.is_empty();
+    let metadata = scan.learnt.seal_findings();
+    spoilt |= metadata.iter().any(|f| f.state != SealState::Unverifiable);
+    let was_whole = scan.learnt.ended && damage.is_empty() && !spoilt;
     let unread_bytes = if was_whole {
         0
     } else {
@@ -172,11 +179,16 @@ fn copy_all(
     for (n, (offset, text)) in damage.iter().take(100).enumerate() {
         note.insert(format!("damage.{n:03}"), format!("byte {offset}: {text}"));
     }
-    copy.metadata("recovered", note).map_err(out)?;
+    for (n, finding) in metadata.iter().enumerate() {
+        note.insert(format!("metadata.{n:03}"), finding.to_string());
+    }
+    copy.metadata("recovered", sealed("recovered", note))
+        .map_err(out)?;
     let ours = scan.learnt.metadata.contains_key("rig");
     if ours && !scan.learnt.metadata.contains_key("summary") {
         let summary = copy.ledger.summary(&copy.messages);
-        copy.metadata("summary", summary).map_err(out)?;
+        copy.metadata("summary", sealed("summary", summary))
+            .map_err(out)?;
     }
     copy.writer.finish().map_err(out)?;
     let io = |e: std::io::Error| LogError::Output {
@@ -196,21 +208,13 @@ fn copy_all(
         messages_total: copy.total,
         from_torn_chunk: from_torn,
         damage,
+        metadata,
         unread_bytes,
         attachments_left: scan.learnt.attachments,
         was_whole,
         lossy: spoilt || scan.cut_in_data() || scan.learnt.attachments > 0,
     };
     Ok((recovery, copy.digest.0.finalize()))
-}
-
-/// After a length that cannot be right: the next sound chunk, wherever it is.
-fn next_chunk(input: &Path, from: u64) -> std::io::Result<Option<u64>> {
-    let file = File::open(input)?;
-    // SAFETY: the map is private, read-only and dropped before returning; a log under recovery is
-    // not being written (and if it shrinks all the same, the process ends, nothing is corrupted).
-    let map = unsafe { memmap2::Mmap::map(&file)? };
-    Ok(records::find_chunk(&map, from))
 }
 
 /// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
@@ -316,6 +320,9 @@ impl fmt::Display for Recovery {
         }
         for (offset, damage) in &self.damage {
             writeln!(f, "  at byte {offset}: {damage}")?;
+        }
+        for finding in &self.metadata {
+            writeln!(f, "  {finding}")?;
         }
         if self.unread_bytes > 0 {
             writeln!(

@@ -15,6 +15,7 @@ use super::records::{
     self, ChannelRecord, ChunkRecord, Damage, Declared, Located, MessageRecord, Records,
     StatisticsRecord,
 };
+use super::seal::{self, SealFinding};
 
 /// One step through a file.
 #[derive(Debug)]
@@ -40,6 +41,8 @@ pub(super) struct Learnt {
     pub library: String,
     pub declared: Declared,
     pub metadata: BTreeMap<String, MetadataMap>,
+    /// Digests of metadata that channels inside chunks repeat, by the metadata's name.
+    pub sealed: BTreeMap<String, String>,
     /// Names of the metadata that stand before the first message.
     pub head_metadata: Vec<String>,
     pub messages: u64,
@@ -53,6 +56,13 @@ pub(super) struct Learnt {
     pub ended: bool,
     /// The data section carries a checksum (it was compared, if so).
     pub data_crc_stated: bool,
+}
+
+impl Learnt {
+    /// The metadata of which the digests do not say that it is as it was written.
+    pub fn seal_findings(&self) -> Vec<SealFinding> {
+        seal::check(&self.metadata, &self.sealed)
+    }
 }
 
 /// Steps through a file from start to end.
@@ -117,7 +127,7 @@ impl<R: BufRead> Scan<R> {
         self.cut && data && !self.past_data
     }
 
-    /// Goes on at a record found by [`records::find_chunk`].
+    /// Goes on at a record found by [`records::ChunkFinder`].
     pub fn jump(&mut self, offset: u64) -> std::io::Result<()>
     where
         R: std::io::Seek,
@@ -139,7 +149,8 @@ impl<R: BufRead> Scan<R> {
             if let Some((offset, content)) = &mut self.chunk {
                 let offset = *offset;
                 match records::next_inner(content) {
-                    Some(Ok((opcode, body))) => match self.data_record(offset, opcode, &body) {
+                    Some(Ok((opcode, body))) => match self.data_record(offset, opcode, &body, true)
+                    {
                         Ok(Some(step)) => return Some(step),
                         Ok(None) => {}
                         Err(damage) => return Some(Step::Damage { offset, damage }),
@@ -218,7 +229,9 @@ impl<R: BufRead> Scan<R> {
                 self.done = true;
                 return self.footer(body);
             }
-            opcode if !self.past_data => return self.data_record(outer.offset, opcode, body),
+            opcode if !self.past_data => {
+                return self.data_record(outer.offset, opcode, body, false);
+            }
             _ => {}
         }
         Ok(None)
@@ -229,10 +242,19 @@ impl<R: BufRead> Scan<R> {
         offset: u64,
         opcode: u8,
         body: &Bytes,
+        in_chunk: bool,
     ) -> Result<Option<Step>, Damage> {
         match opcode {
             op::SCHEMA => self.learnt.declared.add_schema(records::schema(body)?)?,
-            op::CHANNEL => self.learnt.declared.add_channel(records::channel(body)?)?,
+            op::CHANNEL => {
+                let channel = records::channel(body)?;
+                if in_chunk {
+                    let stated = seal::in_channel(&channel.metadata);
+                    let stated = stated.map(|(name, digest)| (name.to_owned(), digest.to_owned()));
+                    self.learnt.sealed.extend(stated);
+                }
+                self.learnt.declared.add_channel(channel)?;
+            }
             op::MESSAGE => {
                 let message = records::message(body)?;
                 let channel = self.learnt.declared.channels.get(&message.channel_id);

@@ -126,7 +126,15 @@ pub(crate) fn header(body: &Bytes) -> Result<(String, String), Damage> {
 
 pub(crate) fn metadata(body: &Bytes) -> Result<(String, MetadataMap), Damage> {
     let mut f = fields(op::METADATA, body);
-    Ok((f.string("name")?, f.map("metadata map")?))
+    let found = (f.string("name")?, f.map("metadata map")?);
+    // No checksum holds this length: one that is too large swallows the records behind it.
+    match f.bytes.remaining() as u64 {
+        0 => Ok(found),
+        surplus => Err(Damage::Surplus {
+            opcode: op::METADATA,
+            surplus,
+        }),
+    }
 }
 
 pub(crate) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
