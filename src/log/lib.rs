@@ -47,6 +47,7 @@ pub use part::{Encoding, MetadataMap};
 pub use policy::Limits;
 pub use reader::{LogMessage, LogReader, Record};
 pub use recorder::{Recorder, WeakRecorder};
+pub use records::{EXPANSION_MAX, LIMIT_BYTES};
 pub use seal::{SealFinding, SealState};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use sink::{FileSink, LogSink, free_bytes};

@@ -20,6 +20,10 @@ pub(super) use find::ChunkFinder;
 /// Longest record that is read into memory, and longest decompressed chunk.
 pub const LIMIT_BYTES: u64 = 64 << 20;
 
+/// Bytes that chunks may unpack to for each byte read of the file, beyond [`LIMIT_BYTES`] once. A chunk of ours holds up
+/// to 1 MiB and takes some 300 bytes even when all of its pixels are black: 3500 times.
+pub const EXPANSION_MAX: u64 = 4096;
+
 /// Opcode and length.
 pub(super) const PREFIX_BYTES: u64 = 9;
 
@@ -61,6 +65,16 @@ pub enum Damage {
     ChunkCount { stated: u64, found: u64 },
     #[error("the file does not end with the MCAP magic")]
     EndMagic,
+    #[error(
+        "another log begins behind the end of this one: files were joined end to end; `hydroline recover` writes the messages of both into a new log"
+    )]
+    JoinedLog,
+    #[error("{bytes} bytes stand behind the end of the log; they are no log")]
+    AfterEnd { bytes: u64 },
+    #[error(
+        "a chunk would unpack to {bytes} bytes, more than {EXPANSION_MAX} times what has been read: no recording shrinks like that"
+    )]
+    Expansion { bytes: u64 },
     #[error("{0}")]
     Io(String),
 }
@@ -239,9 +253,35 @@ impl<R: BufRead> Records<R> {
     pub fn end_magic(&mut self) -> Result<(), Located> {
         let mut magic = [0; 8];
         match self.fill(&mut magic) {
-            Ok(8) if magic == mcap::MAGIC => Ok(()),
+            Ok(8) if magic == mcap::MAGIC => {
+                self.offset += magic.len() as u64;
+                Ok(())
+            }
             Ok(_) => Err((self.offset, Damage::EndMagic)),
             Err(damage) => Err((self.offset, damage)),
+        }
+    }
+
+    /// What stands behind the end: nothing, another log (reading goes on with it), or bytes that are none.
+    pub fn behind_the_end(&mut self) -> Result<(), Located> {
+        let mut magic = [0; 8];
+        let at = self.offset;
+        match self.fill(&mut magic) {
+            Ok(0) => Ok(()),
+            Ok(8) if magic == mcap::MAGIC => {
+                self.offset = at + magic.len() as u64;
+                self.restart_crc();
+                self.hasher.update(&magic);
+                self.done = false;
+                Err((at, Damage::JoinedLog))
+            }
+            Ok(some) => {
+                let rest = io::copy(&mut self.source, &mut io::sink()).unwrap_or(0);
+                let bytes = some + rest;
+                self.offset = at + bytes;
+                Err((at, Damage::AfterEnd { bytes }))
+            }
+            Err(damage) => Err((at, damage)),
         }
     }
 

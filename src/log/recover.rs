@@ -20,7 +20,7 @@ use serde::Serialize;
 use super::LogError;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChunkFinder, ChunkRecord};
+use super::records::{self, ChunkFinder, ChunkRecord, Damage};
 use super::scan::{self, FileScan, Step};
 use super::seal::{SealFinding, SealState, sealed};
 use super::unfinished::Unfinished;
@@ -46,6 +46,8 @@ pub struct Recovery {
     pub from_torn_chunk: u64,
     /// What was damaged, with its offset.
     pub damage: Vec<(u64, String)>,
+    /// Messages that do not decode, by topic; copied as they are.
+    pub undecodable: BTreeMap<String, u64>,
     /// Metadata of which the digests do not say that it is as it was written; copied as it is, digest and all, so that
     /// the new file says the same.
     pub metadata: Vec<SealFinding>,
@@ -133,14 +135,20 @@ fn copy_all(
         let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
         copy.metadata(&name, map).map_err(out)?;
     }
-    let mut damage = Vec::new();
-    let (mut from_torn, mut spoilt) = (0, false);
+    let (mut damage, mut undecodable) = (Vec::new(), BTreeMap::<String, u64>::new());
+    let (mut from_torn, mut spoilt, mut info) = (0, false, None);
     let mut step = first;
     while let Some(now) = step {
         match now {
             Step::Message {
                 channel, message, ..
-            } => copy.message(&scan, &channel, &message).map_err(out)?,
+            } => {
+                copy.message(&scan, &channel, &message).map_err(out)?;
+                let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+                if decode(&channel, &schema, message, &mut info).is_err() {
+                    *undecodable.entry(channel.topic.clone()).or_default() += 1;
+                }
+            }
             Step::Metadata { name } => {
                 let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
                 copy.metadata(&name, map).map_err(out)?;
@@ -149,7 +157,7 @@ fn copy_all(
                 from_torn += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
             }
             Step::Damage { offset, damage: d } => {
-                spoilt |= !d.is_missing_end();
+                spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
                 damage.push((offset, d.to_string()));
                 if d.loses_the_thread()
                     && let Some(next) = finder.find(offset + 1).map_err(read)?
@@ -161,6 +169,7 @@ fn copy_all(
         }
         step = scan.next();
     }
+    spoilt |= !undecodable.is_empty();
     let metadata = scan.learnt.seal_findings();
     spoilt |= metadata.iter().any(|f| f.state != SealState::Unverifiable);
     let was_whole = scan.learnt.ended && damage.is_empty() && !spoilt;
@@ -178,6 +187,9 @@ fn copy_all(
     ]);
     for (n, (offset, text)) in damage.iter().take(100).enumerate() {
         note.insert(format!("damage.{n:03}"), format!("byte {offset}: {text}"));
+    }
+    for (topic, n) in &undecodable {
+        note.insert(format!("undecodable.{topic}"), n.to_string());
     }
     for (n, finding) in metadata.iter().enumerate() {
         note.insert(format!("metadata.{n:03}"), finding.to_string());
@@ -208,6 +220,7 @@ fn copy_all(
         messages_total: copy.total,
         from_torn_chunk: from_torn,
         damage,
+        undecodable,
         metadata,
         unread_bytes,
         attachments_left: scan.learnt.attachments,
@@ -321,6 +334,12 @@ impl fmt::Display for Recovery {
         for (offset, damage) in &self.damage {
             writeln!(f, "  at byte {offset}: {damage}")?;
         }
+        for (topic, n) in &self.undecodable {
+            writeln!(
+                f,
+                "  {n} messages of {topic} do not decode; copied as they are"
+            )?;
+        }
         for finding in &self.metadata {
             writeln!(f, "  {finding}")?;
         }
@@ -339,7 +358,7 @@ impl fmt::Display for Recovery {
             (_, false) => {
                 "nothing that was in the file is lost; what was still in memory when the writer died was never in it"
             }
-            (_, true) => "something that was in the file is lost",
+            (_, true) => "something that was in the file is lost or cannot be used",
         };
         writeln!(f, "  {verdict}; the original is untouched")
     }

@@ -56,6 +56,8 @@ pub(super) struct Learnt {
     pub ended: bool,
     /// The data section carries a checksum (it was compared, if so).
     pub data_crc_stated: bool,
+    /// Logs that stood before this one in the file: identifiers of channels and schemas begin anew with each.
+    pub joined: u32,
 }
 
 impl Learnt {
@@ -76,6 +78,10 @@ pub(super) struct Scan<R> {
     damaged: bool,
     cut: bool,
     done: bool,
+    /// Bytes that the chunks so far unpacked to.
+    unpacked_bytes: u64,
+    /// Whether it was looked for what stands behind the end.
+    ended_at: Option<u64>,
 }
 
 pub(super) type FileScan = Scan<BufReader<File>>;
@@ -106,6 +112,8 @@ impl<R: BufRead> Scan<R> {
             damaged: false,
             cut: false,
             done: false,
+            unpacked_bytes: 0,
+            ended_at: None,
         }))
     }
 
@@ -161,7 +169,7 @@ impl<R: BufRead> Scan<R> {
                 continue;
             }
             if self.done {
-                return None;
+                return self.behind_the_end();
             }
             match self.records.next() {
                 Some(Ok(outer)) => match self.outer(&outer) {
@@ -188,6 +196,23 @@ impl<R: BufRead> Scan<R> {
         }
     }
 
+    /// After the last record: nothing, as it should be, or what was appended to the log.
+    fn behind_the_end(&mut self) -> Option<Step> {
+        if !self.learnt.ended || self.ended_at == Some(self.records.offset()) {
+            return None;
+        }
+        let found = self.records.behind_the_end();
+        self.ended_at = Some(self.records.offset());
+        let (offset, damage) = found.err()?;
+        if damage == Damage::JoinedLog {
+            (self.done, self.past_data, self.cut) = (false, false, false);
+            let learnt = &mut self.learnt;
+            (learnt.declared, learnt.statistics) = (Declared::default(), None);
+            (learnt.ended, learnt.joined) = (false, learnt.joined + 1);
+        }
+        Some(Step::Damage { offset, damage })
+    }
+
     fn outer(&mut self, outer: &records::Outer) -> Result<Option<Step>, Damage> {
         let body = &outer.body;
         match outer.opcode {
@@ -202,6 +227,15 @@ impl<R: BufRead> Scan<R> {
                     .compressions
                     .entry(chunk.compression.clone())
                     .or_default() += 1;
+                let bytes = chunk.uncompressed_bytes;
+                self.unpacked_bytes = self.unpacked_bytes.saturating_add(bytes);
+                let read = self.records.offset();
+                let most = records::EXPANSION_MAX.saturating_mul(read);
+                if self.unpacked_bytes > most.saturating_add(records::LIMIT_BYTES) {
+                    // Not counted, so that the sound chunks behind a few bombs are read.
+                    self.unpacked_bytes -= bytes;
+                    return Err(Damage::Expansion { bytes });
+                }
                 self.chunk = Some((outer.offset, chunk.open()?));
             }
             op::METADATA if !self.past_data => {

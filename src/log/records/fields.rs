@@ -6,7 +6,7 @@ use std::io::Read;
 use bytes::{Buf, Bytes};
 use mcap::records::op;
 
-use super::{Damage, LIMIT_BYTES, PREFIX_BYTES};
+use super::{Damage, EXPANSION_MAX, LIMIT_BYTES, PREFIX_BYTES};
 use crate::part::MetadataMap;
 
 /// Fields of a record, each only as long as the bytes that are there.
@@ -265,7 +265,9 @@ impl ChunkRecord {
                 }),
             );
         }
-        let mut out = Vec::new();
+        // Room at once, but no more than a chunk of this size can honestly need.
+        let room = (self.content.len() as u64).saturating_mul(EXPANSION_MAX);
+        let mut out = Vec::with_capacity(declared.min(room) as usize);
         // One byte more than declared shows a chunk that holds too much.
         let limit = declared + 1;
         let result = match self.compression.as_str() {
