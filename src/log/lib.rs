@@ -40,7 +40,7 @@ pub mod trace;
 mod unfinished;
 mod writer;
 
-pub use account::{Counts, FrameLedger, LogOutcome, SummaryInput};
+pub use account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
 pub use entry::Entry;
 pub use file_recorder::FileRecorder;
 pub use part::{Encoding, MetadataMap};
@@ -50,7 +50,7 @@ pub use recorder::{Recorder, WeakRecorder};
 pub use records::{EXPANSION_MAX, LIMIT_BYTES};
 pub use seal::{SealFinding, SealState};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
-pub use sink::{FileSink, LogSink, free_bytes};
+pub use sink::{FileSink, LogSink, NameLost, free_bytes};
 pub use space::{bytes_per_frame, bytes_per_s, writable_folder};
 pub use time::LogTime;
 pub use topic::{SchemaText, Topic};

@@ -15,7 +15,7 @@ use mcap::records::MessageHeader;
 use super::entry::Entry;
 use super::policy::{Due, Limits, Policy};
 use super::seal;
-use super::sink::LogSink;
+use super::sink::{LogSink, NameLost};
 use super::topic::Topic;
 
 /// Named string maps: MCAP metadata.
@@ -187,6 +187,16 @@ impl PartFile {
     /// The policy, for its deadlines.
     pub fn policy(&self) -> &Policy {
         &self.policy
+    }
+
+    /// What became of the file's name, if it is no longer the file's.
+    pub fn name_lost(&self) -> Option<NameLost> {
+        self.sink.name_lost()
+    }
+
+    /// Saves the file under a new name.
+    pub fn save_beside(&mut self) -> io::Result<std::path::PathBuf> {
+        self.sink.save_beside()
     }
 
     /// Room left on the device.

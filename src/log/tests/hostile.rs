@@ -1,5 +1,5 @@
 //! Logs that lie, by accident or on purpose: named by what broke.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use bytes::Bytes;
 use hydroline_core::frame::{Frame, FrameError, PixelFormat};
@@ -9,7 +9,8 @@ use hydroline_log::export::{ExportOptions, export};
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::recover::recover;
 use hydroline_log::{
-    Entry, FileRecorder, Head, LogReader, Record, SummaryInput, WriteSettings, info,
+    Entry, FileRecorder, FileSink, Head, LogOutcome, LogReader, LogSink, Record, SummaryInput,
+    WriteSettings, info,
 };
 use std::path::{Path, PathBuf};
 
@@ -30,6 +31,131 @@ fn written(path: &Path, frames: &[Frame]) {
 
 fn frames(n: u32) -> Vec<Frame> {
     (0..n).map(|i| grey_frame(i, 64, 48)).collect()
+}
+
+/// Records three frames, does something to the file, records two more and ends.
+fn disturbed(path: &Path, disturb: impl FnOnce()) -> LogOutcome {
+    let mut settings = WriteSettings::offline(Some(PixelFormat::Grey));
+    settings.limits.chunk_age_ns = 1_000_000_000;
+    settings.limits.sync_ns = Some(2_000_000_000);
+    let mut log = FileRecorder::create(path, false, Head::default(), settings).unwrap();
+    let mut disturb = Some(disturb);
+    for (i, frame) in frames(5).iter().enumerate() {
+        if i == 3 {
+            disturb.take().map(|d| d());
+        }
+        // Ten seconds apart: each is synced before the next.
+        let t = T0_NS + i as u64 * 10_000_000_000;
+        log.write(t, &Entry::frame(frame, i as u64)).unwrap();
+    }
+    log.finish(&SummaryInput::clean("done")).unwrap()
+}
+
+/// Where the data of the one misplaced file is, and the event that was logged when it was noticed.
+fn found_again(outcome: &LogOutcome) -> PathBuf {
+    let [misplaced] = outcome.misplaced.as_slice() else {
+        panic!("{:?}", outcome.misplaced);
+    };
+    let now = misplaced.now.clone().unwrap();
+    let events: Vec<String> = LogReader::open(&now)
+        .unwrap()
+        .filter_map(|m| match m.unwrap().record {
+            Record::Event(e) => Some(e.kind),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(events, ["log.name_lost"], "once, while there was time");
+    assert!(doctor(&now).unwrap().found("event", Grade::Warning));
+    now
+}
+
+#[test]
+fn the_name_is_not_the_file_what_was_removed_is_saved_and_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("run.mcap");
+    let outcome = disturbed(&path, || std::fs::remove_file(&path).unwrap());
+    let now = found_again(&outcome);
+    assert_eq!(now, dir.path().join("run-saved.mcap"));
+    assert_eq!(counted(&now), (11, 0));
+}
+
+#[test]
+fn the_name_is_not_the_file_what_was_renamed_is_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, other) = (dir.path().join("run.mcap"), dir.path().join("other.mcap"));
+    let outcome = disturbed(&path, || std::fs::rename(&path, &other).unwrap());
+    assert_eq!(found_again(&outcome), other);
+}
+
+#[test]
+fn the_name_is_not_the_file_another_file_in_its_place_is_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("run.mcap");
+    let outcome = disturbed(&path, || {
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, "theirs").unwrap();
+        std::fs::write(dir.path().join("run-saved.mcap"), "theirs, too").unwrap();
+    });
+    assert_eq!(found_again(&outcome), dir.path().join("run-saved-1.mcap"));
+    assert_eq!(std::fs::read(&path).unwrap(), b"theirs");
+}
+
+/// A file of at most `most_bytes`, as FAT or RLIMIT_FSIZE have it: beyond that EFBIG.
+struct Small {
+    file: FileSink,
+    most_bytes: u64,
+}
+
+impl std::io::Write for Small {
+    fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
+        self.file.write(buf)
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl LogSink for Small {
+    fn sync(&mut self) -> std::io::Result<()> {
+        self.file.sync()
+    }
+    fn reserve(&mut self, end_bytes: u64) -> std::io::Result<()> {
+        if end_bytes > self.most_bytes {
+            return Err(std::io::Error::from_raw_os_error(libc::EFBIG));
+        }
+        self.file.reserve(end_bytes)
+    }
+    fn truncate(&mut self, end_bytes: u64) -> std::io::Result<()> {
+        self.file.truncate(end_bytes)
+    }
+    fn free_bytes(&self) -> Option<u64> {
+        self.file.free_bytes()
+    }
+}
+
+#[test]
+fn a_file_at_its_largest_goes_on_in_the_next_part() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().to_owned();
+    let opener = move |part: u32| -> std::io::Result<(Box<dyn LogSink>, PathBuf)> {
+        let path = folder.join(format!("{part}.mcap"));
+        let file = FileSink::create(&path, false)?;
+        let most_bytes = 300_000;
+        Ok((Box::new(Small { file, most_bytes }), path))
+    };
+    let settings = WriteSettings::offline(Some(PixelFormat::Grey));
+    let mut log = FileRecorder::with_opener(Box::new(opener), Head::default(), settings).unwrap();
+    for (i, frame) in frames(200).iter().enumerate() {
+        let t = T0_NS + i as u64 * 40_000_000;
+        log.write(t, &Entry::frame(frame, i as u64)).unwrap();
+    }
+    let outcome = log.finish(&SummaryInput::clean("done")).unwrap();
+    assert!(outcome.files.len() > 1 && !outcome.lost, "{outcome:?}");
+    let images = |path: &PathBuf| {
+        let read = LogReader::open(path).unwrap().map(|m| m.unwrap().record);
+        read.filter(|r| matches!(r, Record::Frame(_))).count()
+    };
+    assert_eq!(outcome.files.iter().map(images).sum::<usize>(), 200);
 }
 
 /// Messages read before and after the first error.
