@@ -166,12 +166,8 @@ struct Shared {
     clock: Arc<dyn Clock>,
     shutdown: Shutdown,
     newest: Newest<hydroline_core::frame::Frame>,
-    /// Stamp \[ns\], image and stripe for the poses.
-    stripes: Newest<(
-        u64,
-        hydroline_core::frame::GreyImage,
-        hydroline_stripe::Profile,
-    )>,
+    /// For the poses.
+    stripes: Newest<worker::Seen>,
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
