@@ -27,6 +27,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, Severity};
+use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
 use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
@@ -165,6 +166,8 @@ struct Shared {
     recorder: Recorder,
     clock: Arc<dyn Clock>,
     shutdown: Shutdown,
+    /// Beats with each turn of the capture's loop.
+    capture: Heartbeat,
     newest: Newest<hydroline_core::frame::Frame>,
     /// For the poses.
     stripes: Newest<worker::Seen>,
@@ -280,6 +283,7 @@ pub fn run(
         recorder: parts.recorder.clone(),
         clock: parts.clock.clone(),
         shutdown: shutdown.clone(),
+        capture: Heartbeat::default(),
         newest: Newest::default(),
         stripes: Newest::default(),
         progress: Mutex::new(Progress::default()),

@@ -61,9 +61,7 @@ impl State {
         if self.start_ns.is_none() && sent.thrust_n.abs() <= NEUTRAL_N {
             return true;
         }
-        let start = *self
-            .start_ns
-            .get_or_insert(sent.at_ns.min(now_ns));
+        let start = *self.start_ns.get_or_insert(sent.at_ns.min(now_ns));
         if let Some(thrust_n) = self.thrust_n.get_mut(sent.place) {
             *thrust_n = sent.thrust_n;
         }

@@ -15,8 +15,8 @@ use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hydroline_log::messages;
 use hydroline_pose::joint::PoseFault;
-use hydroline_stripe::Profile;
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
+use hydroline_stripe::Profile;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
@@ -95,6 +95,7 @@ pub(super) fn capture(
     spawn("capture", shared, move |shared| {
         let mut index = 0;
         while !shared.shutdown.is_raised() {
+            shared.capture.beat();
             match source.next(LOOK) {
                 Ok(Captured::Frame(frame)) => {
                     take(shared, &*source, frame, index);
