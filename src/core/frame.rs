@@ -102,9 +102,38 @@ pub struct GreyImage {
     pub pixels: Vec<u8>,
 }
 
+/// Longest side of an image that is believed \[px\]: twice that of the largest sensors of machine vision.
+pub const SIDE_MAX_PX: u32 = 1 << 15;
+/// Most pixels of a compressed image that are unpacked: a few bytes can claim any number.
+pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
+
 /// Why a frame has no grey image.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
+    /// No camera makes such an image: the numbers come from a damaged or forged log.
+    #[error(
+        "frame {sequence}: an image of {width_px} x {height_px} pixels with {stride_bytes} bytes a row; sides of 1 to {SIDE_MAX_PX} are read"
+    )]
+    Geometry {
+        /// Driver sequence.
+        sequence: u32,
+        /// Width \[px\].
+        width_px: u32,
+        /// Height \[px\].
+        height_px: u32,
+        /// Bytes per row.
+        stride_bytes: u32,
+    },
+    /// A compressed image that claims more than is unpacked.
+    #[error(
+        "frame {sequence}: a JPEG of {got:?} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked"
+    )]
+    TooLarge {
+        /// Driver sequence.
+        sequence: u32,
+        /// Width, height in the JPEG.
+        got: (u32, u32),
+    },
     /// Too few bytes for the format.
     #[error("frame {sequence}: {format:?} {width_px}x{height_px} needs {needed} bytes, got {got}")]
     Short {
@@ -147,18 +176,29 @@ impl Frame {
     /// # Errors
     /// When the bytes do not hold an image of the stated size.
     pub fn to_grey(&self) -> Result<GreyImage, FrameError> {
-        let (w, h) = (self.width_px as usize, self.height_px as usize);
         let bytes_per_px = match self.format {
             PixelFormat::Grey => 1,
             PixelFormat::Yuyv => 2,
             PixelFormat::Mjpg => return self.decode_jpeg(),
         };
+        let sides = 1..=SIDE_MAX_PX;
+        // A row may be padded, not endless: sixteen times its pixels is far beyond any alignment.
+        let stride_max = SIDE_MAX_PX.saturating_mul(16);
+        if !sides.contains(&self.width_px)
+            || !sides.contains(&self.height_px)
+            || self.stride_bytes > stride_max
+        {
+            return Err(FrameError::Geometry {
+                sequence: self.meta.sequence,
+                width_px: self.width_px,
+                height_px: self.height_px,
+                stride_bytes: self.stride_bytes,
+            });
+        }
+        // Bounded above: 2^19 bytes a row and 2^15 rows fit even 64 bits with room.
+        let (w, h) = (self.width_px as usize, self.height_px as usize);
         let stride = (self.stride_bytes as usize).max(w * bytes_per_px);
-        let needed = if h == 0 {
-            0
-        } else {
-            stride * (h - 1) + w * bytes_per_px
-        };
+        let needed = stride * (h - 1) + w * bytes_per_px;
         if self.data.len() < needed {
             return Err(FrameError::Short {
                 sequence: self.meta.sequence,
@@ -186,19 +226,28 @@ impl Frame {
 
     fn decode_jpeg(&self) -> Result<GreyImage, FrameError> {
         let sequence = self.meta.sequence;
-        let decoded = image::load_from_memory_with_format(&self.data, image::ImageFormat::Jpeg)
-            .map_err(|e| FrameError::Jpeg {
-                sequence,
-                reason: e.to_string(),
-            })?
-            .into_luma8();
-        if decoded.dimensions() != (self.width_px, self.height_px) {
+        let failed = |e: image::ImageError| FrameError::Jpeg {
+            sequence,
+            reason: e.to_string(),
+        };
+        let reader = || {
+            let data = std::io::Cursor::new(&self.data);
+            image::ImageReader::with_format(data, image::ImageFormat::Jpeg)
+        };
+        // The header first: what it claims is held against what was negotiated before anything is unpacked.
+        let got = reader().into_dimensions().map_err(failed)?;
+        let wanted = (self.width_px, self.height_px);
+        if got != wanted {
             return Err(FrameError::JpegSize {
                 sequence,
-                got: decoded.dimensions(),
-                wanted: (self.width_px, self.height_px),
+                got,
+                wanted,
             });
         }
+        if u64::from(got.0) * u64::from(got.1) > COMPRESSED_MAX_PX {
+            return Err(FrameError::TooLarge { sequence, got });
+        }
+        let decoded = reader().decode().map_err(failed)?.into_luma8();
         Ok(GreyImage {
             width_px: self.width_px as usize,
             height_px: self.height_px as usize,

@@ -27,6 +27,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, Severity};
+use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
 use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
@@ -165,13 +166,11 @@ struct Shared {
     recorder: Recorder,
     clock: Arc<dyn Clock>,
     shutdown: Shutdown,
+    /// Beats with each turn of the capture's loop.
+    capture: Heartbeat,
     newest: Newest<hydroline_core::frame::Frame>,
-    /// Stamp \[ns\], image and stripe for the poses.
-    stripes: Newest<(
-        u64,
-        hydroline_core::frame::GreyImage,
-        hydroline_stripe::Profile,
-    )>,
+    /// For the poses.
+    stripes: Newest<worker::Seen>,
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
@@ -284,6 +283,7 @@ pub fn run(
         recorder: parts.recorder.clone(),
         clock: parts.clock.clone(),
         shutdown: shutdown.clone(),
+        capture: Heartbeat::default(),
         newest: Newest::default(),
         stripes: Newest::default(),
         progress: Mutex::new(Progress::default()),

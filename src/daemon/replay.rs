@@ -41,6 +41,8 @@ pub use smoothed::SmoothReport;
 
 /// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
 const BATCH: usize = 64;
+/// Messages held at most, however few frames are among them: a flood of small ones must not fill the memory.
+const PENDING_MAX: usize = 1 << 14;
 
 /// How to replay.
 #[derive(Clone, Default)]
@@ -160,23 +162,21 @@ pub fn replay(
 ) -> Result<(Report, LogOutcome), ReplayError> {
     let mut reader = LogReader::open(log)?;
     let head = head(&reader, log, options);
-    let mut first = Vec::new();
-    // The camera's format decides the new file's channels; it is known at the first frame.
+    // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
+    // nobody knows how much stands before it.
     let mut camera = None;
     for message in reader.by_ref() {
-        let message = message?;
-        if let Record::Frame(frame) = &message.record {
+        if let Record::Frame(frame) = message?.record {
             camera = Some(frame.format);
-            first.push(message);
             break;
         }
-        first.push(message);
     }
     if camera.is_none() {
         return Err(ReplayError::NoImages {
             path: log.to_owned(),
         });
     }
+    let reader = LogReader::open(log)?;
     let mut report = Report::default();
     let mut poses = options.poses.clone();
     if let Some((wanted, run)) = options.refine.zip(options.poses.as_ref()) {
@@ -208,7 +208,7 @@ pub fn replay(
         state.bound = motions;
         state.report.smoothed = Some(report);
     }
-    for message in first.into_iter().map(Ok).chain(reader) {
+    for message in reader {
         state.take(message?)?;
         progress(state.report.frames);
     }
@@ -253,6 +253,14 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
             .map(|n| n.to_string_lossy().into_owned())
             .unwrap_or_default(),
     );
+    // A new log seals what it was given: what the old one could not vouch for stays said.
+    for finding in reader.seal_findings() {
+        tracing::warn!("{}: {finding}", log.display());
+        session.insert(
+            format!("replay.metadata.{}", finding.name),
+            finding.to_string(),
+        );
+    }
     session.insert(
         "replay.version".to_owned(),
         env!("CARGO_PKG_VERSION").to_owned(),
@@ -319,7 +327,7 @@ impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
         self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
         self.pending.push(message);
-        if self.frames_pending >= BATCH {
+        if self.frames_pending >= BATCH || self.pending.len() >= PENDING_MAX {
             self.flush()
         } else {
             Ok(())

@@ -1,4 +1,4 @@
-//! Ctrl-C, SIGTERM, SIGHUP (a dropped ssh session) and SIGQUIT, for the whole process.
+//! Every signal that would end or stop the process and can be caught, for the whole process.
 //!
 //! One thread listens from the first [`listen`] on. The first signal is latched: it brings every
 //! attached thruster line to neutral at once, by one atomic store and whatever the rest of the
@@ -8,7 +8,27 @@ use hydroline_thruster::NeutralHandle;
 use hydroline_thruster::safety::NeutralReason;
 use std::io;
 use std::sync::{Mutex, OnceLock, PoisonError};
-use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// What ends a recording in order, thrusters first: left at their default each of these kills the process at once and
+/// leaves the thrusters running. systemd's watchdog sends SIGABRT; SIGHUP is a dropped ssh session.
+const ENDING: [(&str, i32); 12] = [
+    ("Ctrl-C", libc::SIGINT),
+    ("SIGTERM", libc::SIGTERM),
+    ("SIGHUP", libc::SIGHUP),
+    ("SIGQUIT", libc::SIGQUIT),
+    ("SIGABRT", libc::SIGABRT),
+    ("SIGUSR1", libc::SIGUSR1),
+    ("SIGUSR2", libc::SIGUSR2),
+    ("SIGALRM", libc::SIGALRM),
+    ("SIGVTALRM", libc::SIGVTALRM),
+    ("SIGPROF", libc::SIGPROF),
+    ("SIGXCPU", libc::SIGXCPU),
+    ("SIGPWR", libc::SIGPWR),
+];
+/// What must not touch the process: a write beyond a limit on a file's size (the log goes on in its next part), and a
+/// terminal that would stop it for reading or writing from the background, or at Ctrl-Z.
+const IGNORED: [i32; 4] = [libc::SIGXFSZ, libc::SIGTTIN, libc::SIGTTOU, libc::SIGTSTP];
 
 /// What has been heard.
 #[derive(Debug, Default)]
@@ -30,28 +50,30 @@ pub fn listen() -> io::Result<&'static Signals> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    let [mut interrupt, mut terminate, mut hangup, mut quit] = {
+    let mut arrivals = {
         let _inside = runtime.enter();
-        let on = |kind: SignalKind| -> io::Result<Signal> { signal(kind) };
-        [
-            on(SignalKind::interrupt())?,
-            on(SignalKind::terminate())?,
-            on(SignalKind::hangup())?,
-            on(SignalKind::quit())?,
-        ]
+        let (to, arrivals) = tokio::sync::mpsc::unbounded_channel();
+        for ending in ENDING {
+            let mut signal = signal(SignalKind::from_raw(ending.1))?;
+            let to = to.clone();
+            runtime.spawn(async move {
+                while signal.recv().await.is_some() && to.send(ending).is_ok() {}
+            });
+        }
+        arrivals
     };
+    for number in IGNORED {
+        // SAFETY: SIG_IGN runs no code of ours.
+        if unsafe { libc::signal(number, libc::SIG_IGN) } == libc::SIG_ERR {
+            return Err(io::Error::last_os_error());
+        }
+    }
     let signals = SIGNALS.get_or_init(Signals::default);
     std::thread::Builder::new()
         .name("signals".to_owned())
         .spawn(move || {
             runtime.block_on(async {
-                loop {
-                    let (name, number) = tokio::select! {
-                        _ = interrupt.recv() => ("Ctrl-C", libc::SIGINT),
-                        _ = terminate.recv() => ("SIGTERM", libc::SIGTERM),
-                        _ = hangup.recv() => ("SIGHUP", libc::SIGHUP),
-                        _ = quit.recv() => ("SIGQUIT", libc::SIGQUIT),
-                    };
+                while let Some((name, number)) = arrivals.recv().await {
                     signals.neutral();
                     if signals.heard.set(name).is_err() {
                         // Asked twice: something hangs. 128 + n is what a shell shows for a killed process.

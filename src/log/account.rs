@@ -118,6 +118,24 @@ impl SummaryInput {
     }
 }
 
+/// A file of the log that is not under its name any more: somebody renamed, removed or covered it meanwhile.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Misplaced {
+    /// What happened, in a sentence.
+    pub what: String,
+    /// Where the data is now; `None` = it could not be saved.
+    pub now: Option<PathBuf>,
+}
+
+impl std::fmt::Display for Misplaced {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.now {
+            Some(now) => write!(f, "{}; the data is in {}", self.what, now.display()),
+            None => write!(f, "{}; the data could not be saved", self.what),
+        }
+    }
+}
+
 /// How a recording ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogOutcome {
@@ -127,6 +145,8 @@ pub struct LogOutcome {
     pub lost: bool,
     /// Why writing stopped before the end, if it did.
     pub stopped: Option<String>,
+    /// Files that are not where they were written (exit code 1).
+    pub misplaced: Vec<Misplaced>,
     /// Final counters.
     pub counts: Counts,
 }

@@ -31,7 +31,7 @@ pub struct Finding {
     /// How bad.
     pub grade: Grade,
     /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
-    /// `command_gap`, `ledger`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
+    /// `command_gap`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
     pub check: &'static str,
     /// One sentence with the numbers.
     pub message: String,

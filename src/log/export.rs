@@ -31,6 +31,8 @@ pub struct Exported {
     pub frames: u64,
     /// Frames without an image (marked faulty or not decodable).
     pub frames_skipped: u64,
+    /// Of these, frames that nothing marks as faulty: they should hold an image and do not.
+    pub frames_undecodable: u64,
 }
 
 /// Where the files are made before they all get their places: what is interrupted stays in there.
@@ -108,7 +110,10 @@ fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<E
         if let (Record::Frame(frame), true) = (&message.record, options.frames) {
             match save(frame, into) {
                 Ok(true) => done.frames += 1,
-                Ok(false) => done.frames_skipped += 1,
+                Ok(false) => {
+                    done.frames_skipped += 1;
+                    done.frames_undecodable += u64::from(frame.meta.fault.is_none());
+                }
                 Err((path, reason)) => return Err(output(&path, reason)),
             }
         }
@@ -204,10 +209,14 @@ impl Row<'_> {
             None => self.cell(""),
         }
     }
-    /// RFC 4180: quoted where it must be.
+    /// RFC 4180: quoted where it must be. A log's text may come from anyone: a spreadsheet takes what begins with
+    /// `=`, `+`, `-` or `@` for a formula, so an apostrophe goes ahead of it, which spreadsheets hide.
     fn text(&mut self, value: &str) -> &mut Self {
         // Line breaks inside a cell are legal but break line-based tools.
-        let value = value.replace(['\n', '\r'], " ");
+        let mut value = value.replace(['\n', '\r', '\t'], " ");
+        if value.trim_start().starts_with(['=', '+', '-', '@']) && value.parse::<f64>().is_err() {
+            value.insert(0, '\'');
+        }
         if value.contains([',', '"']) {
             self.cell(format_args!("\"{}\"", value.replace('"', "\"\"")))
         } else {
@@ -352,9 +361,6 @@ fn save(frame: &Frame, into: &Path) -> Result<bool, (PathBuf, String)> {
         meta.sequence, meta.mid_exposure_ns
     ));
     let (w, h) = (grey.width_px as u32, grey.height_px as u32);
-    if w == 0 || h == 0 {
-        return Ok(false);
-    }
     let saved = image::save_buffer(&path, &grey.pixels, w, h, image::ColorType::L8);
     saved.map(|()| true).map_err(|e| (path, e.to_string()))
 }

@@ -14,7 +14,8 @@ use mcap::records::MessageHeader;
 
 use super::entry::Entry;
 use super::policy::{Due, Limits, Policy};
-use super::sink::LogSink;
+use super::seal;
+use super::sink::{LogSink, NameLost};
 use super::topic::Topic;
 
 /// Named string maps: MCAP metadata.
@@ -101,6 +102,8 @@ pub(super) struct PartFile {
     staging: Staging,
     mcap: mcap::Writer<Staging>,
     channels: BTreeMap<Topic, u16>,
+    /// Digests of the head's metadata, for the first channel: it stands in a chunk, under a checksum.
+    digests: MetadataMap,
     schema_bytes: u64,
     chunks: u64,
     good_bytes: u64,
@@ -131,11 +134,16 @@ impl PartFile {
             .chunk_size(None)
             .disable_seeking(true)
             .create(staging.clone())?;
+        let head: Vec<(String, MetadataMap)> = head
+            .iter()
+            .map(|(name, map)| ((*name).to_owned(), seal::sealed(name, map.clone())))
+            .collect();
         let mut part = Self {
             sink,
             staging,
             mcap,
             channels: BTreeMap::new(),
+            digests: seal::for_channel(&head),
             schema_bytes: 0,
             chunks: 0,
             good_bytes: 0,
@@ -143,12 +151,9 @@ impl PartFile {
             open: BTreeMap::new(),
             closed: BTreeMap::new(),
         };
-        for (name, map) in head {
-            let metadata = mcap::write::Metadata {
-                name: (*name).to_owned(),
-                metadata: map.clone(),
-            };
-            part.mcap.write_metadata(&metadata)?;
+        for (name, metadata) in head {
+            part.mcap
+                .write_metadata(&mcap::write::Metadata { name, metadata })?;
         }
         part.claim(part.staged_bytes()).map_err(Fault::Full)?;
         part.drain()?;
@@ -182,6 +187,16 @@ impl PartFile {
     /// The policy, for its deadlines.
     pub fn policy(&self) -> &Policy {
         &self.policy
+    }
+
+    /// What became of the file's name, if it is no longer the file's.
+    pub fn name_lost(&self) -> Option<NameLost> {
+        self.sink.name_lost()
+    }
+
+    /// Saves the file under a new name.
+    pub fn save_beside(&mut self) -> io::Result<std::path::PathBuf> {
+        self.sink.save_beside()
     }
 
     /// Room left on the device.
@@ -255,7 +270,7 @@ impl PartFile {
         }
         let metadata = mcap::write::Metadata {
             name: "summary".to_owned(),
-            metadata: summary.clone(),
+            metadata: seal::sealed("summary", summary.clone()),
         };
         self.mcap.write_metadata(&metadata)?;
         self.mcap.finish()?;
@@ -271,7 +286,7 @@ impl PartFile {
     /// index. What is left is a valid MCAP file.
     pub fn abandon(&mut self, summary: &MetadataMap) -> io::Result<u64> {
         self.sink.truncate(self.good_bytes)?;
-        let tail = plain_tail(summary);
+        let tail = plain_tail(&seal::sealed("summary", summary.clone()));
         self.sink.write_all(&tail)?;
         self.sink.flush()?;
         self.sink.sync()?;
@@ -287,11 +302,14 @@ impl PartFile {
         let schema_id = self
             .mcap
             .add_schema(&schema.name, "protobuf", &schema.data)?;
+        let digests = std::mem::take(&mut self.digests);
         let id = self
             .mcap
-            .add_channel(schema_id, topic.name(), "protobuf", &MetadataMap::new())?;
+            .add_channel(schema_id, topic.name(), "protobuf", &digests)?;
+        let digest_bytes: usize = digests.iter().map(|(k, v)| k.len() + v.len() + 8).sum();
         self.schema_bytes +=
-            (schema.data.len() + schema.name.len() + topic.name().len()) as u64 + 128;
+            (schema.data.len() + schema.name.len() + topic.name().len() + digest_bytes) as u64
+                + 128;
         self.channels.insert(topic, id);
         Ok(id)
     }

@@ -13,6 +13,7 @@ use super::LogError;
 use super::messages::{self, ImageMessage, pb};
 use super::part::MetadataMap;
 use super::scan::{self, FileScan, Scan, Step};
+use super::seal::SealFinding;
 use super::topic::Topic;
 use hydroline_core::frame::Frame;
 
@@ -145,6 +146,12 @@ impl<R: BufRead> LogReader<R> {
 
     fn toml(&self, name: &str) -> Option<&str> {
         self.metadata().get(name)?.get("toml").map(String::as_str)
+    }
+
+    /// Metadata of which the digests do not say that it is as it was written: the head's from the start, all of it
+    /// after the last message.
+    pub fn seal_findings(&self) -> Vec<SealFinding> {
+        self.scan.learnt.seal_findings()
     }
 
     /// Library that wrote the file.

@@ -16,6 +16,7 @@ use super::writer::LogWriter;
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, Severity};
 use hydroline_core::frame::Frame;
+use hydroline_core::heartbeat::Heartbeat;
 
 /// What producers share under the queue's lock.
 #[derive(Debug, Default)]
@@ -30,6 +31,7 @@ struct Shared {
     queue: Arc<Queue<Producers>>,
     writer_counts: Arc<Mutex<Counts>>,
     clock: Arc<dyn Clock>,
+    heartbeat: Heartbeat,
     thread: Mutex<Option<JoinHandle<Option<LogWriter>>>>,
 }
 
@@ -70,14 +72,16 @@ impl Recorder {
         let writer = LogWriter::create(opener, head, settings, clock.monotonic_ns())?;
         let queue = Arc::new(Queue::new(queue_bytes, Producers::default()));
         let writer_counts = Arc::new(Mutex::new(Counts::default()));
-        let (q, c, k) = (
+        let heartbeat = Heartbeat::default();
+        let (q, c, k, beat) = (
             Arc::clone(&queue),
             Arc::clone(&writer_counts),
             Arc::clone(&clock),
+            heartbeat.clone(),
         );
         let thread = std::thread::Builder::new()
             .name("log-writer".to_owned())
-            .spawn(move || run(writer, &q, &c, k.as_ref()))
+            .spawn(move || run(writer, &q, &c, k.as_ref(), &beat))
             .map_err(|source| LogError::Thread { source })?;
         let thread = Mutex::new(Some(thread));
         Ok(Self {
@@ -85,6 +89,7 @@ impl Recorder {
                 queue,
                 writer_counts,
                 clock,
+                heartbeat,
                 thread,
             }),
         })
@@ -218,6 +223,11 @@ impl Recorder {
         self.shared.clock.triple().realtime_ns
     }
 
+    /// Beats with each turn of the writer's loop, which a disk that stands still holds up.
+    pub fn heartbeat(&self) -> Heartbeat {
+        self.shared.heartbeat.clone()
+    }
+
     /// Live counters.
     pub fn counts(&self) -> Counts {
         let writer = self
@@ -313,11 +323,12 @@ fn run(
     queue: &Queue<Producers>,
     shared: &Mutex<Counts>,
     clock: &dyn Clock,
+    heartbeat: &Heartbeat,
 ) -> Option<LogWriter> {
     // Unwind safety: after a panic the writer is only dropped; queue and counts are whole between
     // any two of their statements.
     let written = catch_unwind(AssertUnwindSafe(|| {
-        drain(&mut writer, queue, shared, clock)
+        drain(&mut writer, queue, shared, clock, heartbeat)
     }));
     let Err(panic) = written else {
         return Some(writer);
@@ -346,9 +357,11 @@ fn drain(
     queue: &Queue<Producers>,
     shared: &Mutex<Counts>,
     clock: &dyn Clock,
+    heartbeat: &Heartbeat,
 ) {
     let counts = || producer_counts(queue, Counts::default());
     loop {
+        heartbeat.beat();
         let wait = match writer.next_deadline_ns() {
             Some(deadline) => {
                 Duration::from_nanos(deadline.saturating_sub(clock.monotonic_ns())).min(IDLE)

@@ -12,11 +12,17 @@ use bytes::{Buf, Bytes};
 use mcap::records::op;
 
 mod fields;
+mod find;
 
 pub(super) use fields::*;
+pub(super) use find::ChunkFinder;
 
 /// Longest record that is read into memory, and longest decompressed chunk.
 pub const LIMIT_BYTES: u64 = 64 << 20;
+
+/// Bytes that chunks may unpack to for each byte read of the file, beyond [`LIMIT_BYTES`] once. A chunk of ours holds up
+/// to 1 MiB and takes some 300 bytes even when all of its pixels are black: 3500 times.
+pub const EXPANSION_MAX: u64 = 4096;
 
 /// Opcode and length.
 pub(super) const PREFIX_BYTES: u64 = 9;
@@ -33,6 +39,8 @@ pub enum Damage {
     TooLong { opcode: u8, len: u64 },
     #[error("a record (opcode {opcode:#04x}) does not hold a whole {field}")]
     Malformed { opcode: u8, field: &'static str },
+    #[error("a record (opcode {opcode:#04x}) is {surplus} bytes longer than what it holds")]
+    Surplus { opcode: u8, surplus: u64 },
     #[error("a chunk's checksum is {saved:08x}, its content's {calculated:08x}")]
     ChunkCrc { saved: u32, calculated: u32 },
     #[error("compression `{0}` is not known; MCAP has none, lz4 and zstd")]
@@ -57,6 +65,16 @@ pub enum Damage {
     ChunkCount { stated: u64, found: u64 },
     #[error("the file does not end with the MCAP magic")]
     EndMagic,
+    #[error(
+        "another log begins behind the end of this one: files were joined end to end; `hydroline recover` writes the messages of both into a new log"
+    )]
+    JoinedLog,
+    #[error("{bytes} bytes stand behind the end of the log; they are no log")]
+    AfterEnd { bytes: u64 },
+    #[error(
+        "a chunk would unpack to {bytes} bytes, more than {EXPANSION_MAX} times what has been read: no recording shrinks like that"
+    )]
+    Expansion { bytes: u64 },
     #[error("{0}")]
     Io(String),
 }
@@ -73,33 +91,12 @@ impl Damage {
     pub(super) fn loses_the_thread(&self) -> bool {
         matches!(
             self,
-            Damage::Cut { .. } | Damage::TooLong { .. } | Damage::ChunkSize { .. }
+            Damage::Cut { .. }
+                | Damage::TooLong { .. }
+                | Damage::ChunkSize { .. }
+                | Damage::Surplus { .. }
         )
     }
-}
-
-/// Where the next chunk begins whose checksum holds, at or after `from`.
-pub(super) fn find_chunk(file: &[u8], from: u64) -> Option<u64> {
-    let from = usize::try_from(from).ok()?;
-    let prefix = PREFIX_BYTES as usize;
-    (from..file.len().saturating_sub(prefix)).find_map(|at| {
-        if file[at] != op::CHUNK {
-            return None;
-        }
-        let mut length = file.get(at + 1..at + prefix)?;
-        let len = length.get_u64_le();
-        if len > LIMIT_BYTES {
-            return None;
-        }
-        let body = file.get(at + prefix..at + prefix + len as usize)?;
-        // A plausible header first: copying and hashing every candidate would take for ever.
-        let compression = u32::from_le_bytes(body.get(28..32)?.try_into().ok()?);
-        if compression > 4 {
-            return None;
-        }
-        let chunk = chunk(&Bytes::copy_from_slice(body), false).ok()?;
-        (chunk.crc != 0 && chunk.open().is_ok()).then_some(at as u64)
-    })
 }
 
 /// A record at the file's top level.
@@ -256,9 +253,35 @@ impl<R: BufRead> Records<R> {
     pub fn end_magic(&mut self) -> Result<(), Located> {
         let mut magic = [0; 8];
         match self.fill(&mut magic) {
-            Ok(8) if magic == mcap::MAGIC => Ok(()),
+            Ok(8) if magic == mcap::MAGIC => {
+                self.offset += magic.len() as u64;
+                Ok(())
+            }
             Ok(_) => Err((self.offset, Damage::EndMagic)),
             Err(damage) => Err((self.offset, damage)),
+        }
+    }
+
+    /// What stands behind the end: nothing, another log (reading goes on with it), or bytes that are none.
+    pub fn behind_the_end(&mut self) -> Result<(), Located> {
+        let mut magic = [0; 8];
+        let at = self.offset;
+        match self.fill(&mut magic) {
+            Ok(0) => Ok(()),
+            Ok(8) if magic == mcap::MAGIC => {
+                self.offset = at + magic.len() as u64;
+                self.restart_crc();
+                self.hasher.update(&magic);
+                self.done = false;
+                Err((at, Damage::JoinedLog))
+            }
+            Ok(some) => {
+                let rest = io::copy(&mut self.source, &mut io::sink()).unwrap_or(0);
+                let bytes = some + rest;
+                self.offset = at + bytes;
+                Err((at, Damage::AfterEnd { bytes }))
+            }
+            Err(damage) => Err((at, damage)),
         }
     }
 

@@ -20,8 +20,9 @@ use serde::Serialize;
 use super::LogError;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChunkRecord};
+use super::records::{self, ChunkFinder, ChunkRecord, Damage};
 use super::scan::{self, FileScan, Step};
+use super::seal::{SealFinding, SealState, sealed};
 use super::unfinished::Unfinished;
 use copy::{Copy, Digest};
 use ledger::Ledger;
@@ -45,6 +46,11 @@ pub struct Recovery {
     pub from_torn_chunk: u64,
     /// What was damaged, with its offset.
     pub damage: Vec<(u64, String)>,
+    /// Messages that do not decode, by topic; copied as they are.
+    pub undecodable: BTreeMap<String, u64>,
+    /// Metadata of which the digests do not say that it is as it was written; copied as it is, digest and all, so that
+    /// the new file says the same.
+    pub metadata: Vec<SealFinding>,
     /// Bytes at the end that gave nothing.
     pub unread_bytes: u64,
     /// Attachments, which are not copied.
@@ -98,6 +104,7 @@ fn copy_all(
         path: input.to_owned(),
         source,
     };
+    let mut finder = File::open(input).and_then(ChunkFinder::new).map_err(read)?;
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
     let first = loop {
@@ -128,14 +135,20 @@ fn copy_all(
         let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
         copy.metadata(&name, map).map_err(out)?;
     }
-    let mut damage = Vec::new();
-    let (mut from_torn, mut spoilt) = (0, false);
+    let (mut damage, mut undecodable) = (Vec::new(), BTreeMap::<String, u64>::new());
+    let (mut from_torn, mut spoilt, mut info) = (0, false, None);
     let mut step = first;
     while let Some(now) = step {
         match now {
             Step::Message {
                 channel, message, ..
-            } => copy.message(&scan, &channel, &message).map_err(out)?,
+            } => {
+                copy.message(&scan, &channel, &message).map_err(out)?;
+                let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+                if decode(&channel, &schema, message, &mut info).is_err() {
+                    *undecodable.entry(channel.topic.clone()).or_default() += 1;
+                }
+            }
             Step::Metadata { name } => {
                 let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
                 copy.metadata(&name, map).map_err(out)?;
@@ -144,10 +157,10 @@ fn copy_all(
                 from_torn += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
             }
             Step::Damage { offset, damage: d } => {
-                spoilt |= !d.is_missing_end();
+                spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
                 damage.push((offset, d.to_string()));
                 if d.loses_the_thread()
-                    && let Some(next) = next_chunk(input, offset + 1).map_err(read)?
+                    && let Some(next) = finder.find(offset + 1).map_err(read)?
                 {
                     spoilt = true;
                     scan.jump(next).map_err(read)?;
@@ -156,7 +169,10 @@ fn copy_all(
         }
         step = scan.next();
     }
-    let was_whole = scan.learnt.ended && damage.is_empty();
+    spoilt |= !undecodable.is_empty();
+    let metadata = scan.learnt.seal_findings();
+    spoilt |= metadata.iter().any(|f| f.state != SealState::Unverifiable);
+    let was_whole = scan.learnt.ended && damage.is_empty() && !spoilt;
     let unread_bytes = if was_whole {
         0
     } else {
@@ -172,11 +188,19 @@ fn copy_all(
     for (n, (offset, text)) in damage.iter().take(100).enumerate() {
         note.insert(format!("damage.{n:03}"), format!("byte {offset}: {text}"));
     }
-    copy.metadata("recovered", note).map_err(out)?;
+    for (topic, n) in &undecodable {
+        note.insert(format!("undecodable.{topic}"), n.to_string());
+    }
+    for (n, finding) in metadata.iter().enumerate() {
+        note.insert(format!("metadata.{n:03}"), finding.to_string());
+    }
+    copy.metadata("recovered", sealed("recovered", note))
+        .map_err(out)?;
     let ours = scan.learnt.metadata.contains_key("rig");
     if ours && !scan.learnt.metadata.contains_key("summary") {
         let summary = copy.ledger.summary(&copy.messages);
-        copy.metadata("summary", summary).map_err(out)?;
+        copy.metadata("summary", sealed("summary", summary))
+            .map_err(out)?;
     }
     copy.writer.finish().map_err(out)?;
     let io = |e: std::io::Error| LogError::Output {
@@ -196,21 +220,14 @@ fn copy_all(
         messages_total: copy.total,
         from_torn_chunk: from_torn,
         damage,
+        undecodable,
+        metadata,
         unread_bytes,
         attachments_left: scan.learnt.attachments,
         was_whole,
         lossy: spoilt || scan.cut_in_data() || scan.learnt.attachments > 0,
     };
     Ok((recovery, copy.digest.0.finalize()))
-}
-
-/// After a length that cannot be right: the next sound chunk, wherever it is.
-fn next_chunk(input: &Path, from: u64) -> std::io::Result<Option<u64>> {
-    let file = File::open(input)?;
-    // SAFETY: the map is private, read-only and dropped before returning; a log under recovery is
-    // not being written (and if it shrinks all the same, the process ends, nothing is corrupted).
-    let map = unsafe { memmap2::Mmap::map(&file)? };
-    Ok(records::find_chunk(&map, from))
 }
 
 /// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
@@ -317,6 +334,15 @@ impl fmt::Display for Recovery {
         for (offset, damage) in &self.damage {
             writeln!(f, "  at byte {offset}: {damage}")?;
         }
+        for (topic, n) in &self.undecodable {
+            writeln!(
+                f,
+                "  {n} messages of {topic} do not decode; copied as they are"
+            )?;
+        }
+        for finding in &self.metadata {
+            writeln!(f, "  {finding}")?;
+        }
         if self.unread_bytes > 0 {
             writeln!(
                 f,
@@ -332,7 +358,7 @@ impl fmt::Display for Recovery {
             (_, false) => {
                 "nothing that was in the file is lost; what was still in memory when the writer died was never in it"
             }
-            (_, true) => "something that was in the file is lost",
+            (_, true) => "something that was in the file is lost or cannot be used",
         };
         writeln!(f, "  {verdict}; the original is untouched")
     }

@@ -15,6 +15,7 @@ use super::records::{
     self, ChannelRecord, ChunkRecord, Damage, Declared, Located, MessageRecord, Records,
     StatisticsRecord,
 };
+use super::seal::{self, SealFinding};
 
 /// One step through a file.
 #[derive(Debug)]
@@ -40,6 +41,8 @@ pub(super) struct Learnt {
     pub library: String,
     pub declared: Declared,
     pub metadata: BTreeMap<String, MetadataMap>,
+    /// Digests of metadata that channels inside chunks repeat, by the metadata's name.
+    pub sealed: BTreeMap<String, String>,
     /// Names of the metadata that stand before the first message.
     pub head_metadata: Vec<String>,
     pub messages: u64,
@@ -53,6 +56,15 @@ pub(super) struct Learnt {
     pub ended: bool,
     /// The data section carries a checksum (it was compared, if so).
     pub data_crc_stated: bool,
+    /// Logs that stood before this one in the file: identifiers of channels and schemas begin anew with each.
+    pub joined: u32,
+}
+
+impl Learnt {
+    /// The metadata of which the digests do not say that it is as it was written.
+    pub fn seal_findings(&self) -> Vec<SealFinding> {
+        seal::check(&self.metadata, &self.sealed)
+    }
 }
 
 /// Steps through a file from start to end.
@@ -66,6 +78,10 @@ pub(super) struct Scan<R> {
     damaged: bool,
     cut: bool,
     done: bool,
+    /// Bytes that the chunks so far unpacked to.
+    unpacked_bytes: u64,
+    /// Whether it was looked for what stands behind the end.
+    ended_at: Option<u64>,
 }
 
 pub(super) type FileScan = Scan<BufReader<File>>;
@@ -96,6 +112,8 @@ impl<R: BufRead> Scan<R> {
             damaged: false,
             cut: false,
             done: false,
+            unpacked_bytes: 0,
+            ended_at: None,
         }))
     }
 
@@ -117,7 +135,7 @@ impl<R: BufRead> Scan<R> {
         self.cut && data && !self.past_data
     }
 
-    /// Goes on at a record found by [`records::find_chunk`].
+    /// Goes on at a record found by [`records::ChunkFinder`].
     pub fn jump(&mut self, offset: u64) -> std::io::Result<()>
     where
         R: std::io::Seek,
@@ -139,7 +157,8 @@ impl<R: BufRead> Scan<R> {
             if let Some((offset, content)) = &mut self.chunk {
                 let offset = *offset;
                 match records::next_inner(content) {
-                    Some(Ok((opcode, body))) => match self.data_record(offset, opcode, &body) {
+                    Some(Ok((opcode, body))) => match self.data_record(offset, opcode, &body, true)
+                    {
                         Ok(Some(step)) => return Some(step),
                         Ok(None) => {}
                         Err(damage) => return Some(Step::Damage { offset, damage }),
@@ -150,7 +169,7 @@ impl<R: BufRead> Scan<R> {
                 continue;
             }
             if self.done {
-                return None;
+                return self.behind_the_end();
             }
             match self.records.next() {
                 Some(Ok(outer)) => match self.outer(&outer) {
@@ -177,6 +196,23 @@ impl<R: BufRead> Scan<R> {
         }
     }
 
+    /// After the last record: nothing, as it should be, or what was appended to the log.
+    fn behind_the_end(&mut self) -> Option<Step> {
+        if !self.learnt.ended || self.ended_at == Some(self.records.offset()) {
+            return None;
+        }
+        let found = self.records.behind_the_end();
+        self.ended_at = Some(self.records.offset());
+        let (offset, damage) = found.err()?;
+        if damage == Damage::JoinedLog {
+            (self.done, self.past_data, self.cut) = (false, false, false);
+            let learnt = &mut self.learnt;
+            (learnt.declared, learnt.statistics) = (Declared::default(), None);
+            (learnt.ended, learnt.joined) = (false, learnt.joined + 1);
+        }
+        Some(Step::Damage { offset, damage })
+    }
+
     fn outer(&mut self, outer: &records::Outer) -> Result<Option<Step>, Damage> {
         let body = &outer.body;
         match outer.opcode {
@@ -191,6 +227,15 @@ impl<R: BufRead> Scan<R> {
                     .compressions
                     .entry(chunk.compression.clone())
                     .or_default() += 1;
+                let bytes = chunk.uncompressed_bytes;
+                self.unpacked_bytes = self.unpacked_bytes.saturating_add(bytes);
+                let read = self.records.offset();
+                let most = records::EXPANSION_MAX.saturating_mul(read);
+                if self.unpacked_bytes > most.saturating_add(records::LIMIT_BYTES) {
+                    // Not counted, so that the sound chunks behind a few bombs are read.
+                    self.unpacked_bytes -= bytes;
+                    return Err(Damage::Expansion { bytes });
+                }
                 self.chunk = Some((outer.offset, chunk.open()?));
             }
             op::METADATA if !self.past_data => {
@@ -218,7 +263,9 @@ impl<R: BufRead> Scan<R> {
                 self.done = true;
                 return self.footer(body);
             }
-            opcode if !self.past_data => return self.data_record(outer.offset, opcode, body),
+            opcode if !self.past_data => {
+                return self.data_record(outer.offset, opcode, body, false);
+            }
             _ => {}
         }
         Ok(None)
@@ -229,10 +276,19 @@ impl<R: BufRead> Scan<R> {
         offset: u64,
         opcode: u8,
         body: &Bytes,
+        in_chunk: bool,
     ) -> Result<Option<Step>, Damage> {
         match opcode {
             op::SCHEMA => self.learnt.declared.add_schema(records::schema(body)?)?,
-            op::CHANNEL => self.learnt.declared.add_channel(records::channel(body)?)?,
+            op::CHANNEL => {
+                let channel = records::channel(body)?;
+                if in_chunk {
+                    let stated = seal::in_channel(&channel.metadata);
+                    let stated = stated.map(|(name, digest)| (name.to_owned(), digest.to_owned()));
+                    self.learnt.sealed.extend(stated);
+                }
+                self.learnt.declared.add_channel(channel)?;
+            }
             op::MESSAGE => {
                 let message = records::message(body)?;
                 let channel = self.learnt.declared.channels.get(&message.channel_id);

@@ -28,6 +28,55 @@ pub trait LogSink: Write + Send {
 
     /// Bytes left for us on the device, claimed ones included; `None` = not known.
     fn free_bytes(&self) -> Option<u64>;
+
+    /// What became of the name under which the file was created, if it is no longer the file's; `None` = it still is,
+    /// or the sink has no name.
+    fn name_lost(&self) -> Option<NameLost> {
+        None
+    }
+
+    /// Saves what was written under a new name beside the one that was lost.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    fn save_beside(&mut self) -> io::Result<PathBuf> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+}
+
+/// Why a file is not found under its name any more.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NameLost {
+    /// The file has another name now.
+    Renamed {
+        /// Its old name.
+        from: PathBuf,
+        /// Its name now.
+        to: PathBuf,
+    },
+    /// The file was removed, or another file or file system stands in its place.
+    Gone {
+        /// Its old name.
+        path: PathBuf,
+    },
+}
+
+impl std::fmt::Display for NameLost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            NameLost::Renamed { from, to } => write!(
+                f,
+                "the log's file {} was renamed while it was being written: it is {} now",
+                from.display(),
+                to.display()
+            ),
+            NameLost::Gone { path } => write!(
+                f,
+                "the log's file {} was removed, replaced or mounted over while it was being written",
+                path.display()
+            ),
+        }
+    }
 }
 
 impl<T: LogSink + ?Sized> LogSink for Box<T> {
@@ -42,6 +91,12 @@ impl<T: LogSink + ?Sized> LogSink for Box<T> {
     }
     fn free_bytes(&self) -> Option<u64> {
         (**self).free_bytes()
+    }
+    fn name_lost(&self) -> Option<NameLost> {
+        (**self).name_lost()
+    }
+    fn save_beside(&mut self) -> io::Result<PathBuf> {
+        (**self).save_beside()
     }
 }
 
@@ -160,6 +215,60 @@ impl LogSink for FileSink {
 
     fn free_bytes(&self) -> Option<u64> {
         free_bytes(&self.path)
+    }
+
+    fn name_lost(&self) -> Option<NameLost> {
+        use std::os::unix::fs::MetadataExt;
+        let ours = self.file.metadata().ok()?;
+        let same = |path: &Path| {
+            let found = path.metadata();
+            found.is_ok_and(|m| (m.dev(), m.ino()) == (ours.dev(), ours.ino()))
+        };
+        if same(&self.path) {
+            return None;
+        }
+        // The kernel knows the name an open file has now; of a removed file it is the old one with a remark.
+        let link = format!("/proc/self/fd/{}", self.file.as_raw_fd());
+        let now = std::fs::read_link(link).ok().filter(|to| same(to));
+        Some(match now {
+            Some(to) => NameLost::Renamed {
+                from: self.path.clone(),
+                to,
+            },
+            None => NameLost::Gone {
+                path: self.path.clone(),
+            },
+        })
+    }
+
+    fn save_beside(&mut self) -> io::Result<PathBuf> {
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let extension = self
+            .path
+            .extension()
+            .map_or("mcap".into(), |e| e.to_string_lossy());
+        let mut taken = 0u32;
+        loop {
+            let number = if taken == 0 {
+                String::new()
+            } else {
+                format!("-{taken}")
+            };
+            let path = self
+                .path
+                .with_file_name(format!("{stem}-saved{number}.{extension}"));
+            let mut options = OpenOptions::new();
+            match options.write(true).create_new(true).open(&path) {
+                Ok(mut copy) => {
+                    io::Seek::seek(&mut self.file, io::SeekFrom::Start(0))?;
+                    io::copy(&mut self.file, &mut copy)?;
+                    copy.sync_all()?;
+                    return Ok(path);
+                }
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && taken < 100 => taken += 1,
+                Err(e) => return Err(e),
+            }
+        }
     }
 }
 

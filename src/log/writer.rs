@@ -8,10 +8,11 @@ use std::io;
 use std::path::PathBuf;
 
 use super::LogError;
-use super::account::{Counts, LogOutcome, SummaryInput, summary_map};
+use super::account::{Counts, LogOutcome, Misplaced, SummaryInput, summary_map};
 use super::entry::Entry;
 use super::part::{Fault, PartFile};
 use super::settings::{Head, PartOpener, WriteSettings};
+use super::sink::NameLost;
 use super::topic::Topic;
 use hydroline_core::event::{Event, Severity};
 
@@ -30,6 +31,9 @@ pub struct LogWriter {
     unwritten: BTreeMap<&'static str, u64>,
     stopped: Option<String>,
     rotation_refused: bool,
+    misplaced: Vec<Misplaced>,
+    /// Whether it was said that the open part's name is lost.
+    name_lost: bool,
     /// The last calibrations: sent once, needed in every part.
     calibrations: BTreeMap<Topic, Entry>,
 }
@@ -60,6 +64,8 @@ impl LogWriter {
             unwritten: BTreeMap::new(),
             stopped: None,
             rotation_refused: false,
+            misplaced: Vec::new(),
+            name_lost: false,
             calibrations: BTreeMap::new(),
         })
     }
@@ -74,7 +80,16 @@ impl LogWriter {
         {
             self.calibrations.insert(*topic, entry.clone());
         }
-        let written = match self.try_write(now_ns, log_ns, entry) {
+        let mut tried = self.try_write(now_ns, log_ns, entry);
+        if let Err(Some(Fault::Full(e))) = &tried
+            && e.raw_os_error() == Some(libc::EFBIG)
+            && !self.rotation_refused
+        {
+            // The file, not the disk, is full: the file system's or the process's limit on a file's size.
+            self.rotate(now_ns, counts);
+            tried = self.try_write(now_ns, log_ns, entry);
+        }
+        let written = match tried {
             Ok(closed_a_chunk) => {
                 if closed_a_chunk {
                     self.guard(now_ns, counts);
@@ -116,7 +131,12 @@ impl LogWriter {
     pub fn tick(&mut self, now_ns: u64, counts: &dyn Fn() -> Counts) {
         let Some(part) = &mut self.part else { return };
         match part.tick(now_ns) {
-            Ok(due) if due.close || due.sync => self.guard(now_ns, counts),
+            Ok(due) if due.close || due.sync => {
+                if due.sync {
+                    self.watch_name(now_ns);
+                }
+                self.guard(now_ns, counts);
+            }
             Ok(_) => {}
             Err(fault) => self.stop(now_ns, &fault, counts),
         }
@@ -169,6 +189,45 @@ impl LogWriter {
         } else if part.policy().must_rotate(part.bytes()) && !self.rotation_refused {
             self.rotate(now_ns, counts);
         }
+    }
+
+    /// Says once when the file is no longer found under its name: the data goes on into it and is saved at its end.
+    fn watch_name(&mut self, now_ns: u64) {
+        if self.name_lost {
+            return;
+        }
+        let Some(lost) = self.part.as_ref().and_then(PartFile::name_lost) else {
+            return;
+        };
+        self.name_lost = true;
+        tracing::error!("{lost}");
+        let event = Event::new(
+            self.last_log_ns,
+            Severity::Error,
+            "log.name_lost",
+            lost.to_string(),
+        );
+        self.own_event(now_ns, &event);
+    }
+
+    /// Of a closed part: where its data is, should its name be lost.
+    fn find_again(&mut self, part: &mut PartFile) {
+        self.name_lost = false;
+        let Some(lost) = part.name_lost() else {
+            return;
+        };
+        let now = match &lost {
+            NameLost::Renamed { to, .. } => Some(to.clone()),
+            NameLost::Gone { .. } => match part.save_beside() {
+                Ok(path) => Some(path),
+                Err(e) => {
+                    tracing::error!("{lost}; it cannot be saved under another name: {e}");
+                    None
+                }
+            },
+        };
+        let what = lost.to_string();
+        self.misplaced.push(Misplaced { what, now });
     }
 
     /// The next part is opened before this one is closed: if that fails, nothing is lost and the
@@ -272,6 +331,7 @@ impl LogWriter {
             Ok(bytes) => {
                 self.finished_bytes += bytes;
                 add(&mut self.written, &messages);
+                self.find_again(part);
             }
             Err(fault) => {
                 tracing::error!("part {} cannot be closed: {fault}", self.number);
@@ -304,6 +364,7 @@ impl LogWriter {
                 self.finished_bytes += part.bytes();
             }
         }
+        self.find_again(part);
     }
 
     /// Closes the last part.
@@ -322,6 +383,7 @@ impl LogWriter {
             files: std::mem::take(&mut self.files),
             lost: all.lost_anything() || self.stopped.is_some(),
             stopped: self.stopped.clone(),
+            misplaced: std::mem::take(&mut self.misplaced),
             counts: all,
         }
     }

@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub struct CommandRecord {
     /// Last byte out, UNIX \[ns\].
     pub timestamp_ns: u64,
+    /// The same on CLOCK_MONOTONIC \[ns\]: what supervision goes by, for the wall clock may be set meanwhile.
+    pub sent_monotonic_ns: u64,
     /// Counts sets of commands.
     pub sequence: u32,
     /// Name in the rig file.

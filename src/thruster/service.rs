@@ -23,6 +23,7 @@ use super::safety::{NeutralReason, State};
 use super::scheduler::LoadAt;
 use super::transport::{OpenError, SerialTransport, Transport};
 use hydroline_core::clock::Clock;
+use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::thread_class::{block_signals, real_time};
 use hydroline_rigs::ThrusterSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -156,6 +157,7 @@ pub struct Shared {
     state: Mutex<Option<State>>,
     stats: Mutex<ServiceStats>,
     plan: Mutex<PlanState>,
+    heartbeat: Heartbeat,
 }
 
 const REASONS: [NeutralReason; 8] = [
@@ -250,6 +252,7 @@ impl ThrusterService {
         let (orders, inbox) = sync_channel(64);
         let shared = Arc::new(Shared::default());
         let mut core = Core::new(config, protocol, opener, clock, sink, inbox, shared.clone());
+        let heartbeat = shared.heartbeat.clone();
         let run = move || {
             block_signals();
             if let Err(error) = real_time() {
@@ -259,9 +262,11 @@ impl ThrusterService {
                 );
             }
             // A panic (in the sink, in a plan, in ourselves) must not leave the thrusters running.
-            if let Err(panic) =
-                catch_unwind(AssertUnwindSafe(|| while core.step() == Flow::Continue {}))
-            {
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| {
+                while core.step() == Flow::Continue {
+                    heartbeat.beat();
+                }
+            })) {
                 let words = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
                 let words = words
                     .or_else(|| panic.downcast_ref::<String>().cloned())
@@ -373,6 +378,11 @@ impl ThrusterService {
     /// Counters.
     pub fn stats(&self) -> ServiceStats {
         self.shared.stats(|s| *s)
+    }
+
+    /// Beats with each turn of the service's loop.
+    pub fn heartbeat(&self) -> Heartbeat {
+        self.shared.heartbeat.clone()
     }
 
     /// Neutral, confirmed where the link allows it; then the thread ends and the port is closed.

@@ -32,10 +32,14 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// `None` when stdin is not a terminal (a pipe, a service): then there are no keys to watch.
-    /// Line buffering, echo, Ctrl-S and Ctrl-Z are switched off; Ctrl-C keeps working.
+    /// `None` when stdin is not a terminal (a pipe, a service), or not ours to read (`record ... &` in an interactive
+    /// shell): then there are no keys to watch. Line buffering, echo, Ctrl-S and Ctrl-Z are switched off; Ctrl-C keeps
+    /// working.
     pub fn watch(line: Option<NeutralHandle>) -> Option<Self> {
         let fd: RawFd = libc::STDIN_FILENO;
+        if !in_foreground(fd) {
+            return None;
+        }
         // SAFETY: isatty only asks; termios is plain data that tcgetattr fills before it is used.
         let before = unsafe {
             if libc::isatty(fd) == 0 {
@@ -101,6 +105,13 @@ impl Keys {
     }
 }
 
+/// Whether this process may read the terminal and change its settings: from the background either of them stops the
+/// whole process (SIGTTIN, SIGTTOU).
+fn in_foreground(fd: RawFd) -> bool {
+    // SAFETY: both only ask.
+    unsafe { libc::tcgetpgrp(fd) == libc::getpgrp() }
+}
+
 fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
     let mut keys = [0u8; 64];
     loop {
@@ -153,6 +164,10 @@ fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
 impl Drop for Keys {
     fn drop(&mut self) {
         self.join();
+        // Sent to the background meanwhile: the terminal is somebody else's now.
+        if !in_foreground(libc::STDIN_FILENO) {
+            return;
+        }
         // SAFETY: restores what tcgetattr returned for the same descriptor.
         unsafe { libc::tcsetattr(libc::STDIN_FILENO, libc::TCSANOW, &self.before) };
     }

@@ -7,7 +7,7 @@ pub(super) fn ready() {
     tell(&[NotifyState::Ready, NotifyState::Status("recording")]);
 }
 
-/// The main loop goes round: within every `WatchdogSec` of the unit, or systemd ends the process, and with its commands
+/// Capture, log writer and thruster service all went on: within every `WatchdogSec` of the unit, or systemd ends the process, and with its commands
 /// the controller's own watchdog goes to neutral.
 pub(super) fn alive() {
     tell(&[NotifyState::Watchdog]);

@@ -10,20 +10,20 @@ const MAX_SD_RAD: f64 = 0.035;
 /// The newest measured pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeasuredPose {
-    /// When it was true, UNIX \[ns\].
-    pub unix_ns: u64,
+    /// When its frame was received, CLOCK_MONOTONIC \[ns\].
+    pub received_ns: u64,
     /// x, y, z, phi, theta, psi and their standard deviations \[m, rad\]; `None` = not shown by the frame.
     pub eta: [Option<(f64, f64)>; 6],
 }
 
 impl MeasuredPose {
     /// Of a fit.
-    pub fn of(unix_ns: u64, fit: &JointPose) -> Self {
+    pub fn of(received_ns: u64, fit: &JointPose) -> Self {
         let values = fit.pose.to_array();
         let eta = std::array::from_fn(|i| {
             fit.measured[i].then(|| (values[i], fit.covariance[(i, i)].sqrt()))
         });
-        Self { unix_ns, eta }
+        Self { received_ns, eta }
     }
 
     /// The value of one degree of freedom when it is known well enough to judge by.

@@ -4,6 +4,7 @@ use super::newest::Newest;
 use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
 use crate::signals::Signals;
 use hydroline_core::event::Severity;
+use hydroline_core::heartbeat::Liveness;
 use hydroline_core::shutdown::StopReason;
 use hydroline_log::messages;
 use hydroline_thruster::ThrusterService;
@@ -36,7 +37,14 @@ pub(super) fn supervise(
         .enable_all()
         .build()
         .map_err(start)?;
+    let mut watched = vec![
+        ("capture", shared.capture.clone()),
+        ("log writer", shared.recorder.heartbeat()),
+    ];
+    watched.extend(service.map(|s| ("thruster service", s.heartbeat())));
     let mut supervisor = Supervisor {
+        liveness: Liveness::of(watched),
+        standing: Vec::new(),
         shared,
         job,
         service,
@@ -50,6 +58,9 @@ pub(super) fn supervise(
 }
 
 struct Supervisor<'a> {
+    liveness: Liveness,
+    /// Threads that stood still at the last look.
+    standing: Vec<&'static str>,
     shared: &'a Shared,
     job: &'a Job,
     service: Option<&'a ThrusterService>,
@@ -70,7 +81,7 @@ impl Supervisor<'_> {
             tokio::select! {
                 _ = second.tick() => {
                     self.log_clocks();
-                    manager::alive();
+                    self.feed_watchdog();
                 }
                 _ = tick.tick() => {
                     if let Some(reason) = self.look() {
@@ -92,6 +103,21 @@ impl Supervisor<'_> {
                 }
             }
         }
+    }
+
+    /// The service manager hears that all is well only while capture, writer and thruster service all go on.
+    fn feed_watchdog(&mut self) {
+        let standing = self.liveness.standing();
+        if standing.is_empty() {
+            manager::alive();
+        } else if standing != self.standing {
+            let words = format!(
+                "no sign of life for a second from: {}; the service manager's watchdog is not fed meanwhile",
+                standing.join(", ")
+            );
+            self.shared.say(Severity::Warning, "daemon.standing", words);
+        }
+        self.standing = standing;
     }
 
     fn neutral(&self, reason: NeutralReason) {

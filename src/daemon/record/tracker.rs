@@ -31,7 +31,8 @@ pub struct Tracker {
 struct Sent {
     place: usize,
     thrust_n: f64,
-    unix_ns: u64,
+    /// CLOCK_MONOTONIC \[ns\]: a wall clock that is set must not move the vehicle.
+    at_ns: u64,
 }
 
 struct Model {
@@ -45,28 +46,26 @@ const NEUTRAL_N: f64 = 0.05;
 struct State {
     world: World,
     thrust_n: Vec<f64>,
-    start_unix_ns: Option<u64>,
+    start_ns: Option<u64>,
     last_t_s: f64,
 }
 
 impl State {
-    fn t_s(&self, start_unix_ns: u64, unix_ns: u64) -> f64 {
-        (unix_ns.saturating_sub(start_unix_ns) as f64 / 1e9).max(self.last_t_s)
+    fn t_s(&self, start_ns: u64, at_ns: u64) -> f64 {
+        (at_ns.saturating_sub(start_ns) as f64 / 1e9).max(self.last_t_s)
     }
 
     /// False when the model diverged.
-    fn take(&mut self, sent: &Sent, now_unix_ns: u64) -> bool {
+    fn take(&mut self, sent: &Sent, now_ns: u64) -> bool {
         // The vehicle is held or rests at the rig's start until something pushes it.
-        if self.start_unix_ns.is_none() && sent.thrust_n.abs() <= NEUTRAL_N {
+        if self.start_ns.is_none() && sent.thrust_n.abs() <= NEUTRAL_N {
             return true;
         }
-        let start = *self
-            .start_unix_ns
-            .get_or_insert(sent.unix_ns.min(now_unix_ns));
+        let start = *self.start_ns.get_or_insert(sent.at_ns.min(now_ns));
         if let Some(thrust_n) = self.thrust_n.get_mut(sent.place) {
             *thrust_n = sent.thrust_n;
         }
-        let t_s = self.t_s(start, sent.unix_ns);
+        let t_s = self.t_s(start, sent.at_ns);
         self.world.command_thrusts(t_s, &self.thrust_n).is_ok()
     }
 
@@ -80,12 +79,12 @@ impl State {
 
 impl Model {
     /// Takes what was posted; `None` when there is no model (any more).
-    fn up_to_date(&mut self, now_unix_ns: u64) -> Option<&mut State> {
+    fn up_to_date(&mut self, now_ns: u64) -> Option<&mut State> {
         for sent in self.inbox.try_iter() {
             if self
                 .state
                 .as_mut()
-                .is_some_and(|state| !state.take(&sent, now_unix_ns))
+                .is_some_and(|state| !state.take(&sent, now_ns))
             {
                 self.state = None;
             }
@@ -102,7 +101,7 @@ impl Tracker {
             .map(|world| State {
                 world,
                 thrust_n: vec![0.0; rig.thrusters.thrusters.len()],
-                start_unix_ns: None,
+                start_ns: None,
                 last_t_s: 0.0,
             });
         let (post, inbox) = sync_channel(WAITING);
@@ -137,26 +136,26 @@ impl Tracker {
         let sent = Sent {
             place,
             thrust_n: command.thrust_n,
-            unix_ns: command.timestamp_ns,
+            at_ns: command.sent_monotonic_ns,
         };
         if self.post.try_send(sent).is_err() {
             self.missed.store(true, Ordering::Release);
         }
     }
 
-    /// Where the vehicle should be at `unix_ns`; nothing while no thrust is commanded.
-    pub fn estimate(&self, unix_ns: u64) -> Estimate {
+    /// Where the vehicle should be at `at_ns`, CLOCK_MONOTONIC; nothing while no thrust is commanded.
+    pub fn estimate(&self, at_ns: u64) -> Estimate {
         let mut model = self.lock();
         if self.missed.load(Ordering::Acquire) {
             model.state = None;
         }
-        let Some(state) = model.up_to_date(unix_ns) else {
+        let Some(state) = model.up_to_date(at_ns) else {
             return Estimate::default();
         };
-        let Some(start) = state.start_unix_ns else {
+        let Some(start) = state.start_ns else {
             return Estimate::default();
         };
-        let t_s = state.t_s(start, unix_ns);
+        let t_s = state.t_s(start, at_ns);
         state.last_t_s = t_s;
         if !state.is_driven() {
             return Estimate::default();
@@ -184,7 +183,7 @@ mod tests {
     use hydroline_sim::Allocation;
     use std::sync::Arc;
 
-    const START_NS: u64 = 1_700_000_000_000_000_000;
+    const START_NS: u64 = 77_000_000_000;
 
     /// The first set of the paper's 4 N surge run.
     fn commands(rig: &Rig) -> Vec<CommandRecord> {
@@ -194,7 +193,8 @@ mod tests {
         thrusters
             .zip(set.thrust_n.iter().zip(&set.pulses_us))
             .map(|(thruster, (thrust_n, pulse_us))| CommandRecord {
-                timestamp_ns: START_NS,
+                timestamp_ns: 0,
+                sent_monotonic_ns: START_NS,
                 sequence: 1,
                 thruster: Arc::from(thruster.name.as_str()),
                 thrust_n: *thrust_n,
@@ -243,7 +243,7 @@ mod tests {
         assert_eq!(tracker.estimate(START_NS + minute_ns), Estimate::default());
         // A plan a minute later starts at the rig's start, not where the model had drifted to ...
         let later = |c: &CommandRecord| CommandRecord {
-            timestamp_ns: c.timestamp_ns + minute_ns,
+            sent_monotonic_ns: c.sent_monotonic_ns + minute_ns,
             ..c.clone()
         };
         for command in &commands(&rig) {
@@ -255,7 +255,7 @@ mod tests {
         // ... and with the neutral after it the model is silent again.
         for command in &neutral {
             tracker.command(&CommandRecord {
-                timestamp_ns: later(command).timestamp_ns + 1_000_000_000,
+                sent_monotonic_ns: later(command).sent_monotonic_ns + 1_000_000_000,
                 ..command.clone()
             });
         }

@@ -58,7 +58,7 @@ impl Sight {
         let floor_ns = floor.map(|(at_ns, _)| at_ns);
         let new_floor = floor.is_some() && self.floor_ns != floor_ns;
         self.floor_ns = floor_ns.or(self.floor_ns);
-        let pose_ns = pose.map(|p| p.unix_ns);
+        let pose_ns = pose.map(|p| p.received_ns);
         let new_pose = pose.is_some() && self.pose_ns != pose_ns;
         self.pose_ns = pose_ns.or(self.pose_ns);
 
@@ -120,14 +120,12 @@ pub(super) fn start(
 }
 
 fn look(shared: &Shared, sight: &mut Sight, now_ns: u64) -> Estimate {
-    let unix_ns = shared.clock.triple().monotonic_to_unix_ns(now_ns);
     let floor = *shared.floor.lock().unwrap_or_else(PoisonError::into_inner);
     let pose = *shared.pose.lock().unwrap_or_else(PoisonError::into_inner);
     sight.estimate(
         floor.filter(|(at_ns, _)| now_ns.saturating_sub(*at_ns) <= FRESH_NS),
-        // Not one from the future either: a wall clock that was set back must not keep a pose fresh.
-        pose.filter(|p| unix_ns.abs_diff(p.unix_ns) <= FRESH_POSE_NS),
-        shared.tracker.estimate(unix_ns),
+        pose.filter(|p| now_ns.saturating_sub(p.received_ns) <= FRESH_POSE_NS),
+        shared.tracker.estimate(now_ns),
     )
 }
 
@@ -154,11 +152,11 @@ mod tests {
         Some((at_ns, floor))
     }
 
-    fn pose(unix_ns: u64, x_m: f64, sd_m: f64) -> Option<MeasuredPose> {
+    fn pose(received_ns: u64, x_m: f64, sd_m: f64) -> Option<MeasuredPose> {
         let mut eta = [Some((0.0, 0.001)); 6];
         eta[0] = Some((x_m, sd_m));
         eta[2] = Some((-0.8, 0.001));
-        Some(MeasuredPose { unix_ns, eta })
+        Some(MeasuredPose { received_ns, eta })
     }
 
     fn at_x(x_m: f64) -> Estimate {
@@ -186,9 +184,9 @@ mod tests {
     fn a_measured_x_beyond_aborts_although_the_model_is_inside() {
         let (mut sight, mut monitor) = (Sight::default(), monitor());
         let mut words = None;
-        for unix_ns in [1, 2, 2, 2, 3] {
+        for received_ns in [1, 2, 2, 2, 3] {
             assert_eq!(words, None, "before the third pose");
-            words = monitor.update(&sight.estimate(None, pose(unix_ns, 1.7, 0.001), at_x(0.5)));
+            words = monitor.update(&sight.estimate(None, pose(received_ns, 1.7, 0.001), at_x(0.5)));
         }
         assert!(words.unwrap().contains("x = 1.700"));
     }

@@ -10,16 +10,29 @@ use crate::calibrate::live::Live;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
 use hydroline_core::event::Severity;
-use hydroline_core::frame::Frame;
+use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hydroline_log::messages;
 use hydroline_pose::joint::PoseFault;
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
+use hydroline_stripe::Profile;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// A frame's stripe on its way to the poses.
+pub(super) struct Seen {
+    /// Mid-exposure, UNIX \[ns\].
+    pub stamp_ns: u64,
+    /// When the frame was received, CLOCK_MONOTONIC \[ns\].
+    pub received_ns: u64,
+    /// Its luma.
+    pub image: GreyImage,
+    /// Its stripe.
+    pub profile: Profile,
+}
 
 /// Longest wait in either thread before it looks at the shutdown again.
 const LOOK: Duration = Duration::from_millis(100);
@@ -82,6 +95,7 @@ pub(super) fn capture(
     spawn("capture", shared, move |shared| {
         let mut index = 0;
         while !shared.shutdown.is_raised() {
+            shared.capture.beat();
             match source.next(LOOK) {
                 Ok(Captured::Frame(frame)) => {
                     take(shared, &*source, frame, index);
@@ -155,8 +169,12 @@ pub(super) fn analysis(
                         p.points = profile.row_px.len();
                     });
                     if let (true, Some((image, full))) = (with_poses, pixels) {
-                        let stamp_ns = frame.meta.mid_exposure_ns;
-                        shared.stripes.put((stamp_ns, image, full));
+                        shared.stripes.put(Seen {
+                            stamp_ns: frame.meta.mid_exposure_ns,
+                            received_ns: frame.meta.received_monotonic_ns,
+                            image,
+                            profile: full,
+                        });
                     }
                 }
                 Taken::Nothing => {}
@@ -179,11 +197,12 @@ pub(super) fn poses(
         let mut counts = PoseCounts::default();
         loop {
             match shared.stripes.take(LOOK) {
-                Taken::Item((stamp_ns, image, profile)) => {
-                    let pose = poses.pose(stamp_ns, &image, &profile);
+                Taken::Item(seen) => {
+                    let stamp_ns = seen.stamp_ns;
+                    let pose = poses.pose(stamp_ns, &seen.image, &seen.profile);
                     counts.count(&pose);
                     if let RunPose::Good(fit) = pose {
-                        let measured = MeasuredPose::of(stamp_ns, &fit);
+                        let measured = MeasuredPose::of(seen.received_ns, &fit);
                         *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) =
                             Some(measured);
                         let motion = motion_message(stamp_ns, &fit);

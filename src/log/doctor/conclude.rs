@@ -4,6 +4,7 @@ use super::checks::{BRACKET_NS, Checks};
 use super::{Finding, Grade};
 use crate::part::MetadataMap;
 use crate::scan::Learnt;
+use crate::seal::SealState;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
     summary.get("recovered").is_some_and(|v| v == "true")
@@ -60,6 +61,19 @@ impl Checks {
                     );
                 }
             }
+        }
+        for finding in learnt.seal_findings() {
+            let (grade, next) = match finding.state {
+                SealState::Altered | SealState::Missing => (
+                    Grade::Error,
+                    "do not trust it: give --rig and --calibration from their files when you use this log",
+                ),
+                SealState::Unverifiable => (
+                    Grade::Note,
+                    "a log of an older daemon: compare it with the file that the recording was made with, if it matters",
+                ),
+            };
+            self.add(grade, "metadata", None, finding.to_string(), next);
         }
         match learnt.metadata.get("summary") {
             Some(summary) => self.ledger(summary),

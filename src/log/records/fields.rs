@@ -6,7 +6,7 @@ use std::io::Read;
 use bytes::{Buf, Bytes};
 use mcap::records::op;
 
-use super::{Damage, LIMIT_BYTES, PREFIX_BYTES};
+use super::{Damage, EXPANSION_MAX, LIMIT_BYTES, PREFIX_BYTES};
 use crate::part::MetadataMap;
 
 /// Fields of a record, each only as long as the bytes that are there.
@@ -126,7 +126,15 @@ pub(crate) fn header(body: &Bytes) -> Result<(String, String), Damage> {
 
 pub(crate) fn metadata(body: &Bytes) -> Result<(String, MetadataMap), Damage> {
     let mut f = fields(op::METADATA, body);
-    Ok((f.string("name")?, f.map("metadata map")?))
+    let found = (f.string("name")?, f.map("metadata map")?);
+    // No checksum holds this length: one that is too large swallows the records behind it.
+    match f.bytes.remaining() as u64 {
+        0 => Ok(found),
+        surplus => Err(Damage::Surplus {
+            opcode: op::METADATA,
+            surplus,
+        }),
+    }
 }
 
 pub(crate) fn schema(body: &Bytes) -> Result<SchemaRecord, Damage> {
@@ -257,7 +265,9 @@ impl ChunkRecord {
                 }),
             );
         }
-        let mut out = Vec::new();
+        // Room at once, but no more than a chunk of this size can honestly need.
+        let room = (self.content.len() as u64).saturating_mul(EXPANSION_MAX);
+        let mut out = Vec::with_capacity(declared.min(room) as usize);
         // One byte more than declared shows a chunk that holds too much.
         let limit = declared + 1;
         let result = match self.compression.as_str() {

@@ -35,7 +35,8 @@ impl Digest {
 /// The new file.
 pub(super) struct Copy {
     pub writer: mcap::Writer<BufWriter<File>>,
-    pub channels: BTreeMap<u16, u16>,
+    /// By the log of a joined file and the identifier in it.
+    pub channels: BTreeMap<(u32, u16), u16>,
     pub digest: Digest,
     pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
@@ -49,7 +50,8 @@ impl Copy {
         channel: &ChannelRecord,
         m: &MessageRecord,
     ) -> Result<(), mcap::McapError> {
-        let id = match self.channels.get(&channel.id) {
+        let key = (scan.learnt.joined, channel.id);
+        let id = match self.channels.get(&key) {
             Some(id) => *id,
             None => {
                 let schema = match scan.learnt.declared.schemas.get(&channel.schema_id) {
@@ -60,7 +62,7 @@ impl Copy {
                 let id = self
                     .writer
                     .add_channel(schema, topic, encoding, &channel.metadata)?;
-                self.channels.insert(channel.id, id);
+                self.channels.insert(key, id);
                 id
             }
         };

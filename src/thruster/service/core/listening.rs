@@ -253,6 +253,7 @@ impl Core {
             for record in records {
                 (self.sink)(LinkRecord::Command(CommandRecord {
                     timestamp_ns,
+                    sent_monotonic_ns: out_ns,
                     ..record
                 }));
             }

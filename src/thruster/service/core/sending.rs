@@ -140,6 +140,7 @@ impl Core {
             .zip(thrust_n)
             .map(|((name, pulse), thrust_n)| CommandRecord {
                 timestamp_ns: 0,
+                sent_monotonic_ns: sent.last_byte_out_ns,
                 sequence,
                 thruster: name.clone(),
                 thrust_n: *thrust_n,
