@@ -42,7 +42,8 @@ fn disturbed(path: &Path, disturb: impl FnOnce()) -> LogOutcome {
     let mut disturb = Some(disturb);
     for (i, frame) in frames(5).iter().enumerate() {
         if i == 3 {
-            disturb.take().map(|d| d());
+            let disturb = disturb.take().unwrap();
+            disturb();
         }
         // Ten seconds apart: each is synced before the next.
         let t = T0_NS + i as u64 * 10_000_000_000;
