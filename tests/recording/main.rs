@@ -6,6 +6,7 @@ mod architecture;
 mod calibrate_chain;
 mod cli_errors;
 mod readme;
+mod record_clock;
 mod record_command;
 mod record_disk;
 mod record_kill;

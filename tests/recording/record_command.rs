@@ -8,6 +8,7 @@ use hydroline::thruster::controller::{ControllerConfig, PtyController, SimContro
 use hydroline::thruster::ports::Roots;
 use hydroline::thruster::service::serial_opener;
 use hydroline_calib::analytic::IdealMap;
+use hydroline::shutdown::StopReason;
 use hydroline_rigs::{Plan, Rig};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -237,16 +238,17 @@ fn several_runs_make_several_logs() {
     }
 }
 
-/// Records the built-in vehicle under other limits, with a plan on a simulated controller or without thrusters.
-fn record_within(
+/// Records the built-in vehicle under other limits, with a plan on a simulated controller or without thrusters: why it
+/// ended, and what is in the log.
+pub fn recorded(
     dir: &Path,
-    plan: Option<Plan>,
+    (plan, length_s): (Option<Plan>, f64),
     limit: impl FnOnce(&mut hydroline_rigs::Limits),
-) -> (String, Vec<Record>) {
+    clock: Arc<dyn hydroline::clock::Clock>,
+) -> (StopReason, Vec<Record>) {
     let rig = Rig::builtin("lshpi").unwrap();
-    let mut job = crate::support::job(&rig, plan, 60.0);
+    let mut job = crate::support::job(&rig, plan, length_s);
     limit(&mut job.rig.limits);
-    let clock: Arc<dyn hydroline::clock::Clock> = Arc::new(hydroline::clock::SystemClock);
     let vehicle = hydroline::simulated::SimulatedVehicle::new(&rig).unwrap();
     let renderer = hydroline_sim::Renderer::new(&rig).unwrap();
     let view = hydroline::simulated::CameraView::new(vehicle.clone(), renderer);
@@ -289,16 +291,27 @@ fn record_within(
         Box::new(|_| {}),
     )
     .unwrap();
-    let hydroline::shutdown::StopReason::Limit(words) = &report.stop else {
-        unreachable!("{:?}", report.stop)
-    };
     let (records, _) = read(&path);
+    (report.stop, records)
+}
+
+/// The same until a limit is passed.
+fn record_within(
+    dir: &Path,
+    plan: Option<Plan>,
+    limit: impl FnOnce(&mut hydroline_rigs::Limits),
+) -> (String, Vec<Record>) {
+    let clock = Arc::new(hydroline::clock::SystemClock);
+    let (stop, records) = recorded(dir, (plan, 60.0), limit, clock);
+    let StopReason::Limit(words) = stop else {
+        unreachable!("{stop:?}")
+    };
     assert!(
         records
             .iter()
             .any(|r| matches!(r, Record::Event(e) if e.kind == "limit.passed"))
     );
-    (words.clone(), records)
+    (words, records)
 }
 
 #[test]
