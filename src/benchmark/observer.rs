@@ -26,8 +26,8 @@ use hydroline_diagnose::setting::{Setting, Track};
 use hydroline_diagnose::weight::weights;
 use hydroline_diagnose::weights::Weights;
 use hydroline_identify::data::Run;
-use hydroline_identify::noise::{Series, estimate};
 use hydroline_identify::parameter::Coefficient;
+use hydroline_numerics::noise::{Series, estimate};
 
 /// Additions and exchanges fitted per set.
 const WIDTH: usize = 4;

@@ -7,10 +7,15 @@
 use nalgebra::{DMatrix, DVector};
 
 use hydroline_identify::forward::ForwardError;
-use hydroline_identify::lm::damped_step;
+use hydroline_numerics::least_squares::{self, Options};
 
 /// Least that a scaled diagonal is raised by: sets may hold what the data do not tell apart.
 const RIDGE: f64 = 1e-13;
+/// What a solve adds to the diagonal besides damping.
+const SOLVE: Options = Options {
+    jitter: RIDGE,
+    ..Options::DEFAULT
+};
 /// Exact linearisations at most.
 const ROUNDS: usize = 40;
 /// Chord steps behind one of them at most.
@@ -115,7 +120,7 @@ pub fn descend(
     let mut rough = false;
     for round in 0..ROUNDS {
         let moves = free_to_move(problem, &at, &now.gradient);
-        let plain = damped_step(&now.hessian, &now.gradient, &moves, 1e-12, RIDGE);
+        let plain = damped_step(&now.hessian, &now.gradient, &moves, 1e-12);
         let promised = promise(&now.hessian, &now.gradient, &plain);
         if moves.is_empty() || promised < ENOUGH {
             break;
@@ -128,7 +133,7 @@ pub fn descend(
         }
         let mut lower: Option<Lower> = None;
         while damping < 1e12 {
-            let s = damped_step(&now.hessian, &now.gradient, &moves, damping, RIDGE);
+            let s = damped_step(&now.hessian, &now.gradient, &moves, damping);
             let trial: Vec<f64> = at
                 .iter()
                 .enumerate()
@@ -163,7 +168,7 @@ pub fn descend(
             }
             let gradient = problem.gradient(&there, &residuals, &now.jacobians);
             let moves = free_to_move(problem, &there, &gradient);
-            let s = damped_step(&now.hessian, &gradient, &moves, damping, RIDGE);
+            let s = damped_step(&now.hessian, &gradient, &moves, damping);
             let hoped = promise(&now.hessian, &gradient, &s);
             if hoped < 0.3 * ENOUGH.max(0.1 * coarse) {
                 break;
@@ -209,4 +214,19 @@ fn free_to_move(problem: &impl Linearised, at: &[f64], gradient: &DVector<f64>) 
 /// What a step gains by the quadratic model.
 fn promise(hessian: &DMatrix<f64>, gradient: &DVector<f64>, step: &DVector<f64>) -> f64 {
     -gradient.dot(step) - 0.5 * step.dot(&(hessian * step))
+}
+
+/// (H + damping diag H) step = -g over the unknowns that move; no step where that has no solution.
+fn damped_step(
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    moves: &[usize],
+    damping: f64,
+) -> DVector<f64> {
+    let mut mask = DVector::from_element(gradient.len(), false);
+    for i in moves {
+        mask[*i] = true;
+    }
+    least_squares::damped_step(hessian, gradient, &mask, damping, &SOLVE)
+        .unwrap_or_else(|| DVector::zeros(gradient.len()))
 }

@@ -1,6 +1,6 @@
 //! A set of effects fitted together with the vehicle's own coefficients and each run's start.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
@@ -10,8 +10,8 @@ use super::weights::Weights;
 use hydroline_identify::forward::ForwardError;
 use hydroline_identify::lm::Squares;
 use hydroline_identify::parameter::{Coefficient, Free, free};
-use hydroline_identify::problem::Normal;
 use hydroline_identify::uncertainty::covariance;
+use hydroline_numerics::least_squares::Normal;
 use hydroline_sim::effect::ParameterInfo;
 
 /// Relative sd of the rig's coefficients as a prior: a rig file is some 20 % off, a few are worse; what data
@@ -440,7 +440,7 @@ impl Squares for Posed<'_> {
         }
     }
 
-    fn normal(&self, at: &[f64]) -> Result<Normal, ForwardError> {
+    fn normal(&self, at: &[f64]) -> Result<Normal<Dyn>, ForwardError> {
         let made = self.linearise(at)?;
         Ok(Normal {
             cost: made.cost,

@@ -10,8 +10,8 @@ use super::setting::{COEFFICIENTS, Setting, Track};
 use super::weights::{Weights, in_both};
 use hydroline_identify::forward::ForwardError;
 use hydroline_identify::lm::descend;
-use hydroline_identify::noise::{Noise, Series, mask};
 use hydroline_identify::uncertainty::covariance;
+use hydroline_numerics::noise::{Noise, Series, mask};
 
 /// Runs predicted, and what was missed.
 #[derive(Debug, Clone, PartialEq)]

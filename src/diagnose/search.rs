@@ -17,7 +17,7 @@ use super::fit::{Fit, Posed};
 use super::rest;
 use super::setting::Setting;
 use super::weights::Weights;
-use hydroline_identify::noise::Noise;
+use hydroline_numerics::noise::Noise;
 
 /// Candidates fitted per set of the beam.
 const WIDTH: usize = 5;

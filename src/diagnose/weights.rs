@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::descent::Effort;
 use super::rest;
 use super::setting::{Setting, Track};
-use hydroline_identify::noise::{Noise, Series, Whitener, estimate};
-use hydroline_identify::statistics::{difference_sd, robust_sd};
+use hydroline_numerics::noise::{Noise, Series, Whitener, estimate};
+use hydroline_numerics::statistics::{difference_sd, robust_sd};
 
 /// Noise of a DOF's channel and which samples count; the same for every set that is compared.
 #[derive(Debug, Clone)]

@@ -5,6 +5,8 @@
 //! table holds voltages that differ. Quadratic in the pulse as propeller thrust is in the
 //! rate of turn (Carlton, Marine Propellers and Propulsion, ch. 6).
 
+use hydroline_numerics::noise::{Noise, OUTLIER_SD};
+use hydroline_numerics::statistics::{ljung_box, median, robust_sd};
 use hydroline_rigs::{BollardPull, Rig};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
@@ -13,10 +15,8 @@ use serde::Serialize;
 use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::lm::{LevenbergMarquardt, least_squares};
 use super::method::{Method, MethodError};
-use super::noise::{Noise, OUTLIER_SD};
 use super::parameter::Free;
 use super::problem::{Objective, Problem};
-use super::statistics::{ljung_box, median, robust_sd};
 use super::uncertainty::covariance;
 
 /// One reading.

@@ -5,11 +5,11 @@
 //! coefficients do is one column of the spread that the bollard pull leaves in them. Deadband,
 //! asymmetry and scale thus enter exactly as the runs use them (JCGM 100:2008, section 5.2).
 
+use hydroline_numerics::information::correlation;
 use hydroline_rigs::Rig;
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::outcome::Identification;
-use super::uncertainty::correlation;
 
 /// Directions whose variance is below this share of the largest are left out.
 const NEGLIGIBLE: f64 = 1e-6;

@@ -3,6 +3,8 @@
 mod load;
 mod still;
 
+use hydroline_numerics::statistics::median;
+
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise};
 
@@ -134,7 +136,7 @@ impl Run {
             .map(|s| s.values[channel])
             .filter(|v| v.is_finite())
             .collect();
-        super::statistics::median(&mut values)
+        median(&mut values)
     }
 
     /// Median distance of stamps \[s\]; `None` below two samples.
@@ -144,6 +146,6 @@ impl Run {
             .windows(2)
             .map(|w| w[1].t_s - w[0].t_s)
             .collect();
-        super::statistics::median(&mut gaps)
+        median(&mut gaps)
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! `data` (a log becomes a [`Run`](data::Run)) -> a model with its sensitivities
 //! ([`Forward`](forward::Forward): one DOF in `axis`, the full Eq. 1 in `coupled`) -> `problem`
-//! (one vector of unknowns, residuals whitened by `noise`) -> a [`Method`](method::Method)
+//! (one vector of unknowns, residuals whitened) -> a [`Method`](method::Method)
 //! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, blind spots).
 
 pub mod adopt;
@@ -18,14 +18,13 @@ pub mod forward;
 pub mod ga;
 pub mod lm;
 pub mod method;
-pub mod noise;
 mod outcome;
 pub mod paper;
 pub mod parameter;
 pub mod predict;
 pub mod problem;
 pub mod report;
-pub mod statistics;
+pub mod rest_noise;
 pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};

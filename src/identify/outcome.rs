@@ -1,11 +1,11 @@
 //! What an identification says; serialised as `identify --json`.
 
+use hydroline_numerics::noise::Noise;
+use hydroline_numerics::statistics::Whiteness;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-use super::noise::Noise;
 use super::problem::Objective;
-use super::statistics::Whiteness;
 use super::uncertainty::Profile;
 
 /// One coefficient.

@@ -2,12 +2,14 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use nalgebra::{DMatrix, DVector};
+use hydroline_numerics::least_squares::Normal;
+use hydroline_numerics::noise::{Noise, Series, Whitener, estimate, mask};
+use hydroline_numerics::statistics::median;
+use nalgebra::{DMatrix, DVector, Dyn};
 
 use super::forward::{Forward, ForwardError};
-use super::noise::{Noise, Series, Stretch, Whitener};
 use super::parameter::Free;
-use super::statistics::median;
+use super::rest_noise::{Stretch, series};
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -19,17 +21,6 @@ pub enum Objective {
     /// measured range. (The paper says "normalised", not by what; this is our choice.) Samples count alike,
     /// whatever sd their logs say.
     SumOfAbsolute,
-}
-
-/// Normal equations of one evaluation.
-#[derive(Debug, Clone)]
-pub struct Normal {
-    /// Half the sum of squares.
-    pub cost: f64,
-    /// J^T r.
-    pub gradient: DVector<f64>,
-    /// J^T J.
-    pub hessian: DMatrix<f64>,
 }
 
 /// A model, its data, and how residuals are weighted.
@@ -327,7 +318,7 @@ impl<'a> Problem<'a> {
     ///
     /// # Errors
     /// [`ForwardError`].
-    pub fn normal(&self, parameters: &[f64]) -> Result<Normal, ForwardError> {
+    pub fn normal(&self, parameters: &[f64]) -> Result<Normal<Dyn>, ForwardError> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
         for run in 0..self.forward.runs() {
@@ -411,21 +402,21 @@ impl<'a> Problem<'a> {
                 values,
                 jacobian: jacobians.get(run),
             };
-            let series: Vec<Series<'_>> = once
+            let all_series: Vec<Series<'_>> = once
                 .iter()
                 .map(Vec::as_slice)
                 .enumerate()
                 .map(view)
-                .chain(at_rest.iter().map(Series::of))
+                .chain(at_rest.iter().map(series))
                 .collect();
-            let found = super::noise::estimate(&series);
+            let found = estimate(&all_series);
             let masks = found.as_ref().map(|(noise, masks)| {
                 if (0..once.len()).all(|run| twice(run).is_none()) {
                     return masks.clone();
                 }
                 // What was left out of the noise counts in the fit.
                 let all = residuals.iter().map(|r| r[slot].as_slice()).enumerate();
-                super::noise::mask(&all.map(view).collect::<Vec<_>>(), *noise)
+                mask(&all.map(view).collect::<Vec<_>>(), *noise)
             });
             for (run, r) in residuals.iter().enumerate() {
                 used[run][slot] = masks.as_ref().map_or_else(

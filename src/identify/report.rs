@@ -1,7 +1,7 @@
 //! What an identification found, as one self-contained HTML page.
 
 use super::outcome::{Identification, Trace};
-use super::statistics::Whiteness;
+use hydroline_numerics::statistics::Whiteness;
 use hydroline_report::page::{Row, Value};
 use hydroline_report::{
     Axis, Body, Colour, Figure, Inline, Page, Panel, Quantity, Table, points, significant,

@@ -1,11 +1,12 @@
-//! Covariance, correlations, profile likelihood.
+//! Covariance and profile likelihood.
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use hydroline_numerics::information::Covariance;
+use hydroline_numerics::statistics::t95;
+use nalgebra::DMatrix;
 
 use super::forward::ForwardError;
 use super::lm::descend;
 use super::problem::{Objective, Problem};
-use super::statistics::t95;
 
 /// A direction whose information is below this share of the largest (after scaling every parameter
 /// to unit information) is rounding: the parameters in it are not determined at all.
@@ -13,45 +14,7 @@ const RANK: f64 = 1e-11;
 
 /// Inverse of J^T J; a parameter that takes part in a direction without information has an infinite variance.
 pub fn covariance(hessian: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = hessian.nrows();
-    let scale: Vec<f64> = (0..n).map(|i| hessian[(i, i)].max(0.0).sqrt()).collect();
-    let unit = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
-    let scaled = DMatrix::from_fn(n, n, |i, j| hessian[(i, j)] * unit(i) * unit(j));
-    let eigen = SymmetricEigen::new(scaled);
-    let largest = eigen.eigenvalues.max().max(f64::MIN_POSITIVE);
-    let mut inverse = DMatrix::<f64>::zeros(n, n);
-    let mut lost = vec![false; n];
-    for (k, value) in eigen.eigenvalues.iter().enumerate() {
-        let direction = eigen.eigenvectors.column(k);
-        if *value > RANK * largest {
-            inverse.ger(1.0 / value, &direction, &direction, 1.0);
-        } else {
-            for i in 0..n {
-                lost[i] |= direction[i].abs() > 1e-3;
-            }
-        }
-    }
-    DMatrix::from_fn(n, n, |i, j| {
-        if lost[i] || lost[j] || scale[i] == 0.0 || scale[j] == 0.0 {
-            if i == j { f64::INFINITY } else { 0.0 }
-        } else {
-            inverse[(i, j)] * unit(i) * unit(j)
-        }
-    })
-}
-
-/// Correlations of a covariance; 0 where a variance is infinite.
-pub fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
-        let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-        if i == j {
-            1.0
-        } else if size.is_finite() && size > 0.0 {
-            (covariance[(i, j)] / size).clamp(-1.0, 1.0)
-        } else {
-            0.0
-        }
-    })
+    Covariance::of_information(hessian, RANK).with_infinities()
 }
 
 /// Evaluations that the profiles of one result may take together: a second or two of the coupled model.
@@ -178,6 +141,7 @@ pub struct Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroline_numerics::information::correlation;
 
     #[test]
     fn a_direction_without_information_is_infinite_and_the_rest_is_not() {

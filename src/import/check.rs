@@ -9,7 +9,7 @@ use hydroline_rigs::Rig;
 use super::map::Map;
 use super::table::Imported;
 use hydroline_identify::data::{CHANNELS, unwrap_turns};
-use hydroline_identify::statistics::median;
+use hydroline_numerics::statistics::median;
 
 /// Equal rows that a moving channel does not have.
 pub const STUCK_ROWS: usize = 25;

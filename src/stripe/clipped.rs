@@ -23,6 +23,9 @@ const FIRST_ROW_STEP: f64 = 0.1;
 const FIRST_SIGMA_STEP: f64 = 0.15;
 
 /// Fits a clipped column from `start_px`, under the taps of `kernel`.
+///
+/// Not a case for the loop of `hydroline-numerics`: height and background are no unknowns that are stepped in, they are
+/// solved for anew with every step in row and width (variable projection; Golub and Pereyra 1973).
 pub(super) fn fit(
     window: &Window,
     kernel: &Kernel,

@@ -247,6 +247,9 @@ pub(super) fn fit(window: &Window, kernel: &Kernel, start_px: f64, known: Known)
 }
 
 /// The fit with a kernel of `C` times [`LANES`] taps; `None` also where it has another length.
+///
+/// Not a case for the loop of `hydroline-numerics`: no normal equations are formed, each step is one product with the
+/// pseudo-inverse that is tabulated for the row's phase.
 fn fit_taps<const C: usize>(
     window: &Window,
     kernel: &Kernel,

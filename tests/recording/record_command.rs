@@ -4,11 +4,11 @@
 use crate::support::{hydroline, read};
 use hydroline::log::Record;
 use hydroline::replay::{Options, replay};
+use hydroline::shutdown::StopReason;
 use hydroline::thruster::controller::{ControllerConfig, PtyController, SimController};
 use hydroline::thruster::ports::Roots;
 use hydroline::thruster::service::serial_opener;
 use hydroline_calib::analytic::IdealMap;
-use hydroline::shutdown::StopReason;
 use hydroline_rigs::{Plan, Rig};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

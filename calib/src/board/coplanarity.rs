@@ -417,6 +417,7 @@ fn solve(side: &Side, x: &[f64]) -> Option<(nalgebra::Vector4<f64>, Vec<f64>)> {
             nalgebra::Vector4::new(face, side, above, cut(h, mean, sigma, s, top))
         })
         .collect();
+    // A prior, sd 3e4 grey levels: a side that the sheet does not reach has no amplitude, rather than any.
     let mut normal = nalgebra::Matrix4::identity() * 1e-9;
     let mut right = nalgebra::Vector4::zeros();
     for (c, p) in columns.iter().zip(&side.samples) {

@@ -5,10 +5,12 @@
 //! Gauss–Newton fit of six numbers with Tukey's weights: pixels that a laser line or a
 //! block's edge spoils drop out, and a node that loses too many of them is left out.
 
+use std::convert::Infallible;
 use std::sync::OnceLock;
 
+use hydroline_numerics::least_squares::{Ended, LeastSquares, Normal, Options, Scaling, minimise};
 use hydroline_rigs::{Board, BoardPattern};
-use nalgebra::{Matrix2, Matrix3, SMatrix, SVector};
+use nalgebra::{Const, Matrix2, Matrix3, SMatrix, SVector};
 
 use super::image::Grey;
 use crate::map::geometry::{apply, homography_jacobian};
@@ -64,10 +66,10 @@ const STEPS: usize = 1024;
 const REACH: f64 = 4.5;
 
 /// Normal distribution and density by table: the fit asks some 100 000 times per image.
-type Normal = [(f64, f64); STEPS + 2];
+type Table = [(f64, f64); STEPS + 2];
 
-fn normal_table() -> &'static Normal {
-    static TABLE: OnceLock<Normal> = OnceLock::new();
+fn normal_table() -> &'static Table {
+    static TABLE: OnceLock<Table> = OnceLock::new();
     TABLE.get_or_init(|| {
         // Trapezoids of the density from −REACH; the step is 0.009, the error 1e-6.
         let step = 2.0 * REACH / STEPS as f64;
@@ -83,7 +85,7 @@ fn normal_table() -> &'static Normal {
 }
 
 #[inline(always)]
-fn normal(table: &Normal, x: f64) -> (f64, f64) {
+fn normal(table: &Table, x: f64) -> (f64, f64) {
     let at = (x + REACH) * (STEPS as f64 / (2.0 * REACH));
     if at <= 0.0 {
         return (0.0, 0.0);
@@ -99,7 +101,7 @@ fn normal(table: &Normal, x: f64) -> (f64, f64) {
 
 /// What a node looks like under a blur: all that its pixels share, divisions done.
 struct Local {
-    table: &'static Normal,
+    table: &'static Table,
     kind: Marks,
     /// Image to lattice, and its rows' inverse lengths: \[px\] per unit of u and v.
     m: Matrix2<f64>,
@@ -201,6 +203,155 @@ impl Local {
     }
 }
 
+/// o, g_x, g_y, c, δ_x, δ_y.
+type Unknowns = SVector<f64, 6>;
+
+/// Steps without damping: weights and blur change from round to round, so that costs are not comparable. Levels and
+/// pixels have sizes of their own.
+const SEARCH: Options = Options {
+    damping: None,
+    iterations_max: ROUNDS - 1,
+    scaling: Scaling::AsGiven,
+    jitter: 0.0,
+    ..Options::DEFAULT
+};
+
+/// The fit of one node.
+struct Patch<'a> {
+    refiner: &'a Refiner<'a>,
+    /// Image to lattice.
+    m: Matrix2<f64>,
+    /// Local steps along ξ and η \[px\].
+    steps: [[f64; 2]; 2],
+    /// Offset from the start \[px\], lattice coordinates at δ = 0, grey level.
+    pixels: Vec<[f64; 5]>,
+    residuals: Vec<f64>,
+    /// Robust sd of the residuals \[grey levels\].
+    scale: f64,
+    /// Linearisations made.
+    rounds: usize,
+    /// Of the last one.
+    weight_sum: f64,
+    square_sum: f64,
+}
+
+impl Patch<'_> {
+    /// Two rounds to come near with every other pixel, then all.
+    fn stride(round: usize) -> usize {
+        if round < 2 { 2 } else { 1 }
+    }
+
+    /// The scale for the next round from the residuals of the last, at a new point.
+    fn rescale(&mut self, theta: &Unknowns) {
+        let Some(round) = self.rounds.checked_sub(1).filter(|r| *r >= 1) else {
+            return;
+        };
+        let stride = Self::stride(round);
+        let mut sizes: Vec<f64> = (self.residuals.iter().step_by(stride))
+            .map(|e| e.abs())
+            .collect();
+        let k = sizes.len() / 2;
+        let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
+        // Most of a patch is plain: its median says nothing of the marks' rims, which
+        // a start 2 px off makes large. Tolerance goes down as the fit closes in.
+        let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
+        self.scale = (1.4826 * *median)
+            .max(annealed)
+            .max(0.04 * theta[3].abs())
+            .max(0.7);
+    }
+
+    /// Share of pixels that the model does not explain.
+    fn lost(&self) -> f64 {
+        let far = |e: &&f64| e.abs() > 5.0 * self.scale;
+        self.residuals.iter().filter(far).count() as f64 / self.pixels.len() as f64
+    }
+}
+
+impl LeastSquares<Const<6>> for Patch<'_> {
+    type Point = Unknowns;
+    type Evaluated = ();
+    type Error = Infallible;
+
+    fn begin(&mut self, _: &Unknowns, (): &mut ()) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    fn linearise(&mut self, theta: &Unknowns, (): &()) -> Result<Normal<Const<6>>, Infallible> {
+        self.rescale(theta);
+        let round = self.rounds;
+        self.rounds += 1;
+        let shift = self.m * nalgebra::Vector2::new(theta[4], theta[5]);
+        // Plain arrays: their loops unroll, and this is where the frame's time goes.
+        let mut products = [[0.0f64; 6]; 6];
+        let mut sums = [0.0f64; 6];
+        // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
+        let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
+        let local = Local::new(
+            self.refiner.board,
+            &self.m,
+            self.refiner.blur_px.hypot(soft),
+        );
+        let (mut weight_sum, mut square_sum) = (0.0, 0.0);
+        let reach = 1.0 / (5.0 * self.scale);
+        let pixels = self.pixels.iter().zip(&mut self.residuals);
+        for (p, residual) in pixels.step_by(Self::stride(round)) {
+            let (value, gradient) = local.pattern(p[2] - shift[0], p[3] - shift[1]);
+            let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
+            let e = p[4] - model;
+            *residual = e;
+            let t = e * reach;
+            let left = (1.0 - t * t).max(0.0);
+            let weight = left * left;
+            // δ moves the pattern: ∂I/∂δ = −c ∇P.
+            let row = [
+                1.0,
+                p[0],
+                p[1],
+                value,
+                -theta[3] * gradient[0],
+                -theta[3] * gradient[1],
+            ];
+            for i in 0..6 {
+                let weighted = weight * row[i];
+                for k in 0..=i {
+                    products[i][k] += weighted * row[k];
+                }
+                sums[i] += weighted * e;
+            }
+            weight_sum += weight;
+            square_sum += weight * e * e;
+        }
+        (self.weight_sum, self.square_sum) = (weight_sum, square_sum);
+        Ok(Normal {
+            cost: 0.5 * square_sum,
+            // Residuals are measured minus model, `row` is of the model.
+            gradient: -Unknowns::from(sums),
+            hessian: SMatrix::from_fn(|i, k| products[i.max(k)][i.min(k)]),
+        })
+    }
+
+    fn moves(&self, _: &Unknowns, _: &Unknowns, k: usize) -> bool {
+        // The first round finds levels and contrast; δ stays.
+        k < 4 || self.rounds > 1
+    }
+
+    fn moved(&self, theta: &Unknowns, step: &Unknowns) -> Option<Unknowns> {
+        let next = theta + step;
+        let far = step[4].hypot(step[5]) > FARTHEST_STEP_PX[self.rounds - 1];
+        let moved = next[4].hypot(next[5]);
+        let room = 0.3 * self.steps[0][0].hypot(self.steps[0][1]).max(8.0);
+        (!far && moved <= room).then_some(next)
+    }
+
+    fn negligible(&self, _: &Unknowns, _: &Unknowns, step: &Unknowns) -> bool {
+        // Weights that flicker keep the last hundredths of a pixel moving.
+        let round = self.rounds - 1;
+        let still = [0.004, 0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(2, 8) - 2];
+        round >= 2 && step[4].hypot(step[5]) < still
+    }
+}
+
 impl Refiner<'_> {
     /// Fits the node `index` near `start`; `steps` are the local steps along ξ and η \[px\].
     pub fn refine(
@@ -265,102 +416,28 @@ impl Refiner<'_> {
         if pixels.len() < 20 {
             return None;
         }
-        let mut theta = SVector::<f64, 6>::zeros(); // o, g_x, g_y, c, δ_x, δ_y
-        let mut residuals = vec![0.0; pixels.len()];
-        let mut scale = f64::INFINITY;
-        let mut covariance = Matrix2::zeros();
-        let mut lost = 0.0;
-        let mut rms = 0.0;
-        let mut settled = false;
-        for round in 0..ROUNDS {
-            let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
-            // Plain arrays: their loops unroll, and this is where the frame's time goes.
-            let mut products = [[0.0f64; 6]; 6];
-            let mut sums = [0.0f64; 6];
-            // A start 2 px off a sharp rim would see no slope at all: begin with a soft one.
-            let soft = [1.5, 0.6].get(round).copied().unwrap_or(0.0);
-            let local = Local::new(self.board, &m, s.hypot(soft));
-            let (mut weight_sum, mut square_sum) = (0.0, 0.0);
-            let reach = 1.0 / (5.0 * scale);
-            // Two rounds to come near with every other pixel, then all.
-            let stride = if round < 2 { 2 } else { 1 };
-            for (p, residual) in pixels.iter().zip(&mut residuals).step_by(stride) {
-                let (value, gradient) = local.pattern(p[2] - shift[0], p[3] - shift[1]);
-                let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
-                let e = p[4] - model;
-                *residual = e;
-                let t = e * reach;
-                let left = (1.0 - t * t).max(0.0);
-                let weight = left * left;
-                // δ moves the pattern: ∂I/∂δ = −c ∇P.
-                let row = [
-                    1.0,
-                    p[0],
-                    p[1],
-                    value,
-                    -theta[3] * gradient[0],
-                    -theta[3] * gradient[1],
-                ];
-                for i in 0..6 {
-                    let weighted = weight * row[i];
-                    for k in 0..=i {
-                        products[i][k] += weighted * row[k];
-                    }
-                    sums[i] += weighted * e;
-                }
-                weight_sum += weight;
-                square_sum += weight * e * e;
-            }
-            let mut normal_matrix =
-                SMatrix::<f64, 6, 6>::from_fn(|i, k| products[i.max(k)][i.min(k)]);
-            let mut right = SVector::<f64, 6>::from(sums);
-            if round == 0 {
-                // The first round finds levels and contrast; δ stays.
-                for k in 4..6 {
-                    normal_matrix.row_mut(k).fill(0.0);
-                    normal_matrix.column_mut(k).fill(0.0);
-                    normal_matrix[(k, k)] = 1.0;
-                    right[k] = 0.0;
-                }
-            }
-            let inverse = normal_matrix.try_inverse()?;
-            if settled {
-                rms = (square_sum / weight_sum).sqrt();
-                // Quantisation alone leaves 0.29 grey levels.
-                let variance = (square_sum / (weight_sum - 6.0).max(1.0)).max(0.3 * 0.3);
-                covariance = inverse.fixed_view::<2, 2>(4, 4) * variance;
-                lost = residuals.iter().filter(|e| e.abs() > 5.0 * scale).count() as f64
-                    / pixels.len() as f64;
-                break;
-            }
-            let step = inverse * right;
-            theta += step;
-            let stepped = step[4].hypot(step[5]);
-            if stepped > FARTHEST_STEP_PX[round] {
-                return None;
-            }
-            let moved = theta[4].hypot(theta[5]);
-            if !moved.is_finite() || moved > 0.3 * steps[0][0].hypot(steps[0][1]).max(8.0) {
-                return None;
-            }
-            // Weights that flicker keep the last hundredths of a pixel moving.
-            let still = [0.004, 0.02, 0.01, 0.01, 0.01, 0.02, 0.03][round.clamp(2, 8) - 2];
-            settled = round >= 2 && stepped < still;
-            if round >= 1 {
-                let mut sizes: Vec<f64> =
-                    residuals.iter().step_by(stride).map(|e| e.abs()).collect();
-                let k = sizes.len() / 2;
-                let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
-                // Most of a patch is plain: its median says nothing of the marks' rims, which
-                // a start 2 px off makes large. Tolerance goes down as the fit closes in.
-                let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
-                scale = (1.4826 * *median)
-                    .max(annealed)
-                    .max(0.04 * theta[3].abs())
-                    .max(0.7);
-            }
+        let mut patch = Patch {
+            refiner: self,
+            m,
+            steps,
+            residuals: vec![0.0; pixels.len()],
+            pixels,
+            scale: f64::INFINITY,
+            rounds: 0,
+            weight_sum: 0.0,
+            square_sum: 0.0,
+        };
+        let found = minimise(&mut patch, SVector::zeros(), &SEARCH).ok()?;
+        if found.ended != Ended::Step {
+            return None;
         }
-        if !settled || lost > 0.3 || rms == 0.0 || !self.both_lines(&pixels, &theta, &m) {
+        let theta = found.at;
+        let rms = (patch.square_sum / patch.weight_sum).sqrt();
+        // Quantisation alone leaves 0.29 grey levels.
+        let variance = (patch.square_sum / (patch.weight_sum - 6.0).max(1.0)).max(0.3 * 0.3);
+        let inverse = found.normal.hessian.try_inverse()?;
+        let covariance = inverse.fixed_view::<2, 2>(4, 4) * variance;
+        if patch.lost() > 0.3 || rms == 0.0 || !self.both_lines(&patch.pixels, &theta, &m) {
             return None;
         }
         let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right

@@ -1,10 +1,8 @@
-//! A small dense Levenberg–Marquardt for the fits of this crate (5 to 20 parameters,
-//! some hundred residuals), with the covariance of what it found.
-//!
-//! Marquardt's damping scales with the diagonal of JᵀJ, so parameters may differ by
-//! orders of magnitude; the Jacobian is central differences with a step per
-//! parameter that the caller knows (he knows the parameter's size).
+//! Fits of this crate (5 to 20 parameters, some hundred residuals): how they search, and the covariance of what
+//! they found.
 
+use hydroline_numerics::information::Covariance;
+use hydroline_numerics::least_squares::{self, Damping, Differences, NotFinite, Options};
 use nalgebra::{DMatrix, DVector};
 
 /// Why a fit failed.
@@ -33,6 +31,12 @@ pub enum LmError {
     },
 }
 
+impl From<NotFinite> for LmError {
+    fn from(_: NotFinite) -> Self {
+        LmError::NotFinite
+    }
+}
+
 /// What a fit found.
 #[derive(Debug, Clone)]
 pub struct LmFit {
@@ -48,6 +52,29 @@ pub struct LmFit {
     pub iterations: usize,
 }
 
+/// Directions with less information than this share of the largest are rounding; they get no variance: the
+/// caller's priors are there to prevent them.
+const RANK: f64 = 1e-13;
+
+/// How the fits of this crate search.
+///
+/// Cameras and lenses have curved valleys (a shifted centre looks like a decentred lens, a focal length like a
+/// distance): a rejected step was only a little too long, so damping rises slowly (4), and it falls fast (0.05)
+/// because every step costs derivatives of some hundred nodes. Twice in a row a gain of a millionth of χ², that
+/// no statistics would notice, ends the search: a valley of parameters that the data hardly tell apart has no other
+/// end.
+pub(crate) const SEARCH: Options = Options {
+    damping: Some(Damping {
+        accepted: 0.05,
+        rejected: 4.0,
+        outside: 4.0,
+        ..Damping::DEFAULT
+    }),
+    iterations_max: 500,
+    decrease_relative: 1e-6,
+    ..Options::DEFAULT
+};
+
 /// Minimises the sum of squares of `count` residuals over the parameters.
 ///
 /// `residuals(x, out)` fills `out` (length `count`) and returns false where the model
@@ -60,125 +87,32 @@ pub fn minimise(
     start: &[f64],
     steps: &[f64],
     count: usize,
-    mut residuals: impl FnMut(&[f64], &mut [f64]) -> bool,
+    residuals: impl FnMut(&[f64], &mut [f64]) -> bool,
 ) -> Result<LmFit, LmError> {
-    const MAX_STEPS: usize = 500;
-    let n = start.len();
-    if count < n {
+    if count < start.len() {
         return Err(LmError::Underdetermined {
             residuals: count,
-            parameters: n,
+            parameters: start.len(),
         });
     }
-    let mut x = DVector::from_column_slice(start);
-    let mut r = DVector::zeros(count);
-    if !(residuals(x.as_slice(), r.as_mut_slice()) && r.iter().all(|v| v.is_finite())) {
-        return Err(LmError::NotFinite);
+    let mut problem = Differences::new(residuals, count, steps);
+    let start = DVector::from_column_slice(start);
+    let found = least_squares::minimise(&mut problem, start, &SEARCH)?;
+    // Half the sum of squares is what the search minimises.
+    let cost = 2.0 * found.normal.cost;
+    if !found.ended.converged() {
+        return Err(LmError::NoMinimum {
+            iterations: found.iterations,
+            cost,
+        });
     }
-    let mut cost = r.norm_squared();
-    let (mut plus, mut minus) = (DVector::zeros(count), DVector::zeros(count));
-    let mut jacobian = DMatrix::zeros(count, n);
-    let mut lambda = 1e-3;
-    let mut iterations = 0;
-    let mut settled = false;
-    let mut flat = 0;
-    loop {
-        for k in 0..n {
-            let centre = x[k];
-            x[k] = centre + steps[k];
-            let up = residuals(x.as_slice(), plus.as_mut_slice());
-            x[k] = centre - steps[k];
-            let down = residuals(x.as_slice(), minus.as_mut_slice());
-            x[k] = centre;
-            // At the border of the model's domain one side is enough.
-            for i in 0..count {
-                jacobian[(i, k)] = match (up, down) {
-                    (true, true) => (plus[i] - minus[i]) / (2.0 * steps[k]),
-                    (true, false) => (plus[i] - r[i]) / steps[k],
-                    (false, true) => (r[i] - minus[i]) / steps[k],
-                    (false, false) => 0.0,
-                };
-            }
-        }
-        if jacobian.iter().any(|v| !v.is_finite()) {
-            return Err(LmError::NotFinite);
-        }
-        let normal = jacobian.tr_mul(&jacobian);
-        if settled || iterations >= MAX_STEPS {
-            return if settled {
-                Ok(LmFit {
-                    parameters: x,
-                    covariance: pseudo_inverse(&normal),
-                    residuals: r,
-                    cost,
-                    iterations,
-                })
-            } else {
-                Err(LmError::NoMinimum { iterations, cost })
-            };
-        }
-        let gradient = jacobian.tr_mul(&r);
-        let mut improved = false;
-        while lambda < 1e12 {
-            let mut damped = normal.clone();
-            for k in 0..n {
-                damped[(k, k)] += lambda * normal[(k, k)].max(1e-300);
-            }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&(-&gradient))) else {
-                lambda *= 4.0;
-                continue;
-            };
-            let trial = &x + &step;
-            let fine = residuals(trial.as_slice(), plus.as_mut_slice());
-            let trial_cost = plus.norm_squared();
-            if fine && trial_cost.is_finite() && trial_cost <= cost {
-                let small = (0..n).all(|k| step[k].abs() <= 1e-3 * steps[k]);
-                // Twice in a row a change that no statistics would notice: a valley of
-                // parameters that the data hardly tell apart has no other end.
-                flat = if cost - trial_cost <= 1e-6 * cost {
-                    flat + 1
-                } else {
-                    0
-                };
-                settled = small || flat >= 2;
-                x = trial;
-                std::mem::swap(&mut r, &mut plus);
-                cost = trial_cost;
-                lambda = (lambda * 0.05).max(1e-12);
-                improved = true;
-                break;
-            }
-            lambda *= 4.0;
-        }
-        iterations += 1;
-        // No step downhill at any damping: this is the minimum to rounding.
-        settled |= !improved;
-        if settled {
-            lambda = lambda.min(1.0);
-        }
-    }
-}
-
-/// Inverse of a normal matrix after scaling its diagonal to one; directions that the
-/// data do not see at all (relative eigenvalue < 1e-13) get no variance rather than
-/// an overflow: the caller's priors are there to prevent them.
-pub(crate) fn pseudo_inverse(normal: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = normal.nrows();
-    let scale = DVector::from_fn(n, |k, _| {
-        let d = normal[(k, k)];
-        if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
-    });
-    let scaled = DMatrix::from_fn(n, n, |i, k| normal[(i, k)] * scale[i] * scale[k]);
-    let eigen = scaled.symmetric_eigen();
-    let largest = eigen.eigenvalues.amax();
-    let mut inverse = DMatrix::zeros(n, n);
-    for (k, &value) in eigen.eigenvalues.iter().enumerate() {
-        if value > 1e-13 * largest {
-            let v = eigen.eigenvectors.column(k);
-            inverse += v * v.transpose() / value;
-        }
-    }
-    DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] * scale[i] * scale[k])
+    Ok(LmFit {
+        parameters: found.at,
+        covariance: Covariance::of_information(&found.normal.hessian, RANK).matrix,
+        residuals: found.evaluated.into(),
+        cost,
+        iterations: found.iterations,
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use hydroline_rigs::{Dof, Rig};
 
 use crate::setting::Track;
 use hydroline_identify::data::Run;
-use hydroline_identify::statistics::difference_sd;
+use hydroline_numerics::statistics::difference_sd;
 
 /// Motion below this many noise sd is rest.
 const AT_REST_SD: f64 = 8.0;

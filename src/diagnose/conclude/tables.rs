@@ -11,7 +11,7 @@ use crate::search::Search;
 use crate::setting::Track;
 use crate::verdict::{Alternative, BeforeAfter, NoiseFound, Value, Verdict};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::statistics::{chi2_above, ljung_box};
+use hydroline_numerics::statistics::{chi2_above, ljung_box};
 
 /// How runs were predicted when none were held out.
 pub const BY_THE_OTHERS: &str =

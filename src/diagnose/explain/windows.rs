@@ -14,7 +14,7 @@ use crate::fit::{Fit, Posed};
 use crate::search::Search;
 use crate::setting::{COEFFICIENTS, Setting, Track};
 use crate::weights::Weights;
-use hydroline_identify::noise::Noise;
+use hydroline_numerics::noise::Noise;
 
 /// Windows per run.
 const WINDOWS: usize = 10;

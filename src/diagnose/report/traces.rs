@@ -9,7 +9,7 @@ use crate::locate::stands_out;
 use crate::setting::{COEFFICIENTS, Setting, Track};
 use crate::weights::Weights;
 use hydroline_identify::lm::descend;
-use hydroline_identify::noise::Noise;
+use hydroline_numerics::noise::Noise;
 
 /// One DOF's problem and its two answers, kept for the report.
 #[derive(Debug)]

@@ -10,7 +10,7 @@ use crate::family::{FamilyFit, Joint, regimes};
 use crate::fit::Fit;
 use crate::rest::{Rates, places};
 use crate::weights::{Weights, noise_beyond};
-use hydroline_identify::noise::Noise;
+use hydroline_numerics::noise::Noise;
 
 /// Gain of a column that counts as structure when the noise is estimated (chi-square 16).
 const STRUCTURE_GAIN: f64 = 8.0;

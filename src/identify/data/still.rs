@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::super::coupled::{every_pose_is_known, inverse_root, whitened_name};
-use super::super::noise::{RestNoise, about_median, at_rest};
 use super::super::problem::precision_of;
-use super::super::statistics::{difference_sd, median, robust_sd};
+use super::super::rest_noise::{RestNoise, about_median, at_rest};
 use super::{CHANNELS, Run, Sample};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
+use hydroline_numerics::statistics::{difference_sd, median, robust_sd};
 
 /// Shortest run at rest that measures a noise's colour \[s\].
 pub const STILL_MIN_S: f64 = 20.0;

@@ -3,7 +3,7 @@
 use super::{ModelChoice, Options};
 use crate::data::Run;
 use crate::parameter::Coefficient;
-use crate::statistics::{difference_sd, median, robust_sd};
+use hydroline_numerics::statistics::{difference_sd, median, robust_sd};
 use hydroline_rigs::{Dof, Rig, VehicleModel};
 
 /// One DOF if only one is driven; without commands the one that moves most for its noise.

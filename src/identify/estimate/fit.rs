@@ -3,10 +3,11 @@
 use super::{IdentifyError, Options};
 use crate::forward::Forward;
 use crate::lm;
-use crate::noise::{Noise, RestNoise, Series, mask};
 use crate::problem::{Objective, Problem, from};
-use crate::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
+use crate::rest_noise::RestNoise;
 use crate::uncertainty::covariance;
+use hydroline_numerics::noise::{Noise, Series, mask};
+use hydroline_numerics::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
 use nalgebra::DMatrix;
 
 /// sd over the rig's size above which a coefficient is held.

@@ -2,8 +2,8 @@
 
 use crate::data::{Run, is_still};
 use crate::forward::Forward;
-use crate::noise::{RestNoise, Stretch, about_median, at_rest};
 use crate::problem::precision;
+use crate::rest_noise::{RestNoise, Stretch, about_median, at_rest};
 
 /// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
 /// Its level belongs to the sd that was logged there; `references` are those of the slots here.

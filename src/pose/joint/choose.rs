@@ -1,8 +1,8 @@
 //! Which of several places on the target a frame shows.
 
 use super::super::photometric::{Choice, Doubts, PARAMETERS, Plan, State, Weighting};
-use super::settle::sane;
-use super::solve::solve;
+use super::settle::{first_step, sane};
+use super::solve::{equations, in_si};
 use super::valley::Valley;
 use super::{PoseCaveat, PoseFitter};
 use hydroline_core::frame::GreyImage;
@@ -68,11 +68,11 @@ impl PoseFitter {
                 .model
                 .compare(&plan, &image.pixels, &start, &huber, none, true);
             let valley = Valley::new(&start.pose, &self.mounts);
-            let turned = valley.turn(&sums);
-            let step = solve(&turned, &held, 1e-9);
-            let gain = step.map_or(0.0, |s| 0.5 * s.dot(&turned.gradient));
+            let equations = equations(&sums, &valley);
+            let step = first_step(&equations, &held);
+            let gain = step.map_or(0.0, |s| -0.5 * s.dot(&equations.gradient));
             // The way there is known: it need not be found again, unless it is far.
-            let next = step.map_or(start, |s| valley.moved(&start, &s));
+            let next = step.map_or(start, |s| valley.moved(&start, &in_si(&s)));
             let near = sane(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
             let start = if near { next } else { start };
             let least = 0.1 * sums.cost;

@@ -1,12 +1,42 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    Doubts, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
+    Column, Doubts, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
 };
 use super::PoseFitter;
-use super::solve::solve;
+use super::solve::{equations, in_si};
 use super::valley::Valley;
 use hydroline_core::frame::GreyImage;
+use hydroline_numerics::cholesky::Scaling;
+use hydroline_numerics::least_squares::{
+    Damping, Ended, LeastSquares, Normal, Options, damped_step, minimise,
+};
+use nalgebra::Const;
+use std::convert::Infallible;
+
+/// How a frame's fit steps.
+///
+/// Starts are within millimetres and the valley's coordinates are nearly straight, so the first step is an
+/// undamped one but for rounding (1e-9). A comparison of a frame is dear and few steps are rejected: where one is,
+/// something is far off, and damping rises by 30, after a state that no sheet and camera can have by 100. Pixels come
+/// and go with the edges: a cost higher by 1e-7 of itself is no rise. The unknowns come in units of their size.
+const STEPS: Options = Options {
+    damping: Some(Damping {
+        start: 1e-9,
+        accepted: 0.1,
+        rejected: 30.0,
+        outside: 100.0,
+        least: 1e-12,
+        most: 3e4,
+    }),
+    iterations_max: usize::MAX,
+    cost_slack: 1e-7,
+    decrease_times: usize::MAX,
+    decrement_smooth: KINKS,
+    scaling: Scaling::AsGiven,
+    jitter: 0.0,
+    ..Options::DEFAULT
+};
 
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.
@@ -16,7 +46,7 @@ const KINKS: f64 = 0.1;
 const STRIDE_MOST: f64 = 1.5;
 
 impl PoseFitter {
-    /// Levenberg–Marquardt on the free parameters, in so many steps at most and so near to the end:
+    /// The fit of the free parameters, in so many steps at most and so near to the end (a squared distance in sds):
     /// the state, and the sums that near to it.
     #[allow(clippy::too_many_arguments)]
     pub(super) fn settle(
@@ -30,43 +60,24 @@ impl PoseFitter {
         doubts: &mut Doubts,
         (iterations, settled): (usize, f64),
     ) -> Option<(State, Sums)> {
-        let mut look = |state: &State| {
-            let mut sums = model.compare(plan, &image.pixels, state, weighting, doubts, true);
-            self.know_thickness(&mut sums, state);
-            sums
+        let mut frame = Frame {
+            fitter: self,
+            model,
+            plan,
+            image,
+            free,
+            weighting,
+            doubts,
+            here: None,
         };
-        let mut state = start;
-        let mut sums = look(&state);
-        let mut damping = 1e-9;
-        for _ in 0..iterations {
-            let valley = Valley::new(&state.pose, &self.mounts);
-            let turned = valley.turn(&sums);
-            let step = solve(&turned, free, damping)? * stride(&sums);
-            let next = valley.moved(&state, &step);
-            if !sane(&next) {
-                damping *= 100.0;
-                continue;
-            }
-            // Twice the cost that a full step would still gain = the squared way to go, in sds.
-            let expected = solve(&turned, free, 0.0)?.dot(&turned.gradient);
-            if expected < settled {
-                // So little is left that the step need not be looked at.
-                state = next;
-                break;
-            }
-            let tried = look(&next);
-            if tried.cost <= sums.cost * (1.0 + 1e-7) {
-                state = next;
-                sums = tried;
-                damping = (damping * 0.1).max(1e-12);
-            } else {
-                if damping > 1e3 || expected < KINKS {
-                    break;
-                }
-                damping *= 30.0;
-            }
-        }
-        (sums.pixels > 200).then_some((state, sums))
+        let options = Options {
+            trials_max: iterations,
+            decrement_enough: settled,
+            ..STEPS
+        };
+        let found = minimise(&mut frame, start, &options).ok()?;
+        let solved = found.ended != Ended::Singular && found.evaluated.pixels > 200;
+        solved.then_some((found.at, found.evaluated))
     }
 
     /// Adds what the run has shown of the sheet's thickness.
@@ -79,6 +90,70 @@ impl PoseFitter {
         sums.information[(THICKNESS, THICKNESS)] += weight;
         sums.gradient[THICKNESS] += weight * off_m;
         sums.cost += 0.5 * weight * off_m * off_m;
+    }
+}
+
+/// The first step of a fit, in units of the parameters' sizes.
+pub(super) fn first_step(
+    equations: &Normal<Const<PARAMETERS>>,
+    free: &[bool; PARAMETERS],
+) -> Option<Column> {
+    let start = STEPS.damping.map_or(0.0, |d| d.start);
+    let Normal {
+        gradient, hessian, ..
+    } = equations;
+    damped_step(hessian, gradient, &(*free).into(), start, &STEPS)
+}
+
+/// A frame against the model.
+struct Frame<'a> {
+    fitter: &'a PoseFitter,
+    model: &'a Photometric,
+    plan: &'a Plan,
+    image: &'a GreyImage,
+    free: &'a [bool; PARAMETERS],
+    weighting: &'a Weighting,
+    doubts: &'a mut Doubts,
+    /// Where the last linearisation was made: its valley, and how much longer than said steps are.
+    here: Option<(Valley, f64)>,
+}
+
+impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
+    type Point = State;
+    type Evaluated = Sums;
+    type Error = Infallible;
+
+    fn cost(&mut self, state: &State, sums: &mut Sums) -> Option<f64> {
+        let (model, pixels) = (self.model, &self.image.pixels);
+        *sums = model.compare(self.plan, pixels, state, self.weighting, self.doubts, true);
+        self.fitter.know_thickness(sums, state);
+        Some(sums.cost)
+    }
+
+    fn begin(&mut self, state: &State, sums: &mut Sums) -> Result<(), Infallible> {
+        self.cost(state, sums);
+        Ok(())
+    }
+
+    fn linearise(
+        &mut self,
+        state: &State,
+        sums: &Sums,
+    ) -> Result<Normal<Const<PARAMETERS>>, Infallible> {
+        let valley = Valley::new(&state.pose, &self.fitter.mounts);
+        let equations = equations(sums, &valley);
+        self.here = Some((valley, stride(sums)));
+        Ok(equations)
+    }
+
+    fn moves(&self, _: &State, _: &Column, k: usize) -> bool {
+        self.free[k]
+    }
+
+    fn moved(&self, state: &State, step: &Column) -> Option<State> {
+        let (valley, stride) = self.here.as_ref()?;
+        let next = valley.moved(state, &(in_si(step) * *stride));
+        sane(&next).then_some(next)
     }
 }
 

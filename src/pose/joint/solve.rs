@@ -1,45 +1,44 @@
-//! Normal equations of the free parameters, and their inverse.
+//! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
 use super::super::photometric::{Column, PARAMETERS, Square, Sums, THICKNESS};
 use super::Matrix7;
+use super::valley::Valley;
+use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
+use hydroline_numerics::least_squares::Normal;
+use nalgebra::Const;
 
-/// Scales of the parameters, for a well-conditioned solve.
-const SCALES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
+/// Size of a step of each parameter: mm, mrad, a grey level, 0.1 mm of thickness. With them the equations need
+/// no other scaling.
+const SIZES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
 
-fn scaled(information: &Square, free: &[bool; PARAMETERS]) -> Square {
-    let mut a = Square::identity();
-    for i in (0..PARAMETERS).filter(|i| free[*i]) {
-        for j in (0..PARAMETERS).filter(|j| free[*j]) {
-            a[(i, j)] = information[(i, j)] * SCALES[i] * SCALES[j];
-        }
-    }
-    a
+/// Information in units of the parameters' sizes.
+fn sized(information: &Square) -> Square {
+    Square::from_fn(|i, j| information[(i, j)] * SIZES[i] * SIZES[j])
 }
 
-pub(super) fn solve(sums: &Sums, free: &[bool; PARAMETERS], damping: f64) -> Option<Column> {
-    let mut a = scaled(&sums.information, free);
-    let mut g = Column::zeros();
-    for i in (0..PARAMETERS).filter(|i| free[*i]) {
-        a[(i, i)] *= 1.0 + damping;
-        g[i] = sums.gradient[i] * SCALES[i];
+/// The normal equations of a frame in the coordinates of its valley, in units of the parameters' sizes.
+pub(super) fn equations(sums: &Sums, valley: &Valley) -> Normal<Const<PARAMETERS>> {
+    let (information, gradient) = valley.turn(sums);
+    Normal {
+        cost: sums.cost,
+        // The sums' residuals are seen minus model, their derivatives are the model's.
+        gradient: Column::from_fn(|i, _| -(gradient[i] * SIZES[i])),
+        hessian: sized(&information),
     }
-    let mut step = a.cholesky()?.solve(&g);
-    for (s, scale) in step.iter_mut().zip(SCALES) {
-        *s *= scale;
-    }
-    Some(step)
+}
+
+/// A step in SI from one in units of the parameters' sizes.
+pub(super) fn in_si(step: &Column) -> Column {
+    Column::from_fn(|i, _| step[i] * SIZES[i])
 }
 
 /// Covariance of pose and thickness with brightness and background marginalised; zero where held.
 pub(super) fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix7> {
-    let inverse = scaled(&sums.information, free).cholesky()?.inverse();
+    let sized = sized(&sums.information);
+    let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some(Matrix7::from_fn(|i, j| {
         let (i, j) = (place(i), place(j));
-        if free[i] && free[j] {
-            0.5 * (inverse[(i, j)] + inverse[(j, i)]) * SCALES[i] * SCALES[j]
-        } else {
-            0.0
-        }
+        0.5 * (inverse[(i, j)] + inverse[(j, i)]) * SIZES[i] * SIZES[j]
     }))
 }

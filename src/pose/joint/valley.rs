@@ -2,6 +2,7 @@
 
 use super::super::photometric::{Column, Square, State, Sums};
 use hydroline_calib::Pose;
+use hydroline_numerics::cholesky::ScaledCholesky;
 use hydroline_rigs::Mounts;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -52,13 +53,12 @@ impl Valley {
         pose.body_to_tank_rotation() * Vector3::new(lever_m, 0.0, range_m)
     }
 
-    /// Sums for these coordinates.
-    pub fn turn(&self, sums: &Sums) -> Sums {
-        Sums {
-            information: self.slopes.transpose() * sums.information * self.slopes,
-            gradient: self.slopes.transpose() * sums.gradient,
-            ..sums.clone()
-        }
+    /// Information and gradient in these coordinates.
+    pub fn turn(&self, sums: &Sums) -> (Square, Column) {
+        (
+            self.slopes.transpose() * sums.information * self.slopes,
+            self.slopes.transpose() * sums.gradient,
+        )
     }
 
     /// The state a step on, exactly along the valley.
@@ -96,8 +96,6 @@ pub fn squared_distance(
     let slopes: Matrix6<f64> = here.slopes.fixed_view::<6, 6>(0, 0).into();
     let back = slopes.try_inverse()?;
     let own = back * covariance * back.transpose();
-    let scales = own.diagonal().map(|v| v.sqrt());
-    let scaled = Matrix6::from_fn(|i, j| own[(i, j)] / (scales[i] * scales[j]));
-    let e = difference.component_div(&scales);
-    Some(e.dot(&scaled.cholesky()?.solve(&e)))
+    // Lengths and angles: no jitter, a covariance that is none has no distance.
+    Some(ScaledCholesky::new(&own, 0.0)?.squared_norm(&difference))
 }

@@ -4,6 +4,7 @@ use super::{
     Dynamics, MeasuredFrame, PUSHES, RATES, STATES, SmoothError, Square, State, THICKNESS,
     THICKNESS_UNIT_M,
 };
+use hydroline_numerics::cholesky::{JITTER, ScaledCholesky};
 use nalgebra::{DMatrix, DVector};
 
 /// Sd of a run's first state about its first pose: far beyond what a frame leaves open.
@@ -166,17 +167,9 @@ impl Update {
             chi2: 0.0,
             log_size: 0.0,
         };
-        let (factor, scales) = factored(&update.total(p, 1.0))?;
-        let scaled = update.innovation.component_div(&scales);
-        update.chi2 = scaled.dot(&factor.solve(&scaled));
-        update.log_size = 2.0
-            * factor
-                .l()
-                .diagonal()
-                .iter()
-                .chain(scales.iter())
-                .map(|v| v.ln())
-                .sum::<f64>();
+        let factor = ScaledCholesky::new(&update.total(p, 1.0), JITTER)?;
+        update.chi2 = factor.squared_norm(&update.innovation);
+        update.log_size = factor.ln_determinant();
         Some(update)
     }
 
@@ -188,15 +181,10 @@ impl Update {
 
     /// Joseph's form: symmetric and positive whatever the rounding.
     fn applied(&self, x: &State, p: &Square, scale: f64) -> Option<(State, Square)> {
-        let (factor, scales) = factored(&self.total(p, scale))?;
+        let factor = ScaledCholesky::new(&self.total(p, scale), JITTER)?;
         // (S⁻¹ H P)ᵀ
-        let hp = DMatrix::from_fn(self.n, STATES, |a, j| p[(self.places[a], j)] / scales[a]);
-        let mut gain_t = factor.solve(&hp);
-        for a in 0..self.n {
-            for j in 0..STATES {
-                gain_t[(a, j)] /= scales[a];
-            }
-        }
+        let hp = DMatrix::from_fn(self.n, STATES, |a, j| p[(self.places[a], j)]);
+        let gain_t = factor.solve_columns(&hp);
         let mut next = *x;
         let mut keep = Square::identity();
         for j in 0..STATES {
@@ -216,39 +204,15 @@ impl Update {
     }
 }
 
-/// Cholesky of a covariance in units of its own sds.
-fn factored(
-    covariance: &DMatrix<f64>,
-) -> Option<(nalgebra::Cholesky<f64, nalgebra::Dyn>, DVector<f64>)> {
-    let scales = covariance.diagonal().map(f64::sqrt);
-    let scaled = DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
-        covariance[(i, j)] / (scales[i] * scales[j])
-    });
-    Some((scaled.cholesky()?, scales))
-}
-
 /// Backwards: state and covariance of every frame given the whole run.
 pub(super) fn backwards(passed: &Passed) -> Result<Vec<(State, Square)>, SmoothError> {
     let mut out = passed.after.clone();
     for k in (0..out.len().saturating_sub(1)).rev() {
         let (x, p) = &passed.after[k];
         let (predicted, spread, slopes) = &passed.before[k];
-        let scales = spread.diagonal().map(|v| v.max(1e-30).sqrt());
-        let scaled = Square::from_fn(|i, j| spread[(i, j)] / (scales[i] * scales[j]));
-        let factor = scaled.cholesky().ok_or(SmoothError::Astray { frame: k })?;
+        let factor = ScaledCholesky::new(spread, JITTER).ok_or(SmoothError::Astray { frame: k })?;
         // Gᵀ = S⁻¹ F P
-        let mut right = slopes * p;
-        for i in 0..STATES {
-            for j in 0..STATES {
-                right[(i, j)] /= scales[i];
-            }
-        }
-        let mut gain_t = factor.solve(&right);
-        for i in 0..STATES {
-            for j in 0..STATES {
-                gain_t[(i, j)] /= scales[i];
-            }
-        }
+        let gain_t = factor.solve_columns(&(slopes * p));
         let gain = gain_t.transpose();
         let (next_x, next_p) = out[k + 1];
         let state = x + gain * (next_x - predicted);

@@ -9,7 +9,8 @@
 //! and parameters and covariance are averages over the four, spread between them included
 //! (Hoeting et al. 1999): where nodes cannot tell two models apart, the covariance says so.
 
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use hydroline_numerics::least_squares::{LeastSquares, Normal, Options, Scaling, minimise};
+use nalgebra::{Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::lens::{self, PARAMETERS};
 use super::reweight;
@@ -135,57 +136,119 @@ fn evidence(s: &Solved, model: &[bool; 8]) -> Option<f64> {
     Some(-0.5 * (chi2 + s.penalty) - half_det - priors)
 }
 
-/// Levenberg and Marquardt with the model's own derivatives.
+/// How a model is fitted: a gain of 1e-5 of χ² is what the evidence of two models would notice by 0.002. The unknowns are
+/// scaled already (plane and image have unit size), and priors hold what nodes do not see.
+const SEARCH: Options = Options {
+    iterations_max: 200,
+    decrease_relative: 1e-5,
+    scaling: Scaling::AsGiven,
+    jitter: 0.0,
+    ..crate::map::lm::SEARCH
+};
+
+/// A step below this in every (scaled) parameter is rounding.
+const NEGLIGIBLE: f64 = 1e-12;
+
+/// The minimum of one model.
 fn solve(
     start: [f64; PARAMETERS],
     pairs: &[Pair],
     weights: &[f64],
     model: &[bool; 8],
 ) -> Result<Solved, LmError> {
-    const MAX_STEPS: usize = 200;
-    let has = |k: usize| k < 8 || model[k - 8];
-    let prior = |k: usize| {
-        if k >= 8 && model[k - 8] {
+    let mut problem = Problem {
+        pairs,
+        weights,
+        model,
+    };
+    let start = std::array::from_fn(|k| if problem.has(k) { start[k] } else { 0.0 });
+    let found = minimise(&mut problem, start, &SEARCH)?;
+    if !found.ended.converged() {
+        return Err(LmError::NoMinimum {
+            iterations: found.iterations,
+            cost: 2.0 * found.normal.cost,
+        });
+    }
+    Ok(Solved {
+        x: found.at,
+        normal: found.normal.hessian,
+        residuals: found.evaluated.residuals,
+        penalty: found.evaluated.penalty,
+    })
+}
+
+/// One model and its data.
+struct Problem<'a> {
+    pairs: &'a [Pair],
+    weights: &'a [f64],
+    model: &'a [bool; 8],
+}
+
+/// A model at a point.
+#[derive(Default)]
+struct Evaluated {
+    /// Whitened.
+    residuals: Vec<f64>,
+    /// Σ (x/σ_prior)².
+    penalty: f64,
+}
+
+impl Problem<'_> {
+    fn has(&self, k: usize) -> bool {
+        k < 8 || self.model[k - 8]
+    }
+
+    /// Information of the prior on a parameter.
+    fn prior(&self, k: usize) -> f64 {
+        if k >= 8 && self.model[k - 8] {
             PRIOR_SD[k - 8].powi(-2)
         } else {
             0.0
         }
-    };
-    let mut x = start;
-    for (k, v) in x.iter_mut().enumerate() {
-        if !has(k) {
-            *v = 0.0;
-        }
     }
-    let cost_at = |x: &[f64; PARAMETERS], out: &mut [f64]| -> Option<(f64, f64)> {
+}
+
+impl LeastSquares<Const<PARAMETERS>> for Problem<'_> {
+    type Point = [f64; PARAMETERS];
+    type Evaluated = Evaluated;
+    type Error = LmError;
+
+    fn cost(&mut self, x: &[f64; PARAMETERS], out: &mut Evaluated) -> Option<f64> {
+        out.residuals.resize(2 * self.pairs.len(), 0.0);
         let mut cost = 0.0;
-        for ((pair, w), e) in pairs.iter().zip(weights).zip(out.chunks_exact_mut(2)) {
+        let nodes = self.pairs.iter().zip(self.weights);
+        for ((pair, w), e) in nodes.zip(out.residuals.chunks_exact_mut(2)) {
             let p = lens::project(x, pair.plane)?;
             let r = pair.whitener * (Vector2::from(p) - pair.image) * *w;
             e.copy_from_slice(r.as_slice());
             cost += r.norm_squared();
         }
-        let penalty: f64 = (8..PARAMETERS).map(|k| prior(k) * x[k] * x[k]).sum();
-        (cost + penalty)
-            .is_finite()
-            .then_some((cost + penalty, penalty))
-    };
-    let mut residuals = vec![0.0; 2 * pairs.len()];
-    let mut trial = residuals.clone();
-    let (mut cost, mut penalty) = cost_at(&x, &mut residuals).ok_or(LmError::NotFinite)?;
-    let mut lambda = 1e-3;
-    let mut flat = 0;
-    let mut settled = false;
-    for step in 0..=MAX_STEPS {
-        let mut normal = Square::zeros();
+        out.penalty = (8..PARAMETERS).map(|k| self.prior(k) * x[k] * x[k]).sum();
+        let cost = 0.5 * (cost + out.penalty);
+        cost.is_finite().then_some(cost)
+    }
+
+    fn begin(&mut self, x: &[f64; PARAMETERS], out: &mut Evaluated) -> Result<(), LmError> {
+        self.cost(x, out).map(drop).ok_or(LmError::NotFinite)
+    }
+
+    fn linearise(
+        &mut self,
+        x: &[f64; PARAMETERS],
+        evaluated: &Evaluated,
+    ) -> Result<Normal<Const<PARAMETERS>>, LmError> {
+        let mut hessian = Square::zeros();
         let mut gradient = Vector::zeros();
-        for ((pair, w), e) in pairs.iter().zip(weights).zip(residuals.chunks_exact(2)) {
-            let seen = lens::see(&x, pair.plane).ok_or(LmError::NotFinite)?;
+        let mut cost = 0.0;
+        let nodes = self.pairs.iter().zip(self.weights);
+        for ((pair, w), e) in nodes.zip(evaluated.residuals.chunks_exact(2)) {
+            let seen = lens::see(x, pair.plane).ok_or(LmError::NotFinite)?;
             let j = pair.whitener * seen.by_parameters * *w;
+            cost += Vector2::new(e[0], e[1]).norm_squared();
             for (row, e) in [(j.row(0), e[0]), (j.row(1), e[1])] {
                 for i in 0..PARAMETERS {
                     for k in 0..=i {
-                        normal[(i, k)] += row[i] * row[k];
+                        hessian[(i, k)] += row[i] * row[k];
                     }
                     gradient[i] += row[i] * e;
                 }
@@ -193,65 +256,30 @@ fn solve(
         }
         for i in 0..PARAMETERS {
             for k in 0..i {
-                if !(has(i) && has(k)) {
-                    normal[(i, k)] = 0.0;
+                if !(self.has(i) && self.has(k)) {
+                    hessian[(i, k)] = 0.0;
                 }
-                normal[(k, i)] = normal[(i, k)];
+                hessian[(k, i)] = hessian[(i, k)];
             }
-            normal[(i, i)] += prior(i);
-            gradient[i] += prior(i) * x[i];
-            if !has(i) {
-                normal[(i, i)] = 1.0;
+            hessian[(i, i)] += self.prior(i);
+            gradient[i] += self.prior(i) * x[i];
+            if !self.has(i) {
+                hessian[(i, i)] = 1.0;
                 gradient[i] = 0.0;
             }
         }
-        if settled {
-            return Ok(Solved {
-                x,
-                normal,
-                residuals,
-                penalty,
-            });
-        }
-        if step == MAX_STEPS {
-            break;
-        }
-        let mut improved = false;
-        while lambda < 1e12 {
-            let mut damped = normal;
-            for k in 0..PARAMETERS {
-                damped[(k, k)] *= 1.0 + lambda;
-            }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else {
-                lambda *= 4.0;
-                continue;
-            };
-            let next: [f64; PARAMETERS] = std::array::from_fn(|k| x[k] - step[k]);
-            match cost_at(&next, &mut trial) {
-                Some((new, new_penalty)) if new <= cost => {
-                    // Twice in a row a change that no statistics would notice: the valley in which
-                    // a shifted centre looks like a decentred lens has no other end.
-                    let little = cost - new <= 1e-5 * cost;
-                    flat = if little { flat + 1 } else { 0 };
-                    settled = flat >= 2 || step.amax() < 1e-12;
-                    x = next;
-                    std::mem::swap(&mut residuals, &mut trial);
-                    (cost, penalty) = (new, new_penalty);
-                    lambda = (lambda * 0.05).max(1e-12);
-                    improved = true;
-                    break;
-                }
-                _ => lambda *= 4.0,
-            }
-        }
-        // No step downhill at any damping: this is the minimum to rounding.
-        if !improved {
-            settled = true;
-            lambda = 1.0;
-        }
+        Ok(Normal {
+            cost: 0.5 * (cost + evaluated.penalty),
+            gradient,
+            hessian,
+        })
     }
-    Err(LmError::NoMinimum {
-        iterations: MAX_STEPS,
-        cost,
-    })
+
+    fn moved(&self, x: &[f64; PARAMETERS], step: &Vector) -> Option<[f64; PARAMETERS]> {
+        Some(std::array::from_fn(|k| x[k] + step[k]))
+    }
+
+    fn negligible(&self, _: &[f64; PARAMETERS], _: &[f64; PARAMETERS], step: &Vector) -> bool {
+        step.amax() < NEGLIGIBLE
+    }
 }

@@ -1,14 +1,10 @@
-//! Measurement noise with its colour: white noise plus an Ornstein-Uhlenbeck process.
-//!
-//! The residual series of a channel is filtered by the Kalman filter of that noise; what comes
-//! out (innovations over their sd) is white when the model is right. The filter is linear, so
-//! the columns of the Jacobian go through the same one: generalised least squares in O(n), with
-//! gaps, uneven stamps and outliers (a rejected sample updates nothing).
-//! Reference: Jazwinski 1970, ch. 7; Harvey 1989, section 3.4 (prediction error decomposition).
+//! The noise of residual series: maximum likelihood of level and colour, and which samples are outliers.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
-use super::statistics::{Correlogram, LAGS, median, robust_sd};
+use super::{Noise, Whitener};
+use crate::cholesky::ScaledCholesky;
+use crate::statistics::{Correlogram, LAGS, robust_sd};
 
 /// A sample further from its prediction than this many sd is an outlier: 7e-6 of normal ones are.
 pub const OUTLIER_SD: f64 = 4.5;
@@ -16,111 +12,8 @@ pub const OUTLIER_SD: f64 = 4.5;
 const OUTLIERS_MAX: f64 = 0.2;
 /// Twice the gain in log-likelihood that two more parameters must bring (chi-square with 2 at 5 %).
 const COLOUR_GAIN: f64 = 6.0;
-
-/// Noise of one slot, in the slot's unit.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Noise {
-    /// White part.
-    pub white_sd: f64,
-    /// Correlated part; 0 = none.
-    pub coloured_sd: f64,
-    /// Correlation time e^-1 of the correlated part \[s\].
-    pub correlation_s: f64,
-}
-
-impl Noise {
-    /// White only.
-    pub fn white(sd: f64) -> Self {
-        Noise {
-            white_sd: sd,
-            coloured_sd: 0.0,
-            correlation_s: 0.0,
-        }
-    }
-
-    /// The same noise in another unit, or of samples that are this much worse.
-    #[must_use]
-    pub fn times(self, factor: f64) -> Self {
-        Noise {
-            white_sd: factor * self.white_sd,
-            coloured_sd: factor * self.coloured_sd,
-            ..self
-        }
-    }
-
-    /// sd of one sample.
-    pub fn total_sd(&self) -> f64 {
-        self.white_sd.hypot(self.coloured_sd)
-    }
-}
-
-/// The whitening filter of one series: fixed stamps, noise and rejected samples.
-#[derive(Debug, Clone, Default)]
-pub struct Whitener {
-    /// (decay since the sample before, gain, 1 / sd of the innovation); gain and the last 0 where rejected or missing.
-    steps: Vec<(f64, f64, f64)>,
-}
-
-impl Whitener {
-    /// For samples at `times_s`; `used` says which count.
-    pub fn new(times_s: &[f64], noise: Noise, used: impl Fn(usize) -> bool) -> Self {
-        let (white, ou) = (noise.white_sd.powi(2), noise.coloured_sd.powi(2));
-        let (mut variance, mut last_s) = (ou, f64::NAN);
-        let steps = times_s.iter().enumerate().map(|(k, &t_s)| {
-            let decay = if ou > 0.0 && last_s.is_finite() {
-                (-(t_s - last_s) / noise.correlation_s).exp()
-            } else {
-                0.0
-            };
-            last_s = t_s;
-            variance = ou + decay * decay * (variance - ou);
-            if !used(k) {
-                return (decay, 0.0, 0.0);
-            }
-            let total = variance + white;
-            let gain = variance / total;
-            variance -= gain * variance;
-            (decay, gain, 1.0 / total.sqrt())
-        });
-        Whitener {
-            steps: steps.collect(),
-        }
-    }
-
-    /// Filters a series in place; rejected samples become 0.
-    pub fn apply<'a>(&self, series: impl Iterator<Item = &'a mut f64>) {
-        let mut state = 0.0;
-        for (value, (decay, gain, inverse_sd)) in series.zip(&self.steps) {
-            state *= decay;
-            if *inverse_sd == 0.0 {
-                *value = 0.0;
-                continue;
-            }
-            let innovation = *value - state;
-            state += gain * innovation;
-            *value = innovation * inverse_sd;
-        }
-    }
-
-    /// Samples that count.
-    pub fn used(&self) -> usize {
-        self.steps.iter().filter(|s| s.2 > 0.0).count()
-    }
-
-    /// Whether sample k counts.
-    pub fn counts(&self, k: usize) -> bool {
-        self.steps.get(k).is_some_and(|s| s.2 > 0.0)
-    }
-
-    /// Sum of log innovation variances.
-    pub fn log_variance(&self) -> f64 {
-        self.steps
-            .iter()
-            .filter(|s| s.2 > 0.0)
-            .map(|s| -2.0 * s.2.ln())
-            .sum()
-    }
-}
+/// On the diagonal of the whitened information matrix: its entries are sums over some thousand samples, good to ε n.
+const JITTER: f64 = 1e-12;
 
 /// A residual series (NaN = missing) with its stamps.
 #[derive(Debug, Clone, Copy)]
@@ -133,6 +26,25 @@ pub struct Series<'a> {
     /// With them the likelihood is the restricted one (REML, Patterson and Thompson 1971): what the
     /// fit took out of the residuals, above all of slow noise, is put back.
     pub jacobian: Option<&'a DMatrix<f64>>,
+}
+
+impl<'a> Series<'a> {
+    /// Of values that nothing was fitted to.
+    pub fn new(times_s: &'a [f64], values: &'a [f64]) -> Self {
+        Series {
+            times_s,
+            values,
+            jacobian: None,
+        }
+    }
+
+    /// The values through a filter; what is not finite is not used by it and counts as zero.
+    fn whitened(&self, filter: &Whitener) -> Vec<f64> {
+        let finite = |v: &f64| if v.is_finite() { *v } else { 0.0 };
+        let mut values: Vec<f64> = self.values.iter().map(finite).collect();
+        filter.apply(values.iter_mut());
+        values
+    }
 }
 
 /// Noise of several series of the same channel, and which of their samples are outliers.
@@ -167,51 +79,12 @@ pub fn estimate(series: &[Series<'_>]) -> Option<(Noise, Vec<Vec<bool>>)> {
     Some((noise, used))
 }
 
-/// Noise of one channel as a stretch at rest measured it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct RestNoise {
-    /// Level and colour, SI.
-    #[serde(flatten)]
-    pub noise: Noise,
-    /// Share of samples that were outliers.
-    pub outliers: f64,
-    /// What is left of the stretch itself when this colour is taken out, for comparison with residuals.
-    #[serde(default)]
-    pub left: Option<Correlogram>,
-    /// The logged sd that the level belongs to, SI; `None` = the log said none.
-    #[serde(default)]
-    pub logged_sd: Option<f64>,
-    /// What it was measured on; empty = only the figures above were stored.
-    #[serde(skip)]
-    pub stretches: Vec<Stretch>,
-}
-
-/// Stamps \[s\] and deviations of a stretch at rest; NaN = missing.
-pub type Stretch = (Vec<f64>, Vec<f64>);
-
-impl RestNoise {
-    /// What is left of the stretches when another colour than their own is taken out; of figures alone what was stored.
-    pub fn left_of(&self, noise: Noise) -> Option<Correlogram> {
-        if self.stretches.is_empty() {
-            return self.left.clone();
-        }
-        let series: Vec<Series<'_>> = self.stretches.iter().map(Series::of).collect();
-        left(&series, noise, &mask(&series, noise))
-    }
-}
-
-impl Series<'_> {
-    /// The values through a filter; what is not finite is not used by it and counts as zero.
-    fn whitened(&self, filter: &Whitener) -> Vec<f64> {
-        let finite = |v: &f64| if v.is_finite() { *v } else { 0.0 };
-        let mut values: Vec<f64> = self.values.iter().map(finite).collect();
-        filter.apply(values.iter_mut());
-        values
-    }
-}
-
 /// Autocorrelations of what is left of series when a noise's colour is taken out.
-fn left(series: &[Series<'_>], noise: Noise, used: &[Vec<bool>]) -> Option<Correlogram> {
+pub fn whitened_correlogram(
+    series: &[Series<'_>],
+    noise: Noise,
+    used: &[Vec<bool>],
+) -> Option<Correlogram> {
     let innovations: Vec<Vec<f64>> = series
         .iter()
         .zip(used)
@@ -224,45 +97,6 @@ fn left(series: &[Series<'_>], noise: Noise, used: &[Vec<bool>]) -> Option<Corre
         })
         .collect();
     Correlogram::of(&innovations, LAGS)
-}
-
-impl<'a> Series<'a> {
-    /// Of a stretch at rest.
-    pub fn of((times_s, values): &'a Stretch) -> Self {
-        Series {
-            times_s,
-            values,
-            jacobian: None,
-        }
-    }
-}
-
-/// A stretch at rest of samples (stamp \[s\], value, factor): deviations from the median, times the factor.
-pub fn about_median(samples: &[(f64, f64, f64)]) -> Stretch {
-    let mut present: Vec<f64> = samples
-        .iter()
-        .map(|s| s.1)
-        .filter(|v| v.is_finite())
-        .collect();
-    let middle = median(&mut present).unwrap_or(0.0);
-    let away = |(t_s, value, factor): &(f64, f64, f64)| (*t_s, (value - middle) * factor);
-    samples.iter().map(away).unzip()
-}
-
-/// Noise of one channel from stretches at rest.
-pub fn at_rest(stretches: Vec<Stretch>, logged_sd: Option<f64>) -> Option<RestNoise> {
-    let views: Vec<Series<'_>> = stretches.iter().map(Series::of).collect();
-    let (noise, used) = estimate(&views)?;
-    let kept = used.iter().flatten().filter(|u| **u).count();
-    let values = stretches.iter().flat_map(|s| &s.1);
-    let present = values.filter(|v| v.is_finite()).count();
-    Some(RestNoise {
-        noise,
-        outliers: 1.0 - kept as f64 / present.max(1) as f64,
-        left: left(&views, noise, &used),
-        logged_sd,
-        stretches,
-    })
 }
 
 /// Samples that are neither missing nor outliers of this noise.
@@ -361,28 +195,10 @@ fn likeliest(series: &[Series<'_>], used: &[Vec<bool>]) -> Option<Noise> {
         let mut freedom = n as f64;
         if let Some((gradient, hessian)) = fitted {
             let p = gradient.len();
-            let scale: Vec<f64> = (0..p)
-                .map(|i| hessian[(i, i)].sqrt())
-                .map(|d| if d > 0.0 { 1.0 / d } else { 0.0 })
-                .collect();
-            let scaled = DMatrix::from_fn(p, p, |i, j| {
-                if i == j {
-                    1.0 + 1e-12
-                } else {
-                    hessian[(i, j)] * scale[i] * scale[j]
-                }
-            });
-            let right = DVector::from_fn(p, |i, _| gradient[i] * scale[i]);
             // A direction without information leaves the likelihood the plain one.
-            if let Some(root) = Cholesky::new(scaled).filter(|_| n > 2 * p) {
-                energy -= right.dot(&root.solve(&right));
-                logs += 2.0 * root.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-                logs -= 2.0
-                    * scale
-                        .iter()
-                        .filter(|s| **s > 0.0)
-                        .map(|s| s.ln())
-                        .sum::<f64>();
+            if let Some(root) = ScaledCholesky::new(&hessian, JITTER).filter(|_| n > 2 * p) {
+                energy -= root.squared_norm(&gradient);
+                logs += root.ln_determinant();
                 freedom -= p as f64;
             }
         }
@@ -454,7 +270,7 @@ mod tests {
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, StandardNormal};
 
-    pub(crate) fn draw(seed: u64, n: usize, interval_s: f64, noise: Noise) -> Vec<f64> {
+    fn draw(seed: u64, n: usize, interval_s: f64, noise: Noise) -> Vec<f64> {
         let mut rng = StdRng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let decay = (-interval_s / noise.correlation_s.max(1e-9)).exp();
@@ -521,7 +337,7 @@ mod tests {
         };
         let mut values = draw(5, 600, 0.04, truth);
         Whitener::new(&times, truth, |_| true).apply(values.iter_mut());
-        let white = super::super::statistics::ljung_box(&values, 20).unwrap();
+        let white = crate::statistics::ljung_box(&values, 20).unwrap();
         let variance = values.iter().map(|v| v * v).sum::<f64>() / 600.0;
         assert!(
             white.p_value > 0.01 && (variance - 1.0).abs() < 0.15,
