@@ -32,6 +32,10 @@ impl Clock for Set {
         }
         now
     }
+
+    fn sleep(&self, duration: std::time::Duration) {
+        SystemClock.sleep(duration);
+    }
 }
 
 /// Ahead with 8 N for three seconds.
