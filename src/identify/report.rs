@@ -45,13 +45,12 @@ pub fn html(result: &Identification, command: &str) -> String {
             .strong(&spot.what)
             .plain(format!(": {}. To break it: {}", spot.why, spot.experiment))
     }));
-    b.section("Remarks");
-    b.list(
-        result
-            .notes
-            .iter()
-            .chain(result.runs.iter().flat_map(|r| &r.notes)),
-    );
+    let of_runs = result.runs.iter().flat_map(|r| &r.notes);
+    let remarks: Vec<&String> = result.notes.iter().chain(of_runs).collect();
+    if !remarks.is_empty() {
+        b.section("Remarks");
+        b.list(remarks);
+    }
     page.html()
 }
 

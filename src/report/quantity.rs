@@ -14,13 +14,14 @@ pub struct Quantity<'a> {
 
 const DEG_PER_RAD: f64 = 180.0 / std::f64::consts::PI;
 /// End of a key, unit shown, factor to it.
-const UNITS: [(&str, &str, f64); 6] = [
+const UNITS: [(&str, &str, f64); 7] = [
     ("_m", "mm", 1e3),
     ("_rad", "deg", DEG_PER_RAD),
     ("_mps", "mm/s", 1e3),
     ("_radps", "deg/s", DEG_PER_RAD),
     ("_n", "N", 1.0),
     ("_nm", "N m", 1.0),
+    ("_px", "px", 1.0),
 ];
 
 impl<'a> Quantity<'a> {
@@ -56,6 +57,16 @@ impl<'a> Quantity<'a> {
         }
     }
 
+    /// A value with its unit, to a thousandth of it.
+    pub fn amount(&self, value: f64) -> String {
+        let number = format!("{:.3}", value * self.factor);
+        if self.unit.is_empty() {
+            number
+        } else {
+            format!("{number} {}", self.unit)
+        }
+    }
+
     /// Values in the unit shown.
     pub fn shown(&self, values: &[f64]) -> Vec<f64> {
         values.iter().map(|v| v * self.factor).collect()
@@ -73,6 +84,8 @@ mod tests {
         assert_eq!(Quantity::of("thrust_n").axis(), "thrust [N]");
         assert_eq!(Quantity::of("torque_nm").axis(), "torque [N m]");
         assert_eq!(Quantity::of("whatever").axis(), "whatever");
+        assert_eq!(Quantity::of("x_m").amount(-0.0123456), "-12.346 mm");
+        assert_eq!(Quantity::of("whatever").amount(2.0), "2.000");
         let turn = Quantity::of("psi_rad").shown(&[std::f64::consts::PI]);
         assert!((turn[0] - 180.0).abs() < 1e-9);
     }

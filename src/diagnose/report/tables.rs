@@ -5,14 +5,13 @@ use std::fmt::Write as _;
 
 use hydroline_report::page::{Row, Value as Cell};
 use hydroline_report::{Body, Inline, Quantity, Table, significant};
-use hydroline_sim::effect::{ALL, EffectInfo};
+use hydroline_sim::effect::find;
 
 use crate::verdict::{Law, Value, Verdict};
 use hydroline_identify::parameter::Coefficient;
 
 fn amount(channel: &str, value: f64) -> String {
-    let Quantity { unit, factor, .. } = Quantity::of(channel);
-    format!("{:.3} {unit}", value * factor)
+    Quantity::of(channel).amount(value)
 }
 
 fn amounts(values: &BTreeMap<String, f64>) -> String {
@@ -28,10 +27,6 @@ fn with_sd(value: &Value) -> String {
         || format!("{} (not determined)", significant(value.value)),
         |sd| format!("{} ± {}", significant(value.value), significant(sd)),
     )
-}
-
-fn info(effect: &str) -> Option<&'static EffectInfo> {
-    ALL.iter().copied().find(|i| i.id == effect)
 }
 
 pub(super) fn fit(b: &mut Body, v: &Verdict) {
@@ -88,7 +83,7 @@ pub(super) fn effects(b: &mut Body, v: &Verdict) {
         "parameters",
     ]);
     for e in &v.effects {
-        let info = info(&e.effect);
+        let info = find(&e.effect);
         let unit = |name: &str| {
             info.and_then(|i| i.parameters.iter().find(|p| p.name == name))
                 .map_or("", |p| p.unit)
@@ -131,7 +126,7 @@ pub(super) fn effects(b: &mut Body, v: &Verdict) {
     }
     b.table(table);
     b.paragraph("Weight: rms of what the effect does to the motion that the vehicle's own coefficients cannot do. It matters above the rig's [tolerance].");
-    b.list(v.effects.iter().filter_map(|e| info(&e.effect)).map(|i| {
+    b.list(v.effects.iter().filter_map(|e| find(&e.effect)).map(|i| {
         Inline::new()
             .strong(i.id)
             .plain(format!(" ({}): {}. ", i.stage.name(), i.law))
@@ -370,7 +365,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {
-        let law = info(spot).map_or("", |i| i.law);
+        let law = find(spot).map_or("", |i| i.law);
         Inline::new().strong(spot).plain(format!(": {law}"))
     }));
     next_run(b, v);
