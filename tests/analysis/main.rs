@@ -13,6 +13,9 @@ mod replay_refine;
 mod reproduce_tables;
 mod stripe_cases;
 
+#[path = "../support/inputs.rs"]
+mod inputs;
+
 #[path = "../support/mod.rs"]
 mod support;
 
