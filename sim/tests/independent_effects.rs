@@ -1,5 +1,5 @@
 //! Our measurement effects against frames of an independent renderer that has them
-//! (`shared/cases/images/effects`: a true flat port, a tilted sheet, a scaled target, nothing).
+//! (`cases/images/effects`: a true flat port, a tilted sheet, a scaled target, nothing).
 //!
 //! These logs hold no truth, so the pose of a frame is fitted to it: first to the stripe's rows, then
 //! to the grey levels. Where our effect is theirs, what is left is their noise. The key is read by this
@@ -7,7 +7,12 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // a test
 
-use std::path::{Path, PathBuf};
+#[path = "../../tests/support/inputs.rs"]
+mod inputs;
+
+use std::path::Path;
+
+use inputs::on_both_sets;
 
 use hydroline_rigs::{ImageNoise, ParameterValue, PhysicsEntry, Rig, Wrench};
 use hydroline_sim::fixture::lshpi_rig;
@@ -33,22 +38,6 @@ const AMBIENT: f64 = 12.0;
 const PRIOR: [f64; 6] = [0.02, 0.02, 0.02, 0.02, 0.01, 0.03];
 /// Steps of the numeric derivatives.
 const STEP: [f64; 6] = [2e-4, 2e-4, 2e-4, 2e-4, 2e-4, 2e-4];
-
-fn logs() -> Option<PathBuf> {
-    let beside = |up: &str| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(up);
-    let found = std::env::var_os("HYDROLINE_SHARED")
-        .map(PathBuf::from)
-        .into_iter()
-        .chain([beside("../../shared"), beside("../../../shared")])
-        .map(|s| s.join("cases/images/effects"))
-        .find(|d| d.is_dir());
-    if found.is_none() {
-        println!(
-            "skipped: no shared/cases/images/effects beside the tree; set HYDROLINE_SHARED to its parent"
-        );
-    }
-    found
-}
 
 /// Frames with seconds since the log's first stamp.
 fn frames(path: &Path) -> Vec<(f64, Vec<f64>)> {
@@ -231,20 +220,19 @@ fn robust(v: &[f64]) -> f64 {
     1.4826 * sizes[sizes.len() / 2]
 }
 
-#[test]
-fn their_effects_are_ours() {
-    let Some(dir) = logs() else { return };
+fn their_effects_are_ours(logs: &Path) {
     let key: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(dir.join("key.json")).unwrap()).unwrap();
+        serde_json::from_slice(&std::fs::read(logs.join("key.json")).unwrap()).unwrap();
     let mut worst: Vec<String> = Vec::new();
     for name in ["a", "b", "c", "d"] {
-        let frames = frames(&dir.join(format!("{name}.mcap")));
+        let frames = frames(&logs.join(format!("{name}.mcap")));
+        let (early, late) = (&frames[frames.len() / 4], frames.last().unwrap());
         let plain = rig(Vec::new());
         let with = Renderer::new(&rig(entries(&key[name]))).unwrap();
         let without = Renderer::new(&plain).unwrap();
         let mut sums = [0.0; 2];
         let mut used = 0.0;
-        for (t_s, frame) in frames.iter().skip(3).step_by(8) {
+        for (t_s, frame) in [early, late] {
             let mut world = World::new(&plain, plain.tank.start_pose).unwrap();
             let ahead = Wrench {
                 surge_n: 8.0,
@@ -280,3 +268,7 @@ fn their_effects_are_ours() {
     }
     assert!(worst.is_empty(), "{worst:?}");
 }
+
+on_both_sets!("cases/images/effects":
+    their_effects_are_ours,
+);

@@ -1,11 +1,16 @@
-//! Our stripe and our images against frames of an independent renderer (`shared/cases/images`).
+//! Our stripe and our images against frames of an independent renderer (`cases/images`).
 //!
 //! Truth (CG pose, z down from the floor) stands in the logs and is read by this test only.
 
 #![allow(clippy::unwrap_used)] // a test
 
+#[path = "../../tests/support/inputs.rs"]
+mod inputs;
+
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::Path;
+
+use inputs::{logs_of, on_both_sets};
 
 use hydroline_rigs::{ImageNoise, Rig};
 use hydroline_sim::Renderer;
@@ -59,28 +64,8 @@ impl Motion {
     }
 }
 
-fn images() -> Option<PathBuf> {
-    let shared = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"),
-        PathBuf::from,
-    );
-    let found = [
-        shared,
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-    ]
-    .into_iter()
-    .map(|s| s.join("cases/images"))
-    .find(|d| d.is_dir());
-    if found.is_none() {
-        println!(
-            "skipped: no shared/cases/images beside the tree; set HYDROLINE_SHARED to its parent"
-        );
-    }
-    found
-}
-
 /// Frames with their true poses, by stamp.
-fn read(path: &std::path::Path) -> Vec<(RawImage, Pose6)> {
+fn read(path: &Path) -> Vec<(RawImage, Pose6)> {
     let bytes = std::fs::read(path).unwrap();
     let mut frames: BTreeMap<u64, RawImage> = BTreeMap::new();
     let mut poses: BTreeMap<u64, Pose6> = BTreeMap::new();
@@ -177,18 +162,19 @@ impl Spread {
 /// Every n-th frame: the whole set agrees alike, and the suite stays quick.
 const FRAMES_PER_LOG: usize = 9;
 
-#[test]
-fn stripe_and_image_match_an_independent_renderer() {
-    let Some(dir) = images() else { return };
-    for name in [
-        "heave",
-        "roll",
-        "pitch",
-        "yaw",
-        "surge-4n",
-        "surge-4n-disturbed",
-    ] {
-        let frames = read(&dir.join(format!("{name}.mcap")));
+fn stripe_and_image_match_an_independent_renderer(images: &Path) {
+    for name in logs_of(
+        images,
+        &[
+            "heave",
+            "roll",
+            "pitch",
+            "yaw",
+            "surge-4n",
+            "surge-4n-disturbed",
+        ],
+    ) {
+        let frames = read(&images.join(format!("{name}.mcap")));
         assert!(
             !frames.is_empty(),
             "{name}: no frame with a truth of the same stamp"
@@ -310,3 +296,7 @@ fn at_corner(pose: &Pose6, column: usize) -> bool {
     let beyond_m = (x_m - length_m / 2.0).rem_euclid(length_m);
     (0.0..6.0).contains(&(x_m / length_m)) && (beyond_m < 0.02 || beyond_m > length_m - 0.005)
 }
+
+on_both_sets!("cases/images":
+    stripe_and_image_match_an_independent_renderer,
+);

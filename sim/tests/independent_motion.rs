@@ -1,7 +1,10 @@
-//! Our motion, with the concealed effects switched on, against an independent 6-DOF model (`shared/cases/motion`).
+//! Our motion, with the concealed effects switched on, against an independent 6-DOF model (`cases/motion`).
 //!
 //! The key is read by this test only; nothing here fits anything.
 #![allow(clippy::unwrap_used)] // a test
+
+#[path = "../../tests/support/inputs.rs"]
+mod inputs;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,22 +37,6 @@ struct Motion {
     theta: Option<f64>,
     #[prost(double, optional, tag = "7")]
     psi: Option<f64>,
-}
-
-fn cases() -> Option<PathBuf> {
-    let beside = |up: &str| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(up);
-    let found = std::env::var_os("HYDROLINE_SHARED")
-        .map(PathBuf::from)
-        .into_iter()
-        .chain([beside("../../shared"), beside("../../../shared")])
-        .map(|s| s.join("cases/motion"))
-        .find(|d| d.is_dir());
-    if found.is_none() {
-        println!(
-            "skipped: no shared/cases/motion beside the tree; set HYDROLINE_SHARED to its parent"
-        );
-    }
-    found
 }
 
 /// Stamps [ns] with commands and poses.
@@ -90,7 +77,9 @@ const NAMES: [[&str; 3]; 6] = [
 
 #[test]
 fn cases_whose_effects_we_know_are_reproduced_to_their_noise() {
-    let Some(dir) = cases() else { return };
+    let Some(dir) = inputs::input("cases/motion") else {
+        return;
+    };
     let key: serde_json::Value =
         serde_json::from_slice(&std::fs::read(dir.join("key.json")).unwrap()).unwrap();
     let mut used = 0;

@@ -3,3 +3,6 @@
 
 mod log_files;
 mod thruster_pty;
+
+#[path = "../support/inputs.rs"]
+mod inputs;

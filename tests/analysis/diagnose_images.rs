@@ -3,27 +3,12 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
+use crate::inputs::{logs_of, on_both_sets};
 use hydroline::diagnose::profiles::{Findings, level};
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::images;
 use hydroline_rigs::Rig;
-use std::path::{Path, PathBuf};
-
-fn shared() -> Option<PathBuf> {
-    let dir = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let images = dir.join("cases/images");
-    let there = images.join("effects/key.json").exists();
-    if !there {
-        println!(
-            "skipped: {} is not there; set HYDROLINE_SHARED",
-            images.display()
-        );
-    }
-    there.then_some(images)
-}
+use std::path::Path;
 
 fn found(path: &Path) -> Findings {
     let rig = Rig::builtin("lshpi").unwrap();
@@ -33,9 +18,7 @@ fn found(path: &Path) -> Findings {
 }
 
 /// The four logs with a true flat port, a tilted sheet, a larger target, and nothing.
-#[test]
-fn the_independent_effects_are_named_with_their_numbers() {
-    let Some(images) = shared() else { return };
+fn the_independent_effects_are_named_with_their_numbers(images: &Path) {
     let text = std::fs::read_to_string(images.join("effects/key.json")).unwrap();
     let key: serde_json::Value = serde_json::from_str(&text).unwrap();
     for (log, truth) in key.as_object().unwrap() {
@@ -83,17 +66,18 @@ fn the_independent_effects_are_named_with_their_numbers() {
     }
 }
 
-#[test]
-fn undisturbed_logs_of_the_independent_renderer_give_nothing() {
-    let Some(images) = shared() else { return };
-    for log in [
-        "surge-4n",
-        "surge-4n-disturbed",
-        "heave",
-        "roll",
-        "pitch",
-        "yaw",
-    ] {
+fn undisturbed_logs_of_the_independent_renderer_give_nothing(images: &Path) {
+    for log in logs_of(
+        images,
+        &[
+            "surge-4n",
+            "surge-4n-disturbed",
+            "heave",
+            "roll",
+            "pitch",
+            "yaw",
+        ],
+    ) {
         let found = found(&images.join(format!("{log}.mcap")));
         assert_eq!(found.word, Word::None, "{log}");
         assert!(found.effects.is_empty(), "{log}: {:?}", found.effects);
@@ -112,3 +96,8 @@ fn a_handful_of_our_own_cases() {
     let nothing = judged.last().unwrap();
     assert!(nothing.found.is_empty(), "nothing is there: {nothing:?}");
 }
+
+on_both_sets!("cases/images":
+    the_independent_effects_are_named_with_their_numbers,
+    undisturbed_logs_of_the_independent_renderer_give_nothing,
+);

@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::inputs::input;
 use crate::support::{elements, read_markup};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
@@ -12,21 +13,9 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
 
-fn shared() -> Option<PathBuf> {
-    let path = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let there = path.join("cases/motion/key.json").exists();
-    if !there {
-        println!("skipped: {} is not there", path.display());
-    }
-    there.then_some(path)
-}
-
-fn case(shared: &Path, name: &str) -> (Verdict, serde_json::Value) {
+fn case(cases: &Path, name: &str) -> (Verdict, serde_json::Value) {
     let rig = Rig::builtin("lshpi").unwrap();
-    let folder = shared.join("cases/motion").join(name);
+    let folder = cases.join(name);
     let logs = |stem: &str| -> Vec<Source> {
         (0..8)
             .map(|k| folder.join(format!("{stem}{k}.mcap")))
@@ -35,7 +24,7 @@ fn case(shared: &Path, name: &str) -> (Verdict, serde_json::Value) {
             .collect()
     };
     let found = diagnose(&logs("run"), &logs("held-out"), &rig, &|_| {}).unwrap();
-    let text = std::fs::read_to_string(shared.join("cases/motion/key.json")).unwrap();
+    let text = std::fs::read_to_string(cases.join("key.json")).unwrap();
     let key: Vec<serde_json::Value> = serde_json::from_str(&text).unwrap();
     let own = key.into_iter().find(|k| k["case"] == name).unwrap();
     (found.verdict, own)
@@ -96,8 +85,10 @@ fn named(verdict: &Verdict, key: &serde_json::Value, least_mm: f64) -> Vec<Strin
 /// The paper's two constant thrusts cannot part deadband, constant force and friction.
 #[test]
 fn the_two_run_protocol_is_ambiguous_and_the_next_run_would_split_it() {
-    let Some(shared) = shared() else { return };
-    let (verdict, _) = case(&shared, "case104");
+    let Some(cases) = input("cases/motion") else {
+        return;
+    };
+    let (verdict, _) = case(&cases, "case104");
     assert_eq!(verdict.verdict, Word::Ambiguous, "{}", verdict.sentence);
     assert!(
         verdict
@@ -147,11 +138,13 @@ fn all_twelve_independent_cases() {
 }
 
 fn come_out_right(names: &[&str]) {
-    let Some(shared) = shared() else { return };
+    let Some(cases) = input("cases/motion") else {
+        return;
+    };
     let mut wrong = Vec::new();
     for &name in names {
         let started = std::time::Instant::now();
-        let (verdict, key) = case(&shared, name);
+        let (verdict, key) = case(&cases, name);
         println!(
             "{name} ({:.0} s): {:?}: {}",
             started.elapsed().as_secs_f64(),
@@ -328,4 +321,106 @@ fn nothing_left_out_is_nothing_named() {
     assert_eq!(v.verdict, Word::None, "{}", v.sentence);
     assert!(v.effects.iter().all(|e| !e.matters));
     assert!(v.fit.held_out.before["x_m"] < 1.2 * v.fit.held_out.noise["x_m"]);
+}
+
+/// A carriage of 95 kg under a position controller, as a linear drive is run: its reference goes to and fro at two
+/// frequencies, force and encoder at 50 Hz.
+fn driven(rig: &Rig, name: &str, phase_rad: f64, seed: u64) -> Run {
+    const STEP_S: f64 = 0.02;
+    const ENCODER_SD_M: f64 = 1e-5;
+    let mut path = Trajectory::new(
+        Model::from_rig(rig).unwrap(),
+        ModelState::at_rest([0.0; 6]),
+        0.005,
+    )
+    .unwrap();
+    let mut run = Run {
+        name: name.to_owned(),
+        ..Run::default()
+    };
+    let mut state = seed;
+    for k in 0..620 {
+        let t_s = STEP_S * f64::from(k);
+        let vehicle = path.state_at(t_s).unwrap().vehicle;
+        // Both terms of the reference begin at rest.
+        let ramp = (0.5 * t_s).min(1.0);
+        let wanted_m = ramp
+            * (0.15 * (1.9 * t_s + phase_rad).sin() + 0.04 * (5.3 * t_s + 2.0 * phase_rad).sin());
+        let force_n =
+            (2000.0 * (wanted_m - vehicle.eta[0]) - 300.0 * vehicle.nu[0]).clamp(-300.0, 300.0);
+        let wrench = [force_n, 0.0, 0.0, 0.0, 0.0, 0.0];
+        path.command(t_s, wrench).unwrap();
+        run.commands.push(Command { t_s, wrench });
+        let mut values = [f64::NAN; 12];
+        values[0] = vehicle.eta[0] + ENCODER_SD_M * noise(&mut state);
+        run.samples.push(Sample {
+            t_s,
+            values,
+            covariance: None,
+        });
+    }
+    run
+}
+
+/// A simulated stand-in for the recording of `diagnose_real::the_drive_...`, which does not come with the clone: nothing
+/// restores a carriage, so effects are judged in windows, friction first, then drag that depends on the direction.
+#[test]
+fn a_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    rig.vehicle.mass_kg = 2.0;
+    rig.vehicle.coefficients[0].added = -10.0;
+    rig.vehicle.coefficients[0].linear = -40.0;
+    rig.vehicle.coefficients[0].quadratic = 0.0;
+    let mut drive = rig.clone();
+    drive.vehicle.coefficients[0].added = -93.0;
+    drive.vehicle.coefficients[0].linear = -200.0;
+    for (effect, parameter, value) in [
+        ("coulomb_friction", "f_n", 20.0),
+        ("astern_drag", "gain", 1.25),
+    ] {
+        drive.physics.push(PhysicsEntry {
+            effect: effect.to_owned(),
+            parameters: vec![(parameter.to_owned(), ParameterValue::Number(value))],
+        });
+    }
+    let fitted = [clean(driven(&drive, "a", 0.0, 21))];
+    let held = [clean(driven(&drive, "b", 1.0, 22))];
+    let v = diagnose(&fitted, &held, &rig, &|_| {}).unwrap().verdict;
+    assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
+    let mut heavy: Vec<&str> = v
+        .effects
+        .iter()
+        .filter(|e| e.matters)
+        .map(|e| e.effect.as_str())
+        .collect();
+    heavy.sort_unstable();
+    assert_eq!(heavy, ["astern_drag", "coulomb_friction"], "{}", v.sentence);
+    for (effect, parameter, truth) in [
+        ("coulomb_friction", "f_n", 20.0),
+        ("astern_drag", "gain", 1.25),
+    ] {
+        let found = v
+            .effects
+            .iter()
+            .find(|e| e.effect == effect)
+            .unwrap()
+            .parameters[parameter];
+        assert!(
+            (found.value - truth).abs() < 4.0 * found.sd.unwrap(),
+            "{effect}: {found:?}"
+        );
+    }
+    let rungs: Vec<&str> = v.ladder.iter().map(|r| r.effect.as_str()).collect();
+    assert_eq!(rungs, ["", "coulomb_friction", "astern_drag"]);
+    let rms: Vec<f64> = v
+        .ladder
+        .iter()
+        .map(|r| r.held_out_in_windows["x_m"])
+        .collect();
+    assert!(rms.windows(2).all(|r| r[1] < 0.9 * r[0]), "{rms:?}");
+    assert!(
+        v.fit.held_out.after["x_m"] < 0.3 * v.fit.held_out.before["x_m"],
+        "{:?}",
+        v.fit.held_out
+    );
 }

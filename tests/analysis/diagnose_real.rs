@@ -3,31 +3,21 @@
 //! The tables become logs by `import` with the maps below, as a user would do it.
 #![allow(clippy::unwrap_used)]
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::inputs::input;
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
 use hydroline::import::{Map, import, read as read_table};
 use hydroline_rigs::Rig;
 
+const ROLL_DECAY: &str = "cases/real/roll-decay/model_test_21338.csv";
 const ROLL: &str = "[time]\ncolumn = \"time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// The simulation writes the same angle under another name of the time.
 const FNPF: &str = "[time]\ncolumn = \"Time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// Force over voltage as the drive's data sheet has it.
 const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\nclock = \"relative\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
                      [[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
-
-fn shared() -> Option<PathBuf> {
-    let path = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let there = path.join("cases/real").exists();
-    if !there {
-        println!("skipped: {} is not there", path.display());
-    }
-    there.then_some(path.join("cases/real"))
-}
 
 /// The table as a log, read back.
 fn source(table: &Path, map: &str, rig: &Rig) -> Source {
@@ -117,9 +107,11 @@ fn show(v: &Verdict) {
 /// of the rate takes it on to 1.0; damping without restoring leaves 3.5, quadratic in its place is a quarter worse.
 #[test]
 fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
-    let Some(real) = shared() else { return };
+    let Some(table) = input(ROLL_DECAY) else {
+        return;
+    };
     let rig = ship();
-    let all = source(&real.join("roll-decay/model_test_21338.csv"), ROLL, &rig);
+    let all = source(&table, ROLL, &rig);
     let (fitted, held) = swings(&all, 10);
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     show(&found.verdict);
@@ -211,13 +203,15 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
 /// the direction in its place 1.598 N, with both 1.596 N (and the offset is then -.3 of the -3.1 N).
 #[test]
 fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
-    let Some(real) = shared() else { return };
+    let Some(table) = input("cases/real/emps/DATA_EMPS_SC.csv") else {
+        return;
+    };
     let mut rig = Rig::builtin("lshpi").unwrap();
     rig.vehicle.mass_kg = 2.0;
     rig.vehicle.coefficients[0].added = -10.0;
     rig.vehicle.coefficients[0].linear = -40.0;
     rig.vehicle.coefficients[0].quadratic = 0.0;
-    let all = source(&real.join("emps/DATA_EMPS_SC.csv"), DRIVE, &rig);
+    let all = source(&table, DRIVE, &rig);
     let fitted = [stretch(&all, "a", 0.0, 12.4, 1)];
     let held = [stretch(&all, "b", 12.4, 24.8, 1)];
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
@@ -267,9 +261,11 @@ fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
 #[test]
 #[ignore = "a minute of processor time; the whole recording, as dense, is asked in every run"]
 fn a_free_force_that_foretells_nothing_is_not_believed() {
-    let Some(real) = shared() else { return };
+    let Some(table) = input(ROLL_DECAY) else {
+        return;
+    };
     let rig = ship();
-    let all = source(&real.join("roll-decay/model_test_21338.csv"), ROLL, &rig);
+    let all = source(&table, ROLL, &rig);
     let (fitted, held) = swings(&all, 1);
     let found = diagnose(&fitted, &held, &rig, &|_| {}).unwrap();
     let v = &found.verdict;
@@ -290,9 +286,11 @@ fn a_free_force_that_foretells_nothing_is_not_believed() {
 /// of swinging. It is taken from where it swings freely, and its second and third quarter are predicted.
 #[test]
 fn a_whole_decay_needs_no_windows() {
-    let Some(real) = shared() else { return };
+    let Some(table) = input(ROLL_DECAY) else {
+        return;
+    };
     let rig = ship();
-    let all = source(&real.join("roll-decay/model_test_21338.csv"), ROLL, &rig);
+    let all = source(&table, ROLL, &rig);
     let begins = |f: &&hydroline::diagnose::verdict::DataFault| f.fault == "before_release";
     assert!(all.faults.iter().find(begins).is_some_and(|f| !f.fatal));
     let first_s = all.run.samples[0].t_s;
@@ -322,20 +320,17 @@ fn a_whole_decay_needs_no_windows() {
 #[test]
 #[ignore = "two minutes of processor time"]
 fn the_inviscid_simulation_left_out_damping() {
-    let Some(real) = shared() else { return };
+    let (Some(recorded), Some(simulated)) = (
+        input(ROLL_DECAY),
+        input("cases/real/roll-decay/fnpf_kvlcc2_rolldecay_0kn.csv"),
+    ) else {
+        return;
+    };
     let rig = ship();
-    let sim = source(
-        &real.join("roll-decay/fnpf_kvlcc2_rolldecay_0kn.csv"),
-        FNPF,
-        &rig,
-    );
+    let sim = source(&simulated, FNPF, &rig);
     let inviscid = diagnose(&[sim], &[], &rig, &|_| {}).unwrap();
     show(&inviscid.verdict);
-    let all = source(
-        &real.join("roll-decay/model_test_21338.csv"),
-        ROLL,
-        &inviscid.rig,
-    );
+    let all = source(&recorded, ROLL, &inviscid.rig);
     let found = diagnose(&[all], &[], &inviscid.rig, &|_| {}).unwrap();
     show(&found.verdict);
     let v = &found.verdict;

@@ -1,5 +1,5 @@
 //! Identification end to end: simulated experiments with known truth, logs made apart from the
-//! project, and a real tank test. The latter two skip, with a message, where they are absent.
+//! project, a real tank test and a real linear drive.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::experiment::{
     TestNoise, WHITE, decoupled, inside, other_vehicle, quick, simulated, surge, surge_runs,
 };
+use crate::inputs::input;
 use crate::support::{elements, read_markup};
 use hydroline::identify::data::{Run, Sample, Start, load};
 use hydroline::identify::parameter::Coefficient;
@@ -20,13 +21,6 @@ use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::{EffectStack, Trajectory};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
-
-fn shared() -> PathBuf {
-    std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    )
-}
 
 /// Noise that intervals are tried with, and how long it was measured at rest \[s\]; 0 = not.
 fn kinds() -> [(&'static str, TestNoise, f64); 3] {
@@ -485,11 +479,9 @@ fn all_eighteen_from_two_mixed_runs_and_what_is_not_excited_is_named() {
 
 #[test]
 fn case103_is_recovered_within_three_sd() {
-    let folder = shared().join("cases/motion");
-    if !folder.is_dir() {
-        eprintln!("skipped: no {} (set HYDROLINE_SHARED)", folder.display());
+    let Some(folder) = input("cases/motion") else {
         return;
-    }
+    };
     let rig = Rig::builtin("lshpi").unwrap();
     let key: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(folder.join("key.json")).unwrap()).unwrap();
@@ -550,11 +542,10 @@ fn kvlcc2() -> Rig {
 
 #[test]
 fn the_real_roll_decay_is_fitted_and_its_residual_called_far_from_white() {
-    let csv = shared().join("cases/real/roll-decay/model_test_21338.csv");
-    let Ok(text) = std::fs::read_to_string(&csv) else {
-        eprintln!("skipped: no {} (set HYDROLINE_SHARED)", csv.display());
+    let Some(csv) = input("cases/real/roll-decay/model_test_21338.csv") else {
         return;
     };
+    let text = std::fs::read_to_string(csv).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("roll.mcap");
     let map = Map::from_toml(ROLL_DECAY_MAP, "roll.toml").unwrap();
@@ -594,11 +585,10 @@ fn the_real_roll_decay_is_fitted_and_its_residual_called_far_from_white() {
 
 #[test]
 fn the_real_linear_drive_is_imported_with_its_command() {
-    let csv = shared().join("cases/real/emps/DATA_EMPS_SC.csv");
-    let Ok(text) = std::fs::read_to_string(&csv) else {
-        eprintln!("skipped: no {} (set HYDROLINE_SHARED)", csv.display());
+    let Some(csv) = input("cases/real/emps/DATA_EMPS_SC.csv") else {
         return;
     };
+    let text = std::fs::read_to_string(csv).unwrap();
     let toml = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n[motion.u_mps]\ncolumn = \"v_est\"\nunit = \"m/s\"\n[[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
     let map = Map::from_toml(toml, "emps.toml").unwrap();
     let data = read(&text, &map);

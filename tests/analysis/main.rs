@@ -14,6 +14,9 @@ mod reproduce_tables;
 mod sample;
 mod stripe_cases;
 
+#[path = "../support/inputs.rs"]
+mod inputs;
+
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -1,8 +1,9 @@
-//! Poses of `../shared/cases/images` (an independent renderer) against the truth in each log,
-//! which this test alone reads. Skips, with a message, where the cases are absent.
+//! Poses of `cases/images` (an independent renderer) against the truth in each log,
+//! which this test alone reads.
 
 #![allow(clippy::unwrap_used)]
 
+use crate::inputs::{logs_of, on_both_sets};
 use hydroline::frame::GreyImage;
 use hydroline::log::{LogReader, Record};
 use hydroline::pose::estimators::pitch_rad;
@@ -11,24 +12,8 @@ use hydroline::pose::joint::{Held, Hint, JointPose, Light, PoseFitter, squared_d
 use hydroline::stripe::{Extractor, ExtractorConfig, Profile};
 use hydroline_calib::{IdealMap, Pose};
 use hydroline_rigs::Rig;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-
-fn shared() -> Option<PathBuf> {
-    let dir = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let images = dir.join("cases/images");
-    if !images.is_dir() {
-        println!(
-            "skipped: {} is not there; set HYDROLINE_SHARED",
-            images.display()
-        );
-        return None;
-    }
-    Some(images)
-}
 
 /// Frames and true poses of a log, by stamp.
 pub fn frames(path: &Path) -> Vec<(GreyImage, Pose)> {
@@ -94,13 +79,13 @@ const UNIT: [f64; 6] = [
 /// Pixel noise of these frames, as their README says \[grey levels\].
 const NOISE_SD: f64 = 1.5;
 
-fn score(name: &str, rig: &Rig) -> Option<Score> {
+fn score(images: &Path, name: &str, rig: &Rig) -> Score {
     let fitter = PoseFitter::new(rig, Arc::new(IdealMap::of(rig)));
-    score_of(name, rig, &fitter)
+    score_of(images, name, rig, &fitter)
 }
 
-fn score_of(name: &str, rig: &Rig, fitter: &PoseFitter) -> Option<Score> {
-    let path = shared()?.join(format!("{name}.mcap"));
+fn score_of(images: &Path, name: &str, rig: &Rig, fitter: &PoseFitter) -> Score {
+    let path = images.join(format!("{name}.mcap"));
     let mut extractor = Extractor::new(ExtractorConfig::default());
     let mut score = Score::default();
     let mut spent = std::time::Duration::ZERO;
@@ -203,7 +188,7 @@ fn score_of(name: &str, rig: &Rig, fitter: &PoseFitter) -> Option<Score> {
             score.bound, score.across, score.edge_doubt
         );
     }
-    Some(score)
+    score
 }
 
 fn target_rig() -> Rig {
@@ -221,8 +206,8 @@ const ASKED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 /// the stripe and feels a fiftieth of a pixel: x, z and θ stay up to 1.4 times above what is asked, 2.4 times the bound
 /// of frames with perfect edges. The weak direction lies along the heading, so at yaw it shows in y too: across the heading
 /// y is 0.04 mm. A run knows its sheet's thickness, and then what is asked is reached: the next test.
-fn near_what_is_asked(name: &str, within: f64) -> Option<Score> {
-    let score = score(name, &target_rig())?;
+fn near_what_is_asked(images: &Path, name: &str, within: f64) -> Score {
+    let score = score(images, name, &target_rig());
     assert_eq!(score.failed, 0, "{name}");
     for i in 0..6 {
         println!(
@@ -234,7 +219,7 @@ fn near_what_is_asked(name: &str, within: f64) -> Option<Score> {
         assert!(score.rms[i] < within * ASKED[i], "{name}: {:?}", score.rms);
     }
     assert!(score.rms[3] <= ASKED[3], "{name}: roll");
-    Some(score)
+    score
 }
 
 fn within_its_sd(name: &str, score: &Score) {
@@ -242,25 +227,20 @@ fn within_its_sd(name: &str, score: &Score) {
     assert!(worst < 4.5, "{name}: a frame {worst} sd off");
 }
 
-#[test]
-fn joint_pose_on_independent_frames() {
-    for (name, within) in [("surge-4n", 1.5), ("surge-4n-disturbed", 1.5)] {
-        let Some(score) = near_what_is_asked(name, within) else {
-            return;
+fn joint_pose_on_independent_frames(images: &Path) {
+    for name in logs_of(images, &["surge-4n", "surge-4n-disturbed", "yaw"]) {
+        let within = match name {
+            // Nine frames (or every other of them), of which two lie within 2 mm of a joint or widest point of one side.
+            "yaw" => 3.0,
+            _ => 1.5,
         };
-        within_its_sd(name, &score);
-    }
-    // Nine frames, of which two lie within 2 mm of a joint or widest point of one side.
-    if let Some(score) = near_what_is_asked("yaw", 3.0) {
-        within_its_sd("yaw", &score);
+        within_its_sd(name, &near_what_is_asked(images, name, within));
     }
 }
 
 /// With θ known, as the paper's decoupled motions have it: Table 3's limits for ours.
-#[test]
-fn surge_and_yaw_with_pitch_known() {
-    for name in ["surge-4n", "yaw"] {
-        let Some(images) = shared() else { return };
+fn surge_and_yaw_with_pitch_known(images: &Path) {
+    for name in logs_of(images, &["surge-4n", "surge-4n-disturbed", "yaw"]) {
         let rig = target_rig();
         let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
         let mut extractor = Extractor::new(ExtractorConfig::default());
@@ -270,7 +250,7 @@ fn surge_and_yaw_with_pitch_known() {
             let hint = Hint {
                 x_m: Some(truth.x_m),
                 held: Held {
-                    theta_rad: Some(0.0),
+                    theta_rad: Some(truth.theta_rad),
                     thickness: false,
                 },
             };
@@ -283,9 +263,7 @@ fn surge_and_yaw_with_pitch_known() {
     }
 }
 
-#[test]
-fn pitch_by_the_formula() {
-    let Some(images) = shared() else { return };
+fn pitch_by_the_formula(images: &Path) {
     let mut rig = target_rig();
     rig.target = None;
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
@@ -306,14 +284,11 @@ fn pitch_by_the_formula() {
     assert!(worst_deg <= 0.05, "{worst_deg}");
 }
 
-#[test]
-fn bare_floor_on_independent_frames() {
+fn bare_floor_on_independent_frames(images: &Path) {
     let mut rig = target_rig();
     rig.target = None;
     for name in ["heave", "roll"] {
-        let Some(score) = score(name, &rig) else {
-            return;
-        };
+        let score = score(images, name, &rig);
         assert_eq!(score.failed, 0, "{name}");
         // Asked for: heave 0.05 mm, roll 0.01°, maximum.
         assert!(
@@ -341,10 +316,8 @@ fn seen(path: &Path) -> Vec<(GreyImage, Profile, Hint)> {
 }
 
 /// The sheet's thickness found over the run, as `replay --refine thickness` does, and then each frame by itself.
-#[test]
-fn joint_pose_with_the_thickness_refined_over_the_run() {
-    for name in ["surge-4n", "surge-4n-disturbed", "yaw"] {
-        let Some(images) = shared() else { return };
+fn joint_pose_with_the_thickness_refined_over_the_run(images: &Path) {
+    for name in logs_of(images, &["surge-4n", "surge-4n-disturbed", "yaw"]) {
         let rig = target_rig();
         let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
         let wanted = Wanted {
@@ -358,7 +331,7 @@ fn joint_pose_with_the_thickness_refined_over_the_run() {
             found.geometry.thickness_m * 1e3,
             found.covariance[(2, 2)].sqrt() * 1e3
         );
-        let score = score_of(name, &rig, &fitter.refined(&found)).unwrap();
+        let score = score_of(images, name, &rig, &fitter.refined(&found));
         assert_eq!(score.failed, 0, "{name}");
         within_its_sd(name, &score);
         // What is asked holds for yaw of 0 to 5 deg. At up to 17 deg what is left of the weak direction shows in y (even the
@@ -376,3 +349,11 @@ fn joint_pose_with_the_thickness_refined_over_the_run() {
         }
     }
 }
+
+on_both_sets!("cases/images":
+    joint_pose_on_independent_frames,
+    surge_and_yaw_with_pitch_known,
+    pitch_by_the_formula,
+    bare_floor_on_independent_frames,
+    joint_pose_with_the_thickness_refined_over_the_run,
+);

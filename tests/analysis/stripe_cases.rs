@@ -1,14 +1,15 @@
-//! Stripes of `../shared/cases/images` (an independent renderer) against what the truth in each
+//! Stripes of `cases/images` (an independent renderer) against what the truth in each
 //! log predicts. The predictor here is written from geometry.md alone and shares no code with
-//! the simulator. Skips, with a message, where the cases are absent.
+//! the simulator.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use crate::inputs::{logs_of, on_both_sets};
 use hydroline::frame::GreyImage;
 use hydroline::stripe::{Band, Extractor, ExtractorConfig, Profile, quality};
 use nalgebra::{Rotation3, Vector3};
 use prost::Message;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// `foxglove.RawImage`, as far as it is read here.
 #[derive(Clone, PartialEq, Message)]
@@ -54,13 +55,6 @@ const LAYER_M: f64 = 0.02;
 const CLEAR_SHEET_M: f64 = 0.008;
 /// Columns on either side that must lie on the same level: the stripe is some 8 px thick.
 const CLEAR_COLUMNS: usize = 8;
-
-fn shared() -> PathBuf {
-    std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    )
-}
 
 /// Frames of a log with the pose at the same stamp, in order.
 fn frames(path: &Path) -> Vec<(GreyImage, Pose)> {
@@ -231,25 +225,22 @@ fn compare(profile: &Profile, wanted: &[(usize, f64)], tally: &mut Tally) {
     }
 }
 
-#[test]
-fn stripes_lie_where_the_truth_puts_them() {
-    let folder = shared().join("cases/images");
-    if !folder.is_dir() {
-        eprintln!("skipped: no {} (set HYDROLINE_SHARED)", folder.display());
-        return;
-    }
+fn stripes_lie_where_the_truth_puts_them(images: &Path) {
     println!(
         "{:20} {:>6} {:>8} {:>8} {:>7} {:>7} {:>7} {:>9}",
         "", "cover", "bias px", "rms px", "worst", "err/sd", "columns", "whole-px"
     );
-    for name in [
-        "heave",
-        "roll",
-        "pitch",
-        "yaw",
-        "surge-4n",
-        "surge-4n-disturbed",
-    ] {
+    for name in logs_of(
+        images,
+        &[
+            "heave",
+            "roll",
+            "pitch",
+            "yaw",
+            "surge-4n",
+            "surge-4n-disturbed",
+        ],
+    ) {
         let target = matches!(name, "yaw" | "surge-4n" | "surge-4n-disturbed");
         let mut extractor = Extractor::new(ExtractorConfig::default());
         let mut paper = Extractor::new(ExtractorConfig {
@@ -259,7 +250,7 @@ fn stripes_lie_where_the_truth_puts_them() {
         let (mut ours, mut whole) = (Tally::default(), Tally::default());
         let mut band: Option<Band> = None;
         let mut worst_sound = 0.0f64;
-        for (index, (image, pose)) in frames(&folder.join(name).with_extension("mcap"))
+        for (index, (image, pose)) in frames(&images.join(name).with_extension("mcap"))
             .iter()
             .enumerate()
         {
@@ -330,3 +321,7 @@ fn stripes_lie_where_the_truth_puts_them() {
         );
     }
 }
+
+on_both_sets!("cases/images":
+    stripes_lie_where_the_truth_puts_them,
+);

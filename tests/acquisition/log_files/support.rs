@@ -1,6 +1,6 @@
 //! Frames, commands and small logs.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bytes::Bytes;
 use hydroline::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
@@ -108,23 +108,6 @@ pub fn read_all(bytes: &[u8]) -> (Vec<LogMessage>, Vec<LogError>) {
     (messages, errors)
 }
 
-/// `../shared`, or `HYDROLINE_SHARED`; `None` where neither is there (the test is skipped, aloud).
-pub fn shared(what: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("HYDROLINE_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let path = root.join(what);
-    if path.exists() {
-        return Some(path);
-    }
-    println!(
-        "SKIPPED: {} is not there (set HYDROLINE_SHARED)",
-        path.display()
-    );
-    None
-}
-
 /// A Python that has `mcap`: `HYDROLINE_PYTHON`, which must work when it is set, else `python3`;
 /// `None` where that has no `mcap` (the comparison is skipped, aloud).
 fn python() -> Option<std::ffi::OsString> {
@@ -143,7 +126,9 @@ fn python() -> Option<std::ffi::OsString> {
         "HYDROLINE_PYTHON={} cannot import mcap: {problem}",
         python.display()
     );
-    println!("SKIPPED: python3 has no `mcap` (tests/setup --tests, or set HYDROLINE_PYTHON)");
+    crate::inputs::skip(
+        "a python3 that imports `mcap` for its comparison (tests/setup --tests, or set HYDROLINE_PYTHON)",
+    );
     None
 }
 
