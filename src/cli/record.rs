@@ -7,6 +7,7 @@ use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::{Shutdown, StopReason};
@@ -23,19 +24,24 @@ use std::time::{Duration, Instant};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly.
-Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series.
+While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly. \
+Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series. \
 A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
 
-With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that;
+With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
 with --return-to-start you bring it back by hand, and Enter starts the next run.
 
+Examples:
   hydroline record --rig lshpi --plan surge-4n --dry-run
-  hydroline record --rig lshpi --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
-  hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap")]
+  hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
+  hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
+
+Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
+recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost or \
+the disk filled up.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -88,7 +94,7 @@ pub struct Args {
     out: Option<PathBuf>,
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = args
         .plan
@@ -108,7 +114,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     if !args.no_thrusters {
-        check_set(&rig.thrusters).map_err(CliError::config)?;
+        check_set(&rig.thrusters)?;
     }
     inputs::warn_of_flush(&rig);
     let calibrate = args.making.setup(&rig, &conditions)?;
@@ -153,6 +159,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         calibrating,
         &outs,
         &mut reports,
+        build,
     );
     if args.json {
         outln!("{}", serde_json::json!({ "runs": reports }));
@@ -191,6 +198,7 @@ fn record_all(
     mut calibrating: Calibrating,
     outs: &[PathBuf],
     reports: &mut Vec<serde_json::Value>,
+    build: BuildInfo,
 ) -> Result<Outcome, CliError> {
     let mut outcome = Outcome::Done;
     for (k, (out, rig)) in outs.iter().zip(rigs).enumerate() {
@@ -209,6 +217,7 @@ fn record_all(
                 .map(|c| checked(args, rig, conditions, c))
                 .transpose()?,
             calibrate: calibrating.calibrate.clone(),
+            build,
         };
         let report = recording.record(out)?;
         if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
@@ -284,7 +293,7 @@ fn checked(
 
 /// Writes an accepted calibration; the log holds it too.
 fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
-    let text = calibration.to_toml().map_err(CliError::run)?;
+    let text = calibration.to_toml()?;
     std::fs::write(file, text).map_err(|e| {
         CliError::Run(format!(
             "{}: {e}; the log holds the calibration too, on /laser/calibration",
@@ -323,7 +332,7 @@ fn repeats(plan: &Plan, args: &Args) -> Repeats {
 
 /// Simulates the plan, all runs of it; shows it on --dry-run, refuses a bad one always.
 fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError> {
-    let report = preflight_runs(rig, plan, repeats(plan, args)).map_err(CliError::config)?;
+    let report = preflight_runs(rig, plan, repeats(plan, args))?;
     if args.dry_run {
         if args.json {
             outln!("{}", serde_json::json!(report));
@@ -454,6 +463,8 @@ pub(super) struct Recording<'a> {
     pub calibration: Option<(Calibration, Option<String>)>,
     /// The calibration in the making.
     pub calibrate: Option<Setup>,
+    /// The recording program.
+    pub build: BuildInfo,
 }
 
 impl Recording<'_> {
@@ -490,8 +501,7 @@ impl Recording<'_> {
                 length.as_secs_f64(),
                 bytes_per_s,
                 self.rig.log.min_free_bytes,
-            )
-            .map_err(CliError::config)?;
+            )?;
         }
         if let (Some(length), Some(plan)) = (length, self.plan)
             && length.as_secs_f64()
@@ -526,6 +536,7 @@ impl Recording<'_> {
             conditions: self.conditions,
             calibration_toml: calibration.to_toml().ok(),
             run: self.run,
+            build: self.build,
         })
         .map_err(CliError::Config)?;
         if let Some(words) = warning {
@@ -536,8 +547,7 @@ impl Recording<'_> {
             replace: false,
         });
         let settings = WriteSettings::live(&self.rig.log, Some(camera.pixel_format));
-        let recorder =
-            Recorder::start(opener, head, settings, clock.clone()).map_err(CliError::run)?;
+        let recorder = Recorder::start(opener, head, settings, clock.clone())?;
         if let Some((vehicle, start_ns)) = &vehicle {
             vehicle.log_truth(
                 recorder.clone(),
@@ -566,7 +576,7 @@ impl Recording<'_> {
         let result = record::run(parts, &job, &Shutdown::new(), watch);
         bar.finish_and_clear();
         drop(controller);
-        result.map_err(CliError::run)
+        Ok(result?)
     }
 }
 

@@ -14,6 +14,7 @@ use mcap::records::MessageHeader;
 
 use super::entry::Entry;
 use super::policy::{Due, Limits, Policy};
+use super::settings::Head;
 use super::sink::LogSink;
 use super::topic::Topic;
 
@@ -116,14 +117,15 @@ impl PartFile {
         sink: Box<dyn LogSink>,
         encoding: &Encoding,
         limits: Limits,
-        head: &[(&str, MetadataMap)],
+        head: &Head,
+        number: u32,
         now_ns: u64,
     ) -> Result<Self, Fault> {
         let staging = Staging::default();
         let compression = (encoding.zstd_level > 0).then_some(mcap::Compression::Zstd);
         let mcap = mcap::WriteOptions::new()
             .profile("")
-            .library(concat!("hydroline ", env!("CARGO_PKG_VERSION")))
+            .library(head.library())
             .compression(compression)
             .compression_level(encoding.zstd_level)
             // Worker threads made single writes of 131 ms on two cores; level 1 in line is faster.
@@ -143,10 +145,10 @@ impl PartFile {
             open: BTreeMap::new(),
             closed: BTreeMap::new(),
         };
-        for (name, map) in head {
+        for (name, map) in head.metadata(number) {
             let metadata = mcap::write::Metadata {
-                name: (*name).to_owned(),
-                metadata: map.clone(),
+                name: name.to_owned(),
+                metadata: map,
             };
             part.mcap.write_metadata(&metadata)?;
         }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod calibrate_chain;
+mod cli_build_info;
 mod cli_errors;
 mod record_command;
 mod record_disk;
