@@ -18,6 +18,14 @@ pub use board_map::{NodeResidual, Placement};
 /// What is wrong with a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibError {
+    /// The file cannot be read at all.
+    #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
+    NoFile {
+        /// File as named by the caller.
+        file: String,
+        /// The system's words.
+        reason: String,
+    },
     /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
     Unreadable {
@@ -188,10 +196,10 @@ impl Calibration {
     /// Reads a calibration file.
     ///
     /// # Errors
-    /// [`CalibError::Unreadable`] or [`CalibError::OutOfRange`], naming the file.
+    /// [`CalibError`], naming the file.
     pub fn load(path: &Path) -> Result<Self, CalibError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| CalibError::Unreadable {
+        let text = std::fs::read_to_string(path).map_err(|error| CalibError::NoFile {
             file: file.clone(),
             reason: error.to_string(),
         })?;

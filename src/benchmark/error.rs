@@ -62,12 +62,20 @@ pub enum ProveError {
         /// A known one.
         example: String,
     },
-    /// A kept case cannot be read or written.
+    /// What lies in the folder of kept cases cannot be used.
     #[error("{path}: {reason}")]
     Kept {
         /// File.
         path: String,
         /// Why, and what to do.
+        reason: String,
+    },
+    /// A judged case cannot be laid down.
+    #[error("{path}: cannot be written: {reason}; what was judged before it is kept")]
+    NotKept {
+        /// File.
+        path: String,
+        /// Why.
         reason: String,
     },
     /// The motion left all bounds.

@@ -77,7 +77,7 @@ impl Kept {
     /// Lays a case down, whole or not at all.
     ///
     /// # Errors
-    /// [`ProveError::Kept`].
+    /// [`ProveError::NotKept`].
     pub fn write(&self, judged: &Judged, observed: bool) -> Result<(), ProveError> {
         let path = self.path(&judged.id);
         let sheet = Sheet {
@@ -86,14 +86,15 @@ impl Kept {
             observed,
             judged: judged.clone(),
         };
-        let text = serde_json::to_string(&sheet).map_err(|e| ProveError::Kept {
+        let failed = |reason: String| ProveError::NotKept {
             path: path.display().to_string(),
-            reason: e.to_string(),
-        })?;
+            reason,
+        };
+        let text = serde_json::to_string(&sheet).map_err(|e| failed(e.to_string()))?;
         let part = path.with_extension("json.part");
         std::fs::write(&part, text)
             .and_then(|()| std::fs::rename(&part, &path))
-            .map_err(|e| broken(&path, &e))
+            .map_err(|e| failed(e.to_string()))
     }
 }
 

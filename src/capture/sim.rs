@@ -133,7 +133,7 @@ impl<S: Scene> FrameSource for SimCamera<S> {
         SourceDescription {
             kind: "sim".to_owned(),
             driver: "hydroline-sim".to_owned(),
-            driver_version: env!("CARGO_PKG_VERSION").to_owned(),
+            driver_version: hydroline_core::build_info::VERSION.to_owned(),
             card: "simulated camera".to_owned(),
             format: NegotiatedFormat {
                 fourcc: "GREY".to_owned(),

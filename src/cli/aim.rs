@@ -19,6 +19,14 @@ use std::time::Duration;
 const WINDOW: Duration = Duration::from_millis(500);
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Prints every half second what the camera sees: frames per second, stripe, peak level, floor, and what to change.
+
+Examples:
+  hydroline aim --rig my.toml                    # until Ctrl-C
+  hydroline aim --rig lshpi --for 5s --png aim.png
+
+Exit codes: 0 done; 1 the camera fails or no frame came; 2 bad arguments or rig.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -73,10 +81,7 @@ fn watch(
     let (start_ns, mut window_ns) = (clock.monotonic_ns(), clock.monotonic_ns());
     let mut newest: Option<Frame> = None;
     loop {
-        match source
-            .next(Duration::from_millis(50))
-            .map_err(CliError::run)?
-        {
+        match source.next(Duration::from_millis(50))? {
             Captured::Frame(frame) => {
                 gatherer.frame(&frame.meta);
                 newest = Some(frame);
@@ -141,11 +146,11 @@ fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Resul
 }
 
 fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {
-    let image = frame.to_grey().map_err(CliError::run)?;
+    let image = frame.to_grey()?;
     let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
     annotate(&image, &profile)
         .save(path)
-        .map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
+        .map_err(|e| CliError::writing(path, &e))?;
     outln!("{}", path.display());
     Ok(())
 }

@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Built in: wc-lines-50 (Wang and Cheng's grid lines), dots-50, chess-25 (to print). The drawing is at true scale:
-measure its 100 mm line before the board is trusted. Layers: CUT the outline, MARK what is dark, LIGHT what stays
+Built in: wc-lines-50 (Wang and Cheng's grid lines), dots-50, chess-25 (to print). The drawing is at true scale: \
+measure its 100 mm line before the board is trusted. Layers: CUT the outline, MARK what is dark, LIGHT what stays \
 light inside a mark, BLOCK the gauge blocks with their height, NOTE dimensions.
 
+Examples:
   hydroline board dots-50 --out dots-50.svg
   hydroline board my-board.toml --out my-board.dxf")]
 pub struct Args {
@@ -24,7 +25,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let board = Board::load_or_builtin(&args.board).map_err(CliError::config)?;
+    let board = Board::load_or_builtin(&args.board)?;
     write(&args.out, &board_sheet(&board))?;
     if board.blocks.len() < 3 {
         eprintln!(
@@ -52,12 +53,7 @@ pub(super) fn write(out: &Path, sheet: &Sheet) -> Result<(), CliError> {
         }
     };
     inputs::new_file("--out", out)?;
-    std::fs::write(out, text).map_err(|e| {
-        CliError::Run(format!(
-            "{}: {e}; check that the folder is writable",
-            out.display()
-        ))
-    })?;
+    inputs::write(out, text)?;
     outln!(
         "{}: {}, {:.0} x {:.0} mm at true scale",
         out.display(),

@@ -20,14 +20,17 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The board stands in the laser sheet and does not move; images of another pose are fitted apart and compared.
-Methods: homography (lens and perspective; the default), refractive (flat port by Snell's law), and the literal
+The board stands in the laser sheet and does not move; images of another pose are fitted apart and compared. \
+Methods: homography (lens and perspective; the default), refractive (flat port by Snell's law), and the literal \
 Wang-Cheng maps graticule, bilinear, affine, and rectified-graticule; `hydroline reproduce calibration` compares them.
 
-Exit codes: 0 done; 1 no calibration; 2 bad arguments; 3 done, but some of the given images were refused.
-
+Examples:
+  hydroline calibrate calib.mcap --board dots-50 --out calib.toml
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
-  hydroline calibrate calib-run.mcap --board dots-50 --out calib.toml --against last-week.toml")]
+  hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
+
+Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
+image or log; 3 done, but some of the given images were refused.")]
 pub struct Args {
     /// Logs (.mcap) or images (PNG, JPEG) of the board
     #[arg(required = true, value_name = "LOG|IMAGE")]
@@ -109,7 +112,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let named = args
         .board
         .as_deref()
-        .map(|name| Board::load_or_builtin(name).map_err(CliError::config))
+        .map(Board::load_or_builtin)
         .transpose()?;
     inputs::new_file("--out", &args.out)?;
     if let Some(path) = &args.annotate {
@@ -119,8 +122,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .against
         .iter()
         .map(|path| Ok((path.as_path(), Calibration::load(path)?)))
-        .collect::<Result<_, _>>()
-        .map_err(|e: hydroline_calib::CalibError| CliError::config(e))?;
+        .collect::<Result<_, CliError>>()?;
     let sources = collect::sources(&args.inputs)?;
     let (rig, medium) = circumstances(args, &sources)?;
     let Some(board) = named.or_else(|| rig.as_ref().and_then(|r| r.board.clone())) else {
@@ -161,12 +163,12 @@ fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium
         Source::Image(_) => None,
     });
     if let Some(path) = log {
-        let reader = LogReader::open(path).map_err(CliError::run)?;
+        let reader = LogReader::open(path)?;
         if rig.is_none()
             && let Some(text) = reader.rig_toml()
         {
             let name = format!("rig in {}", path.display());
-            rig = Some(Rig::from_toml(text, &name, None).map_err(CliError::config)?);
+            rig = Some(Rig::from_toml(text, &name, None)?);
         }
         told = told.or_else(|| medium::of_log(reader.metadata().get("session"), rig.as_ref()));
     }
@@ -189,8 +191,14 @@ fn finish(
 ) -> Result<Outcome, CliError> {
     let poses = &collected.poses;
     let Some(best) = poses.best() else {
+        if collected.unreadable_images > 0 && collected.unreadable_images == collected.looked {
+            return Err(CliError::Config(format!(
+                "none of the {} given files is an image or a log; name PNG or JPEG images of the board, or a log (.mcap)",
+                collected.looked
+            )));
+        }
         return Err(CliError::Run(format!(
-            "no board '{}' in {} images{}",
+            "no board '{}' in {} images{}; is it this board (--board), whole in the picture, sharp and lit?",
             setup.board.name,
             collected.looked,
             collected.reasons()
@@ -240,17 +248,11 @@ fn finish(
         status,
         against: &against,
     };
-    let text = report.file().map_err(CliError::run)?;
-    std::fs::write(&args.out, text).map_err(|e| {
-        CliError::Run(format!(
-            "{}: {e}; check that the folder is writable",
-            args.out.display()
-        ))
-    })?;
+    inputs::write(&args.out, report.file()?)?;
     if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
         picture::annotate(setup, image, &calibration)
             .save(path)
-            .map_err(|e| CliError::Run(format!("{}: {e}", path.display())))?;
+            .map_err(|e| CliError::writing(path, &e))?;
     }
     if args.json {
         outln!("{}", report.json());

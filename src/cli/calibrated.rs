@@ -30,7 +30,7 @@ impl UseArgs {
         let Some(path) = self.calibration.as_deref() else {
             return Ok(None);
         };
-        let calibration = Calibration::load(path).map_err(CliError::config)?;
+        let calibration = Calibration::load(path)?;
         if let Some(words) = calibration.caveat() {
             eprintln!("hydroline: {}: {words}", path.display());
         }
@@ -48,7 +48,7 @@ impl UseArgs {
         image: Option<ImageSize>,
     ) -> Result<(Calibration, Option<String>), CliError> {
         if let Some(image) = image {
-            calibration.check_image(image).map_err(CliError::config)?;
+            calibration.check_image(image)?;
         }
         if calibration.medium != run
             && let Some(told) = calibration.in_medium(run, index)
@@ -99,7 +99,7 @@ impl MakeArgs {
             return Ok(None);
         }
         let board = match (&self.board, &rig.board) {
-            (Some(name), _) => Board::load_or_builtin(name).map_err(CliError::config)?,
+            (Some(name), _) => Board::load_or_builtin(name)?,
             (None, Some(board)) => board.clone(),
             (None, None) => {
                 return Err(CliError::Config(format!(

@@ -17,9 +17,14 @@ use std::time::Duration;
 const FRAME_WITHIN: Duration = Duration::from_secs(3);
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Exit code 0: ready to record; 1: something has to be fixed first, as printed."
-)]
+#[command(after_help = "\
+Looks at camera (ten good frames), thruster controller (found, not opened: nothing moves), clock and disk.
+
+Examples:
+  hydroline check --rig my.toml
+  hydroline check --rig my.toml --disk /data --json
+
+Exit codes: 0 ready to record; 1 something has to be fixed first, as printed; 2 bad arguments or rig.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -64,9 +69,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if ready {
         Ok(Outcome::Done)
     } else {
+        let broken: Vec<&str> = findings.iter().filter(|f| !f.ok).map(|f| f.what).collect();
         Err(CliError::Run(format!(
-            "{} is not ready to record",
-            rig.name
+            "{} is not ready to record: fix {} as said above, then check again",
+            rig.name,
+            broken.join(", ")
         )))
     }
 }

@@ -2,9 +2,10 @@
 
 use super::print::outln;
 use super::record::Recording;
-use super::{CliError, Outcome, progress};
+use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::StopReason;
 use hydroline_daemon::record::{Report, floor};
@@ -32,36 +33,41 @@ const LEFT_OUT: &str = "[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The two runs are recorded in real time (36 s), as the daemon would at the tank, with a simulated camera
-and a simulated controller on a pseudo-terminal; the whole takes less than two minutes. The simulated
-thrusters lag by 0.25 s and the rig that the runs are then analysed with does not know: diagnose must
-find it, from the poses of the recorded frames. `hydroline simulate` does not wait for the clock.")]
+The two runs are recorded in real time (36 s), as the daemon would at the tank, with a simulated camera and a \
+simulated controller on a pseudo-terminal; the whole takes less than two minutes. The simulated thrusters lag by \
+0.25 s and the rig that the runs are then analysed with does not know: diagnose must find it, from the poses of the \
+recorded frames. `hydroline simulate` does not wait for the clock.
+
+Examples:
+  hydroline demo
+  hydroline demo --out /tmp/demo
+
+Exit codes: 0 done; 1 it failed; 2 the folder exists already; 3 done, but frames were lost (is the computer busy?).")]
 pub struct Args {
     /// Folder for the logs; it must not exist yet
     #[arg(long, value_name = "DIR", default_value = "hydroline-demo")]
     out: PathBuf,
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     if args.out.exists() {
         return Err(CliError::Config(format!(
             "{} exists; name another --out or remove it",
             args.out.display()
         )));
     }
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
-    let rig = Rig::builtin("lshpi").map_err(CliError::config)?;
+    inputs::folder("--out", &args.out)?;
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::writing(&args.out, &e))?;
+    let rig = Rig::builtin("lshpi")?;
     let vehicle = Rig::from_toml(
         &format!("{}\n{LEFT_OUT}", rig.effective_toml),
         "lshpi with a lag",
         None,
-    )
-    .map_err(CliError::config)?;
+    )?;
     let mut lossy = false;
     for name in PLANS {
-        let plan = Plan::builtin(name).map_err(CliError::config)?;
-        lossy |= one_run(args, &rig, &vehicle, &plan, name)?;
+        let plan = Plan::builtin(name)?;
+        lossy |= one_run(args, &rig, &vehicle, &plan, name, build)?;
     }
     let stripes: Vec<PathBuf> = PLANS.iter().map(|n| stripes(&args.out, n)).collect();
     identified(&rig, &stripes)?;
@@ -97,7 +103,7 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
         cross_validate: false,
         seed: 1,
     };
-    let found = identify(&runs.map_err(CliError::run)?, rig, &options).map_err(CliError::run)?;
+    let found = identify(&runs?, rig, &options)?;
     outln!();
     outln!("identify, with a model that knows of no lag:");
     for p in found.order.iter().filter_map(|k| found.parameters.get(k)) {
@@ -117,16 +123,15 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
 fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError> {
     let sources: Result<Vec<Source>, _> = stripes.iter().map(|p| read(p, rig)).collect();
     let bar = progress::bar(0, "diagnosing");
-    let found = diagnose(&sources.map_err(CliError::run)?, &[], rig, &|what: &str| {
+    let found = diagnose(&sources?, &[], rig, &|what: &str| {
         bar.set_prefix(what.to_owned());
         bar.inc(1);
     });
     bar.finish_and_clear();
-    let found = found.map_err(CliError::run)?;
+    let found = found?;
     let page = super::diagnose::write_report(out, &found, None, "hydroline demo")?;
     let rig_file = out.join("rig-with-what-was-left-out.toml");
-    std::fs::write(&rig_file, found.rig.to_toml())
-        .map_err(|e| CliError::Run(format!("{}: {e}", rig_file.display())))?;
+    inputs::write(&rig_file, found.rig.to_toml())?;
     outln!();
     outln!("diagnose: {}", found.verdict.sentence);
     for (channel, before) in &found.verdict.fit.held_out.before {
@@ -150,8 +155,9 @@ fn one_run(
     vehicle: &Rig,
     plan: &Plan,
     name: &str,
+    build: BuildInfo,
 ) -> Result<bool, CliError> {
-    let check = preflight(vehicle, plan).map_err(CliError::config)?;
+    let check = preflight(vehicle, plan)?;
     outln!(
         "{name}: {:.1} s, recorded in real time ...",
         check.duration_s
@@ -171,6 +177,7 @@ fn one_run(
         with_thrusters: true,
         calibration: None,
         calibrate: None,
+        build,
     };
     let report = recording.record(&log)?;
     print_recording(&report);
@@ -185,13 +192,14 @@ fn one_run(
         poses: Some(PoseRun::new(rig, map.clone())),
         map: Some(map),
         rig_toml: Some(rig.effective_toml.clone()),
+        build,
         ..replay::Options::default()
     };
     let result = replay(&log, &stripes, &options, &mut |frames| {
         bar.set_position(frames)
     });
     bar.finish_and_clear();
-    let (replayed, _) = result.map_err(CliError::run)?;
+    let (replayed, _) = result?;
     outln!(
         "  replayed: {} frames, {} with a stripe, {} points; {} of {} frames extracted live came out bit for bit the same; {} poses",
         replayed.frames,
@@ -233,8 +241,8 @@ fn print_recording(report: &Report) {
 fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
     let (mut heights_m, mut rolls_rad, mut round_trips_s, mut clock) =
         (Vec::new(), Vec::new(), Vec::new(), None);
-    for message in LogReader::open(stripes).map_err(CliError::run)? {
-        match message.map_err(CliError::run)?.record {
+    for message in LogReader::open(stripes)? {
+        match message?.record {
             Record::Profile(profile) => {
                 let points: Vec<(f64, f64)> = profile
                     .xi_m
@@ -279,17 +287,17 @@ fn median(values: &mut [f64]) -> f64 {
 
 fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliError> {
     let mut seen = 0;
-    for message in LogReader::open(log).map_err(CliError::run)? {
-        if let Record::Frame(frame) = message.map_err(CliError::run)?.record {
+    for message in LogReader::open(log)? {
+        if let Record::Frame(frame) = message?.record {
             if seen < index {
                 seen += 1;
                 continue;
             }
-            let image = frame.to_grey().map_err(CliError::run)?;
+            let image = frame.to_grey()?;
             let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
             return annotate(&image, &profile)
                 .save(picture)
-                .map_err(|e| CliError::Run(format!("{}: {e}", picture.display())));
+                .map_err(|e| CliError::writing(picture, &e));
         }
     }
     Ok(())

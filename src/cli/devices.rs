@@ -8,8 +8,12 @@ use std::path::Path;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Put the printed 'device' or 'port' line into the rig file. Names under by-id follow the device from
-socket to socket; by-path follows the socket; /dev/videoN and /dev/ttyUSBN follow nothing.")]
+Put the printed 'device' or 'port' line into the rig file. Names under by-id follow the device from socket to socket; \
+by-path follows the socket; /dev/videoN and /dev/ttyUSBN follow nothing.
+
+Examples:
+  hydroline devices
+  hydroline devices --long    # every format, size, rate and control of each camera")]
 pub struct Args {
     /// Prints one JSON object
     #[arg(long)]

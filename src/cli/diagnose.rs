@@ -13,16 +13,20 @@ use hydroline_report::significant;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or
-images: their stripes say what of camera, sheet, target and water the rig leaves out.
-The verdict is one of none, named, ambiguous, unknown, data_fault. Runs that differ in kind (steps,
-reversals, coast-down, two tones) tell effects apart; constant thrust hardly does. A decay test (no thruster
-runs) is taken from where the hull swings freely; given alone, its second and third quarter
-are held out.
+Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or images: their \
+stripes say what of camera, sheet, target and water the rig leaves out. The verdict is one of none, named, ambiguous, \
+unknown, data_fault. Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
+thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely; given alone, its \
+second and third quarter are held out.
 
-Example: hydroline diagnose run*.mcap --rig lshpi --hold-out other.mcap --write-rig better.toml")]
+Examples:
+  hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
+  hydroline diagnose run*.mcap --rig my.toml --hold-out other.mcap --write-rig better.toml
+  hydroline diagnose decay.mcap@9..34 --rig my.toml --json
+
+Exit codes: 0 there is a verdict, whichever; 1 no verdict could be reached; 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs to explain, all of the same vehicle; LOG@9..34 is a window of one \[s since its first stamp\]
+    /// Logs to explain, all of the same vehicle; LOG@9..34 is a window of one, in seconds since its first stamp
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<Part>,
     /// Rig file or built-in name: the model that is asked what it left out
@@ -50,6 +54,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
     }
+    if let Some(dir) = &args.report {
+        inputs::folder("--report", dir)?;
+    }
     if let Some(held) = args
         .hold_out
         .iter()
@@ -60,6 +67,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             held.path.display()
         )));
     }
+    for part in args.logs.iter().chain(&args.hold_out) {
+        inputs::readable_file(&part.path, "name a log (.mcap) that can be read")?;
+    }
     let bar = progress::bar(0, "diagnosing");
     let tell = |what: &str| {
         bar.set_prefix(what.to_owned());
@@ -68,7 +78,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     // What the images show comes first: it needs no pose.
     let mut logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
     logs.dedup();
-    let images = level(&logs, &rig, &tell).map_err(CliError::run)?;
+    let images = level(&logs, &rig, &tell)?;
     let load = |parts: &[Part]| -> Result<Vec<Source>, CliError> {
         let mut sources = Vec::new();
         for part in parts {
@@ -76,7 +86,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 Ok(source) => sources.push(source),
                 // Frames alone are what the image level is for.
                 Err(LoadError::NoMotion { .. }) if images.is_some() => {}
-                Err(error) => return Err(CliError::run(error)),
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(sources)
@@ -85,7 +95,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let found = match &images {
         Some(images) if sources.is_empty() => images.alone(&rig),
         _ => {
-            let mut found = diagnose(&sources, &held, &rig, &tell).map_err(CliError::run)?;
+            let mut found = diagnose(&sources, &held, &rig, &tell)?;
             if let Some(images) = &images {
                 images.join(&mut found.verdict);
                 found.rig.physics.extend(images.entries.iter().cloned());
@@ -94,7 +104,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     };
     bar.finish_and_clear();
-    let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
+    let json = serde_json::to_string_pretty(&found.verdict)?;
     if let Some(dir) = &args.report {
         let page = write_report(dir, &found, images.as_ref(), &command())?;
         eprintln!("{}", page.display());
@@ -103,12 +113,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         if found.verdict.verdict == Word::DataFault {
             eprintln!("hydroline: --write-rig: no rig written, the data are at fault");
         } else {
-            std::fs::write(path, found.rig.to_toml()).map_err(|e| {
-                CliError::Run(format!(
-                    "{}: {e}; check that the folder is writable",
-                    path.display()
-                ))
-            })?;
+            inputs::write(path, found.rig.to_toml())?;
         }
     }
     if args.json {
@@ -130,7 +135,7 @@ pub(super) fn write_report(
     if let Some(images) = images {
         pages.page.body.append(images.section.clone());
     }
-    let json = serde_json::to_string_pretty(&found.verdict).map_err(CliError::run)?;
+    let json = serde_json::to_string_pretty(&found.verdict)?;
     let mut files = vec![
         ("diagnose.html", pages.page.html()),
         ("diagnose.json", json),
@@ -147,12 +152,7 @@ pub(super) fn write_report(
                 .iter()
                 .try_for_each(|(name, text)| std::fs::write(dir.join(name), text))
         })
-        .map_err(|e| {
-            CliError::Run(format!(
-                "{}: {e}; check that the folder is writable",
-                dir.display()
-            ))
-        })?;
+        .map_err(|e| CliError::writing(dir, &e))?;
     Ok(dir.join("diagnose.html"))
 }
 

@@ -7,6 +7,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  hydroline extract frame.png
+  hydroline extract frame.png --csv > stripe.csv
+  hydroline extract frame.png --annotate stripe.png
+
+Exit codes: 0 done; 2 bad arguments, an image that is not there, or none that is one; 3 done, but some of the given \
+files are no images.")]
 pub struct Args {
     /// Images (PNG or JPEG; colour is reduced to luma)
     #[arg(required = true, value_name = "IMAGE")]
@@ -34,6 +42,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if let Some(path) = &args.annotate {
         inputs::new_file("--annotate", path)?;
+    }
+    for path in &args.images {
+        inputs::readable_file(path, "name a PNG or JPEG image")?;
     }
     let config = ExtractorConfig {
         whole_pixel: args.whole_pixel,
@@ -70,7 +81,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         if let Some(out) = &args.annotate {
             annotate(&image, &profile)
                 .save(out)
-                .map_err(|e| CliError::Run(format!("{}: {e}", out.display())))?;
+                .map_err(|e| CliError::writing(out, &e))?;
         }
     }
     if args.json {
@@ -80,12 +91,17 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             serde_json::json!({ "images": objects })
         ))?;
     }
+    let given = args.images.len();
     match failed {
         0 => Ok(Outcome::Done),
-        n => Err(CliError::Run(format!(
-            "{n} of {} images could not be read",
-            args.images.len()
-        ))),
+        n if n < given => {
+            eprintln!("hydroline: {n} of {given} files are no images and were left out");
+            Ok(Outcome::Lossy)
+        }
+        _ => Err(CliError::Config(
+            "no image was given; name PNG or JPEG images (of a log's frames: `hydroline export LOG --frames-only`)"
+                .to_owned(),
+        )),
     }
 }
 

@@ -24,9 +24,40 @@ use hydroline_report::significant;
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Search {
+    /// Levenberg-Marquardt with restarts: well under a second
     Lm,
+    /// Evolution strategy with covariance adaptation: minutes
     Cmaes,
+    /// The paper's genetic algorithm (500 candidates, 2000 generations, best of ten): hours with several runs
     Ga,
+}
+
+/// What makes a result that a script should stop at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FailOn {
+    /// Residuals that the noise does not explain: too large for it (chi2), or far from white
+    Misfit,
+}
+
+impl FailOn {
+    /// What of it is in the result, one sentence each.
+    fn found(self, result: &Identification) -> &[String] {
+        match self {
+            FailOn::Misfit => &result.misfit,
+        }
+    }
+
+    fn name(self) -> String {
+        use clap::ValueEnum;
+        self.to_possible_value()
+            .map_or_else(String::new, |v| v.get_name().to_owned())
+    }
+
+    fn next_step(self) -> &'static str {
+        match self {
+            FailOn::Misfit => "`hydroline diagnose` says which physics the rig's model leaves out",
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -39,11 +70,18 @@ enum Loss {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables) and,
-unless they are decay tests, /thruster/command. A log at rest for 20 s or more measures the noise; so do the
-first 20 s or more of a run before its first load. Samples are weighed by the sd that their log says.
+Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables) and, unless they are \
+decay tests, /thruster/command. A log at rest for 20 s or more measures the noise; so do the first 20 s or more of a \
+run before its first load. Samples are weighed by the sd that their log says.
 
-Example: hydroline identify run0.mcap run1.mcap --rig lshpi --report out")]
+Examples:
+  hydroline identify run1.mcap run2.mcap --rig lshpi --report out
+  hydroline identify run1.mcap --rig my.toml --still still.mcap --write-rig fitted.toml
+  hydroline identify --bollard pull.csv --rig my.toml --write-rig measured.toml
+  hydroline identify run1.mcap --rig my.toml --json --fail-on misfit    # in a script
+
+Exit codes: 0 done; 1 no coefficients could be found, or --fail-on found what it names (the result is printed and \
+written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
     /// Logs, all of the same vehicle
     #[arg(required_unless_present = "bollard", value_name = "LOG")]
@@ -51,9 +89,7 @@ pub struct Args {
     /// Rig file or built-in name: mass, inertia, thrusters, and where the search starts
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// How to search: lm takes well under a second; cmaes minutes, ga (the paper's: 500 candidates,
-    /// 2000 generations, best of ten) hours with several runs. All search the same ranges about the
-    /// rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
+    /// How to search. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
     /// lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0), with which `cargo bench --bench identify` runs
     #[arg(long, value_enum, default_value = "lm")]
     method: Search,
@@ -69,14 +105,14 @@ pub struct Args {
     /// Every run starts at rest: initial velocities are known
     #[arg(long)]
     from_rest: bool,
-    /// Only motion from this time of each log on \[s\]
+    /// Only motion from this time of each log on [s]
     #[arg(long, value_parser = inputs::not_negative, default_value = "0", value_name = "S")]
     from: f64,
-    /// Only motion up to this time of each log \[s\]
+    /// Only motion up to this time of each log [s]
     #[arg(long, value_parser = inputs::not_negative, value_name = "S")]
     to: Option<f64>,
     /// Seed of random starts and searches
-    #[arg(long, default_value = "1")]
+    #[arg(long, default_value = "1", value_name = "N")]
     seed: u64,
     /// Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and
     /// uses it for the logs given, which cures the thrust-scale blind spot
@@ -91,6 +127,9 @@ pub struct Args {
     /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
     #[arg(long, value_name = "LOG")]
     still: Option<PathBuf>,
+    /// Ends with exit code 1 when the result holds this (several with commas), for scripts
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    fail_on: Vec<FailOn>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -106,8 +145,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             "--report: nothing to report on without logs; give LOG... (the bollard pull's curve is printed, --json gives its covariance)".to_owned(),
         ));
     }
+    if !args.fail_on.is_empty() && args.logs.is_empty() {
+        return Err(CliError::Config(
+            "--fail-on: nothing to judge without logs; give LOG...".to_owned(),
+        ));
+    }
     if let Some(path) = &args.write_rig {
         inputs::new_file("--write-rig", path)?;
+    }
+    if let Some(dir) = &args.report {
+        inputs::folder("--report", dir)?;
     }
     // Before anything is measured: a word typed wrongly costs nothing yet.
     let model = model(&args.model)?;
@@ -135,10 +182,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
         if args.json {
-            outln!(
-                "{}",
-                serde_json::to_string_pretty(found).map_err(CliError::run)?
-            );
+            outln!("{}", serde_json::to_string_pretty(found)?);
         } else {
             out!("{}", found.to_toml());
         }
@@ -165,10 +209,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is told.
     if args.json {
-        outln!(
-            "{}",
-            serde_json::to_string_pretty(&result).map_err(CliError::run)?
-        );
+        outln!("{}", serde_json::to_string_pretty(&result)?);
     } else {
         print(&result);
     }
@@ -186,7 +227,27 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     reported?;
+    judged(args, &result)?;
     Ok(Outcome::Done)
+}
+
+/// What --fail-on names, once everything is printed and written.
+fn judged(args: &Args, result: &Identification) -> Result<(), CliError> {
+    let mut wanted = args.fail_on.clone();
+    wanted.dedup();
+    let found: Vec<String> = wanted
+        .iter()
+        .filter(|what| !what.found(result).is_empty())
+        .map(|what| {
+            let words = what.found(result).join("; ");
+            format!("--fail-on {}: {words}; {}", what.name(), what.next_step())
+        })
+        .collect();
+    if found.is_empty() {
+        Ok(())
+    } else {
+        Err(CliError::Run(found.join("\nhydroline: ")))
+    }
 }
 
 /// Coefficients from the logs, with what a measured thrust curve does to them.
@@ -224,7 +285,7 @@ fn fitted(
         cross_validate: true,
         seed: args.seed,
     };
-    let mut result = identify(&runs, rig, &options).map_err(CliError::run)?;
+    let mut result = identify(&runs, rig, &options)?;
     thrust_scale(args, rig, &runs, &options, &mut result)?;
     Ok(result)
 }
@@ -237,12 +298,7 @@ fn report(args: &Args, result: &Identification) -> Result<(), CliError> {
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     std::fs::create_dir_all(dir)
         .and_then(|()| std::fs::write(&path, html(result, &command)))
-        .map_err(|e| {
-            CliError::Run(format!(
-                "{}: {e}; check that the folder is writable",
-                path.display()
-            ))
-        })?;
+        .map_err(|e| CliError::writing(&path, &e))?;
     eprintln!("{}", path.display());
     Ok(())
 }
@@ -269,12 +325,7 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
     let Some(path) = &args.write_rig else {
         return Ok(());
     };
-    std::fs::write(path, rig.to_toml()).map_err(|e| {
-        CliError::Run(format!(
-            "{}: {e}; check that the folder is writable",
-            path.display()
-        ))
-    })?;
+    inputs::write(path, rig.to_toml())?;
     eprintln!("{}", path.display());
     let anew = rig.identified.as_ref().map(|k| &k.coefficients);
     let gone: Vec<&str> = outdated
@@ -295,7 +346,7 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
 fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
     let (mut runs, mut whole): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
     for log in &args.logs {
-        let loaded = load(log, rig).map_err(CliError::run)?;
+        let loaded = load(log, rig)?;
         if let Some(first) = whole.iter().position(|r| loaded.same_recording(r)) {
             return Err(CliError::Config(format!(
                 "{} holds the same recording as {}: counted twice it would make the intervals too narrow; give each log once",
@@ -311,7 +362,7 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
         });
     }
     if let Some(path) = &args.still {
-        let still = load(path, rig).map_err(CliError::run)?;
+        let still = load(path, rig)?;
         if whole.iter().any(|r| still.same_recording(r)) {
             return Err(CliError::Config(format!(
                 "--still {}: the same recording is among the logs; give it once",
@@ -322,7 +373,7 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
             &still,
             [rig.tolerance.position_m, rig.tolerance.attitude_rad],
         ) {
-            return Err(CliError::Run(format!(
+            return Err(CliError::Config(format!(
                 "--still {}: {:.1} s, largest load {:.2}; it measures noise only when nothing was commanded and nothing moved beyond the rig's tolerance for {STILL_MIN_S} s or more (plan still)",
                 path.display(),
                 still.end_s(),
@@ -380,8 +431,7 @@ fn thrust_scale(
                 cross_validate: false,
                 seed: options.seed,
             },
-        )
-        .map_err(CliError::run)?;
+        )?;
         values.push(
             result
                 .order
@@ -401,17 +451,16 @@ fn thrust_scale(
 
 /// Fits the curve and puts it into every thruster of the rig.
 fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
-    let pulls = bollard::read(&text, &path.display().to_string()).map_err(CliError::config)?;
+    let text = inputs::text(path, "give a table pulse_us,thrust_n[,voltage_v]")?;
+    let pulls = bollard::read(&text, &path.display().to_string())?;
     let set = &rig.thrusters;
-    let mut found =
-        bollard::fit(&pulls, (set.min_us, set.neutral_us, set.max_us)).map_err(CliError::run)?;
+    let range_us = (set.min_us, set.neutral_us, set.max_us);
+    let mut found = bollard::fit(&pulls, range_us).map_err(|e| CliError::from(e).about(path))?;
     found.notes.extend(found.against(rig));
     for words in &found.notes {
         eprintln!("note: bollard pull: {words}");
     }
-    found.put(rig).map_err(CliError::run)?;
+    found.put(rig)?;
     Ok(found)
 }
 

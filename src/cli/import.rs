@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs};
-use hydroline_import::{Map, Severity, import, read_for};
+use hydroline_core::build_info::BuildInfo;
+use hydroline_import::{Map, Options, Severity, import, read_for};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -13,7 +14,14 @@ MAP.toml says which column is what; everything but [time] and one channel is opt
   [time]            column = \"t\"  unit = \"s\" (ms us ns iso8601)  clock = \"relative\" (unix)
                     from_s, to_s: only these rows; compare_column, compare_unit: a second clock
   [motion.phi_rad]  column = \"roll\"  unit = \"deg\"  sign = -1  offset = 0.0  sd = 0.001
-  [[command]]       thruster = \"surge\"  column = \"u\"  scale = 35.15  between = \"hold\" (linear)")]
+  [[command]]       thruster = \"surge\"  column = \"u\"  scale = 35.15  between = \"hold\" (linear)
+
+Examples:
+  hydroline import mocap.csv --map mocap.toml --out run.mcap
+  hydroline import mocap.csv --map mocap.toml --rig my.toml --out run.mcap --accept-faults
+
+Exit codes: 0 done; 1 the log could not be written; 2 bad arguments or map, or a table with faults (nothing is \
+written); 3 done, but what --accept-faults left out is lost.")]
 pub struct Args {
     /// Table
     #[arg(value_name = "DATA.csv")]
@@ -35,15 +43,14 @@ pub struct Args {
     json: bool,
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let map = Map::load(&args.map).map_err(CliError::config)?;
-    let map_text = std::fs::read_to_string(&args.map)
-        .map_err(|e| CliError::Config(format!("{}: {e}", args.map.display())))?;
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
+    let map = Map::load(&args.map)?;
+    let map_text = inputs::text(&args.map, "check the path")?;
     inputs::new_file("--out", &args.out)?;
     let bytes = std::fs::read(&args.data)
-        .map_err(|e| CliError::Config(format!("{}: {e}; check the path", args.data.display())))?;
+        .map_err(|e| CliError::reading(&args.data, &e, "name a table (CSV)"))?;
     let text = String::from_utf8(bytes).map_err(|e| {
-        CliError::Run(format!(
+        CliError::Config(format!(
             "{}: byte {} is not UTF-8; export the table as UTF-8 text",
             args.data.display(),
             e.utf8_error().valid_up_to()
@@ -59,7 +66,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         };
         eprintln!("{word} {}: {}", f.kind, f.message);
     }
-    let result = import(&data, &map, &map_text, &args.out, args.accept_faults);
+    let options = Options {
+        accept_faults: args.accept_faults,
+        build,
+    };
+    let result = import(&data, &map, &map_text, &args.out, options);
     if args.json {
         let findings = serde_json::json!({
             "written": result.is_ok(),
@@ -70,7 +81,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         });
         outln!("{findings}");
     }
-    let outcome = result.map_err(CliError::run)?;
+    let outcome = result.map_err(|e| CliError::from(e).about(&args.data))?;
     if !args.json {
         outln!(
             "{}: {} motion samples, {} commands",

@@ -1,8 +1,10 @@
 //! Arguments that several commands share, and how they are read.
 
 use super::CliError;
+use hydroline_log::writable_folder;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::EffectStack;
+use std::path::Path;
 use std::time::Duration;
 
 /// Commands reach the disk within this time \[s\].
@@ -35,7 +37,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 
 /// A rig by file or built-in name.
 pub fn rig(argument: &str) -> Result<Rig, CliError> {
-    let rig = Rig::load_or_builtin(argument).map_err(CliError::config)?;
+    let rig = Rig::load_or_builtin(argument)?;
     // Which effects there are is the simulator's knowledge, not the rig file's.
     EffectStack::<f64>::build(&rig.physics)
         .map_err(|e| CliError::Config(format!("{argument}: [[physics]]: {e}")))?;
@@ -54,29 +56,58 @@ pub fn warn_of_flush(rig: &Rig) {
 
 /// A plan by file or built-in name, checked against the rig that is to run it.
 pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
-    let plan = Plan::load_or_builtin(argument).map_err(CliError::config)?;
-    plan.check_against(rig).map_err(CliError::config)?;
+    let plan = Plan::load_or_builtin(argument)?;
+    plan.check_against(rig)?;
     Ok(plan)
 }
 
-/// Refuses to overwrite what is there; `flag` = how the user named it.
-pub fn new_file(flag: &str, path: &std::path::Path) -> Result<(), CliError> {
+/// Refuses to overwrite what is there, and a folder that takes no file, before any work is done; `flag` = how the
+/// user named it.
+pub fn new_file(flag: &str, path: &Path) -> Result<(), CliError> {
     if path.exists() {
         return Err(CliError::Config(format!(
             "{} exists; hydroline never overwrites: name another {flag} or move it away",
             path.display()
         )));
     }
-    match path.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() && !dir.is_dir() => {
-            Err(CliError::Config(format!(
-                "{flag} {}: the folder {} does not exist; create it first",
-                path.display(),
-                dir.display()
-            )))
-        }
-        _ => Ok(()),
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    takes_files(flag, path, folder)
+}
+
+/// Refuses a folder for results that is a file or takes no file; one that is not there yet is made later.
+pub fn folder(flag: &str, path: &Path) -> Result<(), CliError> {
+    match path.ancestors().find(|p| p.exists()) {
+        Some(there) => takes_files(flag, path, there),
+        None => takes_files(flag, path, Path::new(".")),
     }
+}
+
+fn takes_files(flag: &str, path: &Path, folder: &Path) -> Result<(), CliError> {
+    writable_folder(folder)
+        .map_err(|why| CliError::Config(format!("{flag} {}: {why}", path.display())))
+}
+
+/// A text file that was given; `next` = what to do when it cannot be read.
+pub fn text(path: &Path, next: &str) -> Result<String, CliError> {
+    std::fs::read_to_string(path).map_err(|e| CliError::reading(path, &e, next))
+}
+
+/// Refuses a file that is not there or cannot be read, before any work is done; `next` = what to do then.
+pub fn readable_file(path: &Path, next: &str) -> Result<(), CliError> {
+    use std::io::Read;
+    // A folder opens like a file and tells only when it is read.
+    std::fs::File::open(path)
+        .and_then(|mut file| file.read(&mut [0]))
+        .map(|_| ())
+        .map_err(|e| CliError::reading(path, &e, next))
+}
+
+/// Writes a result where [`new_file`] or [`folder`] has looked before.
+pub fn write(path: &Path, text: impl AsRef<[u8]>) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|e| CliError::writing(path, &e))
 }
 
 #[cfg(test)]
@@ -90,5 +121,53 @@ mod tests {
         assert_eq!(duration("1m30s").unwrap(), Duration::from_secs(90));
         assert!(duration("-3").is_err());
         assert!(duration("soon").unwrap_err().contains("30s"));
+    }
+
+    #[test]
+    fn places_that_take_no_result_are_refused_before_the_work() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        assert!(new_file("--out", &dir.path().join("new.mcap")).is_ok());
+        assert!(folder("--report", &dir.path().join("a/b/c")).is_ok());
+        assert!(folder("--report", dir.path()).is_ok());
+        for (refused, words) in [
+            (new_file("--out", &file), "exists"),
+            (
+                new_file("--out", &dir.path().join("a/b")),
+                "create it first",
+            ),
+            (new_file("--out", &file.join("b")), "not a folder"),
+            (folder("--report", &file), "not a folder"),
+            (folder("--report", &file.join("a/b")), "not a folder"),
+            // A file system that takes no new files, not even from root.
+            (new_file("--out", Path::new("/proc/x")), "cannot be written"),
+            (
+                folder("--report", Path::new("/proc/x/y")),
+                "cannot be written",
+            ),
+        ] {
+            let error = refused.unwrap_err();
+            assert!(matches!(error, CliError::Config(_)));
+            let error = error.to_string();
+            assert!(error.contains(words), "no '{words}' in: {error}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_an_argument_that_is_wrong() {
+        let dir = tempfile::tempdir().unwrap();
+        let latin1 = dir.path().join("latin1.csv");
+        std::fs::write(&latin1, [b'a', 0xe9]).unwrap();
+        assert!(readable_file(&latin1, "").is_ok());
+        for error in [
+            readable_file(dir.path(), "name a file").unwrap_err(),
+            readable_file(&dir.path().join("none"), "name a file").unwrap_err(),
+            text(dir.path(), "name a file").unwrap_err(),
+            text(&latin1, "name a file").unwrap_err(),
+        ] {
+            assert!(matches!(error, CliError::Config(_)), "{error}");
+            assert!(error.to_string().ends_with("; name a file"), "{error}");
+        }
     }
 }

@@ -2,14 +2,21 @@
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
-use hydroline_log::LogError;
+use hydroline_core::build_info::BuildInfo;
 use hydroline_log::export::ExportOptions;
-use std::io::ErrorKind;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  hydroline info run.mcap
+  hydroline info run.mcap --json
+
+Exit codes: 0 done, also of a log that is cut or damaged (`hydroline doctor` judges); 1 it cannot be read to its end; \
+2 no such file, or no log.")]
 pub struct InfoArgs {
-    /// Log
+    /// Log to look at
+    #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Prints one JSON object
     #[arg(long)]
@@ -17,9 +24,16 @@ pub struct InfoArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit code 0: sound; 3: data is lost or damaged, as the findings say.")]
+#[command(after_help = "\
+Examples:
+  hydroline doctor run.mcap
+  hydroline doctor run.mcap --json
+
+Exit codes: 0 sound; 1 it cannot be read to its end; 2 no such file, or no log; 3 data is lost or damaged, as the \
+findings say: frames that were lost while recording, a cut end, bytes that changed.")]
 pub struct DoctorArgs {
-    /// Log
+    /// Log to look at
+    #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Prints one JSON object
     #[arg(long)]
@@ -27,11 +41,17 @@ pub struct DoctorArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Exit code 0: everything is in the new file; 3: something that was in the original is not."
-)]
+#[command(after_help = "\
+The new file is read again and compared before it gets its name.
+
+Examples:
+  hydroline recover broken.mcap --out mended.mcap
+
+Exit codes: 0 everything is in the new file; 1 it could not be written; 2 no such file, no log, or the new file is \
+there already; 3 done, but something that was in the original is lost.")]
 pub struct RecoverArgs {
     /// Cut or damaged log; it is only read
+    #[arg(value_name = "LOG")]
     log: PathBuf,
     /// New file
     #[arg(long, value_name = "NEW.mcap")]
@@ -42,8 +62,16 @@ pub struct RecoverArgs {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  hydroline export run.mcap                        # into the new folder run/
+  hydroline export run.mcap --out tables --tables-only
+
+Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or the files could not be written; 2 no such \
+file, no log, or the folder holds files already; 3 done, but of some frames there is no image.")]
 pub struct ExportArgs {
-    /// Log
+    /// Log to look at
+    #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Folder to write to, made if need be; default: a new folder beside the log, named like it
     #[arg(long, value_name = "DIR")]
@@ -59,34 +87,9 @@ pub struct ExportArgs {
     json: bool,
 }
 
-/// A file that is not there or not a log is a bad argument; damage inside is a failed run.
-fn failed(error: LogError) -> CliError {
-    match error {
-        LogError::NotMcap { .. }
-        | LogError::Empty { .. }
-        | LogError::OutputExists { .. }
-        | LogError::NotEmpty { .. } => CliError::config(error),
-        LogError::Read { ref source, .. } if is_no_file(source.kind()) => {
-            CliError::Config(format!("{error}; name a log (.mcap) that can be read"))
-        }
-        other => CliError::run(other),
-    }
-}
-
-/// There is nothing to be read under that name, as against a disk that fails while reading.
-fn is_no_file(kind: ErrorKind) -> bool {
-    matches!(
-        kind,
-        ErrorKind::NotFound
-            | ErrorKind::NotADirectory
-            | ErrorKind::IsADirectory
-            | ErrorKind::PermissionDenied
-    )
-}
-
 fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Result<(), CliError> {
     if json {
-        outln!("{}", serde_json::to_string(value).map_err(CliError::run)?);
+        outln!("{}", serde_json::to_string(value)?);
     } else {
         out!("{value}");
     }
@@ -94,13 +97,13 @@ fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Res
 }
 
 pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
-    let info = hydroline_log::info::info(&args.log).map_err(failed)?;
+    let info = hydroline_log::info::info(&args.log)?;
     print(args.json, &info)?;
     Ok(Outcome::Done)
 }
 
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
-    let diagnosis = hydroline_log::doctor::doctor(&args.log).map_err(failed)?;
+    let diagnosis = hydroline_log::doctor::doctor(&args.log)?;
     print(args.json, &diagnosis)?;
     Ok(if diagnosis.sound {
         Outcome::Done
@@ -109,9 +112,9 @@ pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
     })
 }
 
-pub fn recover(args: &RecoverArgs) -> Result<Outcome, CliError> {
+pub fn recover(args: &RecoverArgs, build: BuildInfo) -> Result<Outcome, CliError> {
     inputs::new_file("--out", &args.out)?;
-    let recovery = hydroline_log::recover::recover(&args.log, &args.out).map_err(failed)?;
+    let recovery = hydroline_log::recover::recover_as(&args.log, &args.out, build)?;
     print(args.json, &recovery)?;
     Ok(if recovery.lossy {
         Outcome::Lossy
@@ -154,24 +157,27 @@ pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
         frames: !args.tables_only,
     };
     let out = export_folder(args)?;
-    let exported = hydroline_log::export::export(&args.log, &out, options).map_err(failed)?;
+    let exported = hydroline_log::export::export(&args.log, &out, options)?;
+    let outcome = if exported.frames_undecodable > 0 {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    };
     if args.json {
-        outln!(
-            "{}",
-            serde_json::to_string(&exported).map_err(CliError::run)?
-        );
-        return Ok(Outcome::Done);
+        outln!("{}", serde_json::to_string(&exported)?);
+        return Ok(outcome);
     }
     for (file, rows) in &exported.rows {
         outln!("{}: {rows} rows", file.display());
     }
     if options.frames {
         outln!(
-            "{}: {} frames as PNG, {} without an image",
+            "{}: {} frames as PNG, {} without an image, {} of them not marked as faulty",
             out.display(),
             exported.frames,
-            exported.frames_skipped
+            exported.frames_skipped,
+            exported.frames_undecodable
         );
     }
-    Ok(Outcome::Done)
+    Ok(outcome)
 }

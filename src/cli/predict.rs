@@ -7,6 +7,14 @@ use super::{CliError, Outcome, inputs};
 use hydroline_identify::predict::{Identified, predict};
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The band comes from the uncertainty of the coefficients: of --identified, or of a rig that `identify --write-rig` wrote.
+
+Examples:
+  hydroline predict --rig lshpi --plan surge-4n
+  hydroline predict --rig my.toml --plan reversals --identified found.json --tail 5 > motion.csv
+
+Exit codes: 0 done; 1 the motion runs away; 2 bad arguments, rig, plan or identification.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -21,7 +29,7 @@ pub struct Args {
     /// Rows per second
     #[arg(long, default_value = "25", value_parser = inputs::not_negative, value_name = "HZ")]
     rate: f64,
-    /// Goes on after the plan's last step (coasting) \[s\]
+    /// Goes on for this long after the plan's last step (coasting) [s]
     #[arg(long, default_value = "0", value_parser = inputs::not_negative, value_name = "S")]
     tail: f64,
     /// Prints one JSON object instead of CSV
@@ -39,21 +47,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         )));
     }
     let identified = match &args.identified {
-        None => Identified::of_rig(&rig).map_err(CliError::config)?,
+        None => Identified::of_rig(&rig)?,
         Some(path) => {
-            let text = std::fs::read_to_string(path)
-                .map_err(|e| CliError::Config(format!("{}: {e}", path.display())))?;
-            Some(
-                Identified::from_json(&text, &path.display().to_string())
-                    .map_err(CliError::config)?,
-            )
+            let text = inputs::text(path, "give the output of `hydroline identify --json`")?;
+            Some(Identified::from_json(&text, &path.display().to_string())?)
         }
     };
     for words in identified.iter().flat_map(Identified::implausible) {
         eprintln!("WARNING {words}");
     }
-    let made =
-        predict(&rig, &plan, identified.as_ref(), args.rate, args.tail).map_err(CliError::run)?;
+    let made = predict(&rig, &plan, identified.as_ref(), args.rate, args.tail)?;
     if identified.is_none() {
         eprintln!(
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
@@ -66,7 +69,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     if args.json {
-        outln!("{}", serde_json::to_string(&made).map_err(CliError::run)?);
+        outln!("{}", serde_json::to_string(&made)?);
         return Ok(Outcome::Done);
     }
     let mut header = format!("t_s,{}", made.channels.join(","));

@@ -12,6 +12,16 @@ pub fn write(text: Arguments<'_>) {
     }
 }
 
+/// A whole text to stdout, under the same rule.
+pub fn bytes(text: &[u8]) -> Result<(), crate::CliError> {
+    match std::io::stdout().lock().write_all(text) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(crate::CliError::Run(format!("stdout: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// `println!` that survives a closed pipe.
 macro_rules! outln {
     () => { $crate::print::write(format_args!("\n")) };

@@ -1,29 +1,34 @@
 //! `hydroline prove`: sealed cases, diagnosed blind, scored.
 
 use super::print::{out, outln};
-use super::{CliError, Outcome, progress};
+use super::{CliError, Outcome, inputs, progress};
+use clap::builder::RangedU64ValueParser;
 use hydroline_benchmark::case::{FULL, parse};
 use hydroline_benchmark::images;
 use hydroline_benchmark::score::complaint;
 use hydroline_benchmark::{
-    Category, Judged, Kept, ProveError, catalogue, judge, make, run as prove, score, table,
+    Category, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Each case is a vehicle up to 20 % off the rig file, with effects of practical size over a background of
-small ones, laws that are not quite the vocabulary's, correlated noise, outliers and lost frames. The
-diagnosis sees the logs only. Then the key is opened. A case costs half a minute to a minute of one core.
+Each case is a vehicle up to 20 % off the rig file, with effects of practical size over a background of small ones, \
+laws that are not quite the vocabulary's, correlated noise, outliers and lost frames. The diagnosis sees the logs \
+only. Then the key is opened. A case costs half a minute to a minute of one core.
 
-Examples: hydroline prove                            a tenth of the full set
-          hydroline prove --cases 460                the full set
-          hydroline prove --cases 460 --keep proof   the same, in as many sittings as it takes
-          hydroline prove --category unnamed --cases 8
-          hydroline prove --only single-7            one case: whole verdict and key
-          hydroline prove --images 70                rendered runs with an effect of camera, sheet, target or water")]
+Examples:
+  hydroline prove                            # a tenth of the full set
+  hydroline prove --cases 460                # the full set
+  hydroline prove --cases 460 --keep proof   # the same, in as many sittings as it takes
+  hydroline prove --category unnamed --cases 8
+  hydroline prove --only single-7            # one case: whole verdict and key
+  hydroline prove --images 70                # an effect of camera, sheet, target or water
+
+Exit codes: 0 done, whatever the score; 1 a case could not be made or diagnosed; 2 bad arguments, or --keep holds \
+other cases.")]
 pub struct Args {
     /// Number of cases, in the proportions of the full set of 460 (with --category: of that kind)
-    #[arg(long, default_value_t = FULL / 10, value_name = "N")]
+    #[arg(long, default_value_t = FULL / 10, value_parser = some(), value_name = "N")]
     cases: usize,
     /// Cases of this kind only
     #[arg(long, value_enum)]
@@ -35,7 +40,7 @@ pub struct Args {
     #[arg(long, value_name = "ID", conflicts_with_all = ["cases", "category"])]
     only: Option<String>,
     /// This many image-level cases instead: six effects and none in turn
-    #[arg(long, value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
+    #[arg(long, value_parser = some(), value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
     images: Option<usize>,
     /// Folder for each judged case: what lies there already is not run again, so a long proof can be broken off
     /// (an old build's cases are taken too: one folder per build)
@@ -49,11 +54,9 @@ pub struct Args {
     json: bool,
 }
 
-fn sorted(error: ProveError) -> CliError {
-    match error {
-        ProveError::UnknownCase { .. } => CliError::config(error),
-        other => CliError::run(other),
-    }
+/// At least one.
+fn some() -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(1..)
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -62,6 +65,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if let Some(count) = args.images {
         return images(args, count);
+    }
+    if let Some(folder) = &args.keep {
+        inputs::folder("--keep", folder)?;
     }
     let ids = catalogue(args.cases, args.category);
     let bar = progress::bar(ids.len() as u64, "cases");
@@ -76,9 +82,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .keep
         .as_ref()
         .map(|folder| Kept::new(folder, args.seed))
-        .transpose()
-        .map_err(sorted)?;
-    let judged = prove(args.seed, &ids, !args.no_ideal, kept.as_ref(), &done).map_err(sorted)?;
+        .transpose()?;
+    let judged = prove(args.seed, &ids, !args.no_ideal, kept.as_ref(), &done)?;
     bar.finish_and_clear();
     let total = score(&judged);
     if args.json {
@@ -107,7 +112,7 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let judged = images::run(args.seed, &indices, &done).map_err(sorted)?;
+    let judged = images::run(args.seed, &indices, &done)?;
     bar.finish_and_clear();
     if args.json {
         let object = serde_json::json!({ "seed": args.seed, "images": judged });
@@ -124,13 +129,13 @@ fn printed(args: &Args, object: &serde_json::Value) -> Result<(), CliError> {
     } else {
         serde_json::to_string_pretty(object)
     };
-    outln!("{}", text.map_err(CliError::run)?);
+    outln!("{}", text?);
     Ok(())
 }
 
 fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
-    let case = images::make(args.seed, index).map_err(sorted)?;
-    let (judged, found) = images::judge(&case).map_err(sorted)?;
+    let case = images::make(args.seed, index)?;
+    let (judged, found) = images::judge(&case)?;
     let object = serde_json::json!({
         "id": format!("image-{index}"),
         "seed": args.seed,
@@ -145,9 +150,9 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
     if let Some(index) = id.strip_prefix("image-").and_then(|n| n.parse().ok()) {
         return only_image(args, index);
     }
-    let (category, index) = parse(id).map_err(sorted)?;
-    let case = make(args.seed, category, index).map_err(sorted)?;
-    let judged = judge(&case, !args.no_ideal).map_err(sorted)?;
+    let (category, index) = parse(id)?;
+    let case = make(args.seed, category, index)?;
+    let judged = judge(&case, !args.no_ideal)?;
     let key = serde_json::json!({
         "truth": case.key.truth,
         "strange": case.key.tank.strange,

@@ -7,6 +7,7 @@ use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::{Shutdown, StopReason};
@@ -23,19 +24,24 @@ use std::time::{Duration, Instant};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly.
-Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series.
+While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly. \
+Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series. \
 A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
 
-With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that;
+With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
 with --return-to-start you bring it back by hand, and Enter starts the next run.
 
+Examples:
   hydroline record --rig lshpi --plan surge-4n --dry-run
-  hydroline record --rig lshpi --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
-  hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap")]
+  hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
+  hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
+
+Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
+recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost or \
+the disk filled up.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -88,7 +94,7 @@ pub struct Args {
     out: Option<PathBuf>,
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = args
         .plan
@@ -108,7 +114,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     if !args.no_thrusters {
-        check_set(&rig.thrusters).map_err(CliError::config)?;
+        check_set(&rig.thrusters)?;
     }
     inputs::warn_of_flush(&rig);
     let calibrate = args.making.setup(&rig, &conditions)?;
@@ -145,15 +151,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     let mut reports = Vec::new();
     let rigs = run_rigs(&rig, check.as_ref(), args.runs);
-    let result = record_all(
-        &rigs,
-        plan.as_ref(),
-        args,
-        &conditions,
-        calibrating,
-        &outs,
-        &mut reports,
-    );
+    let session = Session {
+        plan: plan.as_ref(),
+        conditions: &conditions,
+        build,
+    };
+    let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
     if args.json {
         outln!("{}", serde_json::json!({ "runs": reports }));
     }
@@ -182,16 +185,27 @@ fn run_rigs(rig: &Rig, check: Option<&Preflight>, runs: u32) -> Vec<Rig> {
         .collect()
 }
 
+/// What all runs of a session share.
+struct Session<'a> {
+    plan: Option<&'a Plan>,
+    conditions: &'a Conditions,
+    build: BuildInfo,
+}
+
 /// Run after run; a run that fails or is stopped is the last one.
 fn record_all(
     rigs: &[Rig],
-    plan: Option<&Plan>,
+    session: &Session<'_>,
     args: &Args,
-    conditions: &Conditions,
     mut calibrating: Calibrating,
     outs: &[PathBuf],
     reports: &mut Vec<serde_json::Value>,
 ) -> Result<Outcome, CliError> {
+    let Session {
+        plan,
+        conditions,
+        build,
+    } = *session;
     let mut outcome = Outcome::Done;
     for (k, (out, rig)) in outs.iter().zip(rigs).enumerate() {
         let run = (k as u32 + 1, args.runs);
@@ -209,6 +223,7 @@ fn record_all(
                 .map(|c| checked(args, rig, conditions, c))
                 .transpose()?,
             calibrate: calibrating.calibrate.clone(),
+            build,
         };
         let report = recording.record(out)?;
         if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
@@ -232,9 +247,19 @@ fn record_all(
                 out.display()
             )
         });
+        let misplaced: Vec<String> = report.log.misplaced.iter().map(|m| m.to_string()).collect();
+        for words in &misplaced {
+            eprintln!("hydroline: {words}");
+        }
         match &report.stop {
             StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {
                 return Err(CliError::Run(report.stop.to_string()));
+            }
+            // Recorded as planned, but not where it was to be: what comes next would not find it.
+            _ if !misplaced.is_empty() => {
+                return Err(CliError::Run(
+                    "the log is not where it was to be written, as said above".to_owned(),
+                ));
             }
             StopReason::LogStopped(_) => return Ok(Outcome::Lossy),
             _ if unfinished.is_some() => {
@@ -284,7 +309,7 @@ fn checked(
 
 /// Writes an accepted calibration; the log holds it too.
 fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
-    let text = calibration.to_toml().map_err(CliError::run)?;
+    let text = calibration.to_toml()?;
     std::fs::write(file, text).map_err(|e| {
         CliError::Run(format!(
             "{}: {e}; the log holds the calibration too, on /laser/calibration",
@@ -323,7 +348,7 @@ fn repeats(plan: &Plan, args: &Args) -> Repeats {
 
 /// Simulates the plan, all runs of it; shows it on --dry-run, refuses a bad one always.
 fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError> {
-    let report = preflight_runs(rig, plan, repeats(plan, args)).map_err(CliError::config)?;
+    let report = preflight_runs(rig, plan, repeats(plan, args))?;
     if args.dry_run {
         if args.json {
             outln!("{}", serde_json::json!(report));
@@ -454,6 +479,8 @@ pub(super) struct Recording<'a> {
     pub calibration: Option<(Calibration, Option<String>)>,
     /// The calibration in the making.
     pub calibrate: Option<Setup>,
+    /// The recording program.
+    pub build: BuildInfo,
 }
 
 impl Recording<'_> {
@@ -490,8 +517,7 @@ impl Recording<'_> {
                 length.as_secs_f64(),
                 bytes_per_s,
                 self.rig.log.min_free_bytes,
-            )
-            .map_err(CliError::config)?;
+            )?;
         }
         if let (Some(length), Some(plan)) = (length, self.plan)
             && length.as_secs_f64()
@@ -526,6 +552,7 @@ impl Recording<'_> {
             conditions: self.conditions,
             calibration_toml: calibration.to_toml().ok(),
             run: self.run,
+            build: self.build,
         })
         .map_err(CliError::Config)?;
         if let Some(words) = warning {
@@ -536,8 +563,7 @@ impl Recording<'_> {
             replace: false,
         });
         let settings = WriteSettings::live(&self.rig.log, Some(camera.pixel_format));
-        let recorder =
-            Recorder::start(opener, head, settings, clock.clone()).map_err(CliError::run)?;
+        let recorder = Recorder::start(opener, head, settings, clock.clone())?;
         if let Some((vehicle, start_ns)) = &vehicle {
             vehicle.log_truth(
                 recorder.clone(),
@@ -566,7 +592,7 @@ impl Recording<'_> {
         let result = record::run(parts, &job, &Shutdown::new(), watch);
         bar.finish_and_clear();
         drop(controller);
-        result.map_err(CliError::run)
+        Ok(result?)
     }
 }
 

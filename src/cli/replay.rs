@@ -7,6 +7,7 @@ use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_core::build_info::BuildInfo;
 use hydroline_daemon::calibrate::medium;
 use hydroline_daemon::replay::{Options, RefineReport, Report, replay};
 use hydroline_log::LogReader;
@@ -18,10 +19,17 @@ use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Plane coordinates come from --calibration, else from the calibration in the log, else from the ideal camera of the
+Plane coordinates come from --calibration, else from the calibration in the log, else from the ideal camera of the \
 rig's numbers; without a rig too they are left out.
 
-Exit code 0: done; 3: profiles extracted live came out otherwise with the same rig and settings.")]
+Examples:
+  hydroline replay run.mcap --out run-poses.mcap
+  hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
+  hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
+
+Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
+rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
+same rig and settings.")]
 pub struct Args {
     /// Logs with images
     #[arg(required = true, value_name = "LOG")]
@@ -91,26 +99,26 @@ fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
     }))
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     wanted(&args.refine)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let calibration = args.using.load()?;
+    for log in &args.logs {
+        inputs::readable_file(log, "name a log (.mcap) with images")?;
+    }
     let targets = targets(args)?;
     let mut reports = Vec::new();
     let mut outcome = Outcome::Done;
     for (log, out) in &targets {
-        let (options, comparable) = options(args, log, rig.as_ref(), calibration.as_ref())?;
-        let length = std::fs::metadata(log)
-            .map_err(|e| CliError::Config(format!("{}: {e}", log.display())))?
-            .len();
-        tracing::debug!(bytes = length, "replaying {}", log.display());
+        let (mut options, comparable) = options(args, log, rig.as_ref(), calibration.as_ref())?;
+        options.build = build;
         let bar = progress::bar(0, "frames");
         let result = replay(log, out, &options, &mut |frames| {
             bar.set_length(frames.max(bar.length().unwrap_or(0)));
             bar.set_position(frames);
         });
         bar.finish_and_clear();
-        let (report, _) = result.map_err(CliError::run)?;
+        let (report, _) = result?;
         if !args.json {
             print_report(log, out, &report);
         }
@@ -137,8 +145,8 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
         inputs::new_file("--out", &args.out)?;
         return Ok(vec![(log.clone(), args.out.clone())]);
     }
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| CliError::Config(format!("--out {}: {e}", args.out.display())))?;
+    inputs::folder("--out", &args.out)?;
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::writing(&args.out, &e))?;
     let named = args.logs.iter().map(|log| {
         let name = log
             .file_name()
@@ -158,7 +166,7 @@ fn options(
     rig: Option<&Rig>,
     given: Option<&Calibration>,
 ) -> Result<(Options, bool), CliError> {
-    let reader = LogReader::open(log).map_err(CliError::run)?;
+    let reader = LogReader::open(log)?;
     let own = match rig {
         Some(_) => None,
         None => {
@@ -166,8 +174,7 @@ fn options(
             reader
                 .rig_toml()
                 .map(|text| Rig::from_toml(text, &name, None))
-                .transpose()
-                .map_err(CliError::config)?
+                .transpose()?
         }
     };
     // A replay's profiles were not extracted live, and with settings of their own.
@@ -180,8 +187,7 @@ fn options(
     let logged = reader
         .calibration_toml()
         .map(|text| Calibration::from_toml(text, &format!("calibration in {}", log.display())))
-        .transpose()
-        .map_err(CliError::config)?;
+        .transpose()?;
     let calibration = in_force(log, rig, logged.as_ref(), given);
     let run = args
         .using

@@ -45,8 +45,14 @@ enum What {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-hydroline reproduce all --every 10 --seeds 2 takes about ten minutes of a core; with every frame and 20 seeds (the defaults) table10 and
-all-dofs alone take an hour of two cores.")]
+With every frame and 20 seeds (the defaults) table10 and all-dofs alone take an hour of two cores.
+
+Examples:
+  hydroline reproduce table4
+  hydroline reproduce figure12 --svg figure12.svg
+  hydroline reproduce all --every 10 --seeds 2    # about ten minutes of a core
+
+Exit codes: 0 done; 1 a table cannot be computed; 2 bad arguments or target.")]
 pub struct Args {
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]
@@ -103,7 +109,7 @@ fn one(args: &Args) -> Result<String, CliError> {
         _ => None,
     };
     if let Some(figure) = figure {
-        let figure = figure.map_err(CliError::run)?;
+        let figure = figure?;
         print(args.json, "figure", &figure, || print_figure(&figure));
         save(args.csv.as_ref(), &figure.csv())?;
         save(args.svg.as_ref(), &figure.svg())?;
@@ -118,7 +124,7 @@ fn one(args: &Args) -> Result<String, CliError> {
     let (csv, line) = match args.what {
         What::Table4 | What::Table5 => {
             let five = args.what == What::Table5;
-            let cells = disturbed(five).map_err(CliError::run)?;
+            let cells = disturbed(five)?;
             let name = if five { "table5" } else { "table4" };
             print(args.json, name, &cells, || print_cells(&cells));
             let csv = csv_of(
@@ -141,13 +147,13 @@ fn one(args: &Args) -> Result<String, CliError> {
             (csv, summary::disturbed(&cells))
         }
         What::Calibration => {
-            let study = CalibrationStudy::compute(args.seed).map_err(CliError::run)?;
+            let study = CalibrationStudy::compute(args.seed)?;
             print(args.json, "calibration", &study, || out!("{study}"));
             (csv_of_any(&study), summary::calibration(&study))
         }
         What::Table10 => {
             let bar = progress::bar(3 * args.seeds, "experiments");
-            let rows = table10(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
+            let rows = table10(args.seeds, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args.json, "table10", &rows, || print_table10(&rows));
             (csv_of_any(&rows), summary::table10(&rows))
@@ -159,13 +165,13 @@ fn one(args: &Args) -> Result<String, CliError> {
         }
         What::AllDofs => {
             let bar = progress::bar(5 * args.seeds, "experiments");
-            let rows = all_dofs(args.seeds, &|| bar.inc(1)).map_err(CliError::run)?;
+            let rows = all_dofs(args.seeds, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args.json, "all_dofs", &rows, || print_all_dofs(&rows));
             (csv_of_any(&rows), summary::all_dofs(&rows))
         }
         What::Table7 => {
-            let runs = table7(every).map_err(CliError::run)?;
+            let runs = table7(every)?;
             print(args.json, "table7", &runs, || print_table7(&runs));
             let csv = csv_of(
                 "thrust_n,disturbance,frames,paper_psi_s_deg,paper_max_mm,whole_pixel_psi_s_deg,whole_pixel_max_mm,formula_psi_s_deg,formula_max_mm,joint_max_mm,smoothed_max_mm",
@@ -189,8 +195,7 @@ fn one(args: &Args) -> Result<String, CliError> {
             (csv, summary::table7(&runs))
         }
         What::JointPose => {
-            let found = joint_accuracy(args.frames as usize, args.seed, &args.target)
-                .map_err(CliError::run)?;
+            let found = joint_accuracy(args.frames as usize, args.seed, &args.target)?;
             print(args.json, "joint_pose", &found, || print_joint(&found));
             let csv = csv_of(
                 "rms,reported_sd,bound,covered_95",
@@ -207,7 +212,7 @@ fn one(args: &Args) -> Result<String, CliError> {
             (csv, summary::joint(&found))
         }
         _ => {
-            let rows = table3(every).map_err(CliError::run)?;
+            let rows = table3(every)?;
             print(args.json, "table3", &rows, || print_table3(&rows));
             let csv = csv_of(
                 "motion,unit,frames,paper_low,paper_high,whole_pixel_low,whole_pixel_high,formula_low,formula_high,ours_low,ours_high",
@@ -347,7 +352,7 @@ fn flatten(name: &str, value: &serde_json::Value, cells: &mut Vec<(String, Strin
 
 fn save(path: Option<&PathBuf>, text: &str) -> Result<(), CliError> {
     let Some(path) = path else { return Ok(()) };
-    std::fs::write(path, text).map_err(|e| CliError::Run(format!("{}: {e}", path.display())))
+    inputs::write(path, text)
 }
 
 fn print_figure(figure: &Figure) {

@@ -1,4 +1,4 @@
-//! `hydroline rig new`: a commented rig for one's own vehicle.
+//! `hydroline rig`: a commented rig for one's own vehicle, and what is built in.
 
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
@@ -9,22 +9,40 @@ use std::path::PathBuf;
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Writes a complete, commented rig file to fill in
+    #[command(after_help = "\
+Examples:
+  hydroline rig new --out my.toml
+
+Exit codes: 0 done; 2 the file exists, or its folder takes none.")]
     New {
         /// File to write
         #[arg(long, value_name = "RIG.toml")]
         out: PathBuf,
     },
     /// Checks a rig file and prints it as the daemon reads it, defaults written out
+    #[command(after_help = "\
+Examples:
+  hydroline rig show my.toml
+  hydroline rig show lshpi --json
+
+Exit codes: 0 the rig is sound; 2 it is not, or there is none: every mistake with file, line and key.")]
     Show {
-        /// File or built-in name
+        /// Rig file or built-in name
+        #[arg(value_name = "RIG")]
         rig: String,
         /// Prints one JSON object instead of TOML
         #[arg(long)]
         json: bool,
     },
     /// Names of the built-in rigs and plans
+    #[command(after_help = "\
+Examples:
+  hydroline rig list")]
     List,
-    /// Every `[[physics]]` effect: law, parameters with their plausible range, what it is mistaken for (Markdown)
+    /// Every [[physics]] effect: law, parameters with their plausible range, what it is mistaken for (Markdown)
+    #[command(after_help = "\
+Examples:
+  hydroline rig effects > effects.md")]
     Effects,
 }
 
@@ -32,12 +50,7 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::New { out } => {
             inputs::new_file("--out", out)?;
-            std::fs::write(out, Rig::template()).map_err(|e| {
-                CliError::Run(format!(
-                    "{}: {e}; check that the folder is writable",
-                    out.display()
-                ))
-            })?;
+            inputs::write(out, Rig::template())?;
             outln!("{}", out.display());
             eprintln!(
                 "edit it, then: hydroline rig show {0}; hydroline check --rig {0}",

@@ -40,7 +40,7 @@ pub fn open_with_board(
     let simulated_line = with_thrusters && rig.thrusters.link.port == LinkPort::Sim;
     let simulated_camera = matches!(rig.camera.backend, CameraBackend::Sim);
     let vehicle = if simulated_camera || simulated_line {
-        Some(SimulatedVehicle::new(rig).map_err(CliError::config)?)
+        Some(SimulatedVehicle::new(rig)?)
     } else {
         None
     };
@@ -55,11 +55,11 @@ pub fn open_with_board(
         (CameraBackend::Sim, Some(vehicle)) => {
             let view = match board {
                 Some(board) => {
-                    let shown = BoardInView::new(rig, board, 0.0).map_err(CliError::config)?;
+                    let shown = BoardInView::new(rig, board, 0.0)?;
                     CameraView::of_board(vehicle.clone(), shown)
                 }
                 None => {
-                    let renderer = Renderer::new(rig).map_err(CliError::config)?;
+                    let renderer = Renderer::new(rig)?;
                     CameraView::new(vehicle.clone(), renderer)
                 }
             };
@@ -74,8 +74,7 @@ pub fn open_with_board(
                 ..OpenOptions::default()
             };
             let system = Box::new(KernelSystem::default());
-            let camera = V4lSource::open(&rig.camera, options, system, clock.clone())
-                .map_err(CliError::run)?;
+            let camera = V4lSource::open(&rig.camera, options, system, clock.clone())?;
             (
                 Box::new(camera) as Box<dyn FrameSource>,
                 clock.monotonic_ns(),
@@ -105,7 +104,7 @@ fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyCon
             }
         },
     );
-    PtyController::start(controller, None, on_pulses).map_err(CliError::run)
+    Ok(PtyController::start(controller, None, on_pulses)?)
 }
 
 fn opener(

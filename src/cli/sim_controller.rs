@@ -14,6 +14,11 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  hydroline sim-controller --kind stamped --pty /tmp/controller
+
+Exit codes: 0 the socket was closed; 1 it failed; 2 bad arguments, or no such socket.")]
 pub struct Args {
     /// Connects to this UNIX socket (as QEMU's chardev offers it) and serves until it closes
     #[arg(
@@ -26,7 +31,7 @@ pub struct Args {
     /// Opens a pseudo-terminal, linked to from this path, and serves until killed
     #[arg(long, value_name = "PATH")]
     pty: Option<PathBuf>,
-    /// Protocol
+    /// Protocol of the controller
     #[arg(long, value_enum)]
     kind: Kind,
     /// Comes back when the socket closes, for so long
@@ -36,7 +41,9 @@ pub struct Args {
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Kind {
+    /// Our own framing, stamped by the controller
     Stamped,
+    /// Pololu Maestro
     Maestro,
 }
 
@@ -56,8 +63,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     };
     if let Some(path) = &args.pty {
-        let pty = PtyController::start(controller, Some(path.clone()), Box::new(print))
-            .map_err(CliError::run)?;
+        let pty = PtyController::start(controller, Some(path.clone()), Box::new(print))?;
         eprintln!("serving on {}", pty.path().unwrap_or(path).display());
         loop {
             std::thread::sleep(Duration::from_secs(3600));
@@ -88,7 +94,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             Err(error)
                 if clock.monotonic_ns() - gone_since_ns > args.reconnect.as_nanos() as u64 =>
             {
-                return Err(CliError::Run(format!("{}: {error}", socket.display())));
+                return Err(CliError::reading(
+                    socket,
+                    &error,
+                    "start QEMU with that socket first",
+                ));
             }
             Err(_) => {}
         }

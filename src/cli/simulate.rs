@@ -2,6 +2,7 @@
 
 use super::print::outln;
 use super::{CliError, Outcome, inputs, progress};
+use hydroline_core::build_info::BuildInfo;
 use hydroline_daemon::simulate::{Options, simulate};
 use hydroline_log::Unfinished;
 use hydroline_plan::preflight::preflight;
@@ -10,6 +11,15 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The log is what `record` would have written, without waiting for the clock.
+
+Examples:
+  hydroline simulate --rig lshpi --plan surge-4n --out sim.mcap
+  hydroline simulate --rig lshpi --plan reversals --motion-only --seed 7 --out motion.mcap
+  hydroline simulate --rig lshpi --plan still --show-board dots-50 --out board.mcap
+
+Exit codes: 0 done; 1 the motion runs away, or the log cannot be written; 2 bad arguments, rig or plan.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -18,7 +28,7 @@ pub struct Args {
     #[arg(long, value_name = "PLAN")]
     plan: String,
     /// Seed of all noise; without it the rig's
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Measured motion with white noise instead of images
     #[arg(long)]
@@ -45,7 +55,7 @@ pub struct Args {
     )]
     board_offset_m: f64,
     /// Free text for the log
-    #[arg(long)]
+    #[arg(long, value_name = "TEXT")]
     note: Option<String>,
     /// Prints one JSON object
     #[arg(long)]
@@ -55,12 +65,12 @@ pub struct Args {
     out: PathBuf,
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = inputs::plan(&args.plan, &rig)?;
     inputs::new_file("--out", &args.out)?;
     let board = args.show_board.as_deref().map(Board::load_or_builtin);
-    let board = board.transpose().map_err(CliError::config)?;
+    let board = board.transpose()?;
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -69,18 +79,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         tail_s: args.tail.as_secs_f64(),
         note: args.note.clone(),
         board: board.map(|board| (board, args.board_offset_m)),
+        build,
     };
     warn(&rig, &plan)?;
     let length_s = plan.duration_s() + options.tail_s;
     let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
     // Ctrl-C leaves no half log behind that looks like a whole one.
-    let unfinished = Unfinished::begin(&args.out).map_err(CliError::config)?;
+    let unfinished = Unfinished::begin(&args.out)?;
     let result = simulate(&rig, &plan, unfinished.path(), &options, &mut |done, _| {
         bar.set_position(done)
     });
     bar.finish_and_clear();
-    let outcome = result.map_err(CliError::run)?;
-    unfinished.finish().map_err(CliError::run)?;
+    let outcome = result?;
+    unfinished.finish()?;
     if args.json {
         outln!(
             "{}",
@@ -99,7 +110,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 
 /// A simulation may leave the tank; the person should know that a recording of this plan would be refused.
 fn warn(rig: &Rig, plan: &Plan) -> Result<(), CliError> {
-    let report = preflight(rig, plan).map_err(CliError::config)?;
+    let report = preflight(rig, plan)?;
     for violation in &report.violations {
         eprintln!(
             "hydroline: `record` would refuse this plan: at {:.2} s {}",

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Built in: hexagons (surge and yaw), sway-board. The drawing is at true scale, seen from above, X to the right;
+Built in: hexagons (surge and yaw), sway-board. The drawing is at true scale, seen from above, X to the right; \
 measure its 100 mm line before the target is trusted.
 
+Examples:
   hydroline target hexagons --out hexagons.dxf")]
 pub struct Args {
     /// Target file or built-in name
@@ -21,7 +22,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let target = Target::load_or_builtin(&args.target).map_err(CliError::config)?;
+    let target = Target::load_or_builtin(&args.target)?;
     board::write(&args.out, &target_sheet(&target))?;
     Ok(Outcome::Done)
 }

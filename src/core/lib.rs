@@ -1,5 +1,6 @@
-//! What every room speaks of: clocks, events, frames, shutdown, the conditions of a session. No devices, no files.
+//! What every room speaks of: clocks, events, frames, shutdown, the build and the conditions of a session. No devices, no files.
 
+pub mod build_info;
 pub mod clock;
 pub mod event;
 pub mod frame;

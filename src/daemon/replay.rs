@@ -8,6 +8,7 @@ use crate::analysis::Analyst;
 use crate::calibrate::message;
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
@@ -65,6 +66,8 @@ pub struct Options {
     pub calibration_toml: Option<String>,
     /// The calibration in force where it is another than the recording's: stated on `/laser/calibration` in its place.
     pub calibration: Option<Calibration>,
+    /// The replaying program.
+    pub build: BuildInfo,
 }
 
 /// What a replay found.
@@ -261,10 +264,7 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
             finding.to_string(),
         );
     }
-    session.insert(
-        "replay.version".to_owned(),
-        env!("CARGO_PKG_VERSION").to_owned(),
-    );
+    session.extend(options.build.session_keys("replay."));
     Head {
         rig_toml: options
             .rig_toml
@@ -276,6 +276,7 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
             .clone()
             .or_else(|| toml("calibration")),
         session,
+        build: options.build,
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::simulated::{BoardInView, motion_message};
 use bytes::Bytes;
 use hydroline_capture::{CaptureError, NegotiatedFormat, SourceDescription};
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource};
 use hydroline_log::messages::{self, pb, timestamp};
@@ -37,6 +38,8 @@ pub struct Options {
     pub note: Option<String>,
     /// A calibration board in the sheet instead of the tank, and how far its face stands behind the sheet \[m\].
     pub board: Option<(Board, f64)>,
+    /// The simulating program, for the log's head.
+    pub build: BuildInfo,
 }
 
 impl Default for Options {
@@ -49,6 +52,7 @@ impl Default for Options {
             tail_s: 0.0,
             note: None,
             board: None,
+            build: BuildInfo::default(),
         }
     }
 }
@@ -211,6 +215,7 @@ fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
         rig_toml: rig.effective_toml.clone(),
         calibration_toml: None,
         session,
+        build: options.build,
     }
 }
 

@@ -13,7 +13,7 @@ mod write;
 pub use check::{Finding, Severity};
 pub use map::{Between, ChannelMap, CommandMap, Map, MapError};
 pub use table::{Imported, Table};
-pub use write::{ImportError, ImportOutcome, Lost, import};
+pub use write::{ImportError, ImportOutcome, Lost, Options, import};
 
 /// Reads a table's text with a map; never fails: everything wrong is in the findings.
 pub fn read(text: &str, map: &Map) -> Imported {

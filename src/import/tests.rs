@@ -1,6 +1,13 @@
 use super::*;
 use proptest::prelude::*;
 
+fn accept(accept_faults: bool) -> Options {
+    Options {
+        accept_faults,
+        ..Options::default()
+    }
+}
+
 fn map(extra: &str) -> Map {
     let text = format!(
         "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n[motion.psi_rad]\ncolumn = \"psi\"\nunit = \"rad\"\n{extra}"
@@ -307,7 +314,7 @@ fn a_table_at_rest_leaves_its_noise_in_the_log() {
     let data = read(&still, &map);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("still.mcap");
-    import(&data, &map, "", &out, true).unwrap();
+    import(&data, &map, "", &out, accept(true)).unwrap();
     let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
     let noise: StillNoise = load(&out, &rig).unwrap().noise_at_rest.unwrap();
     // Uniform over 1 mm: sd 1 mm / sqrt(12).
@@ -394,7 +401,7 @@ fn what_is_left_out_is_counted_by_kind() {
     });
     let data = read(&spoilt, &map);
     let folder = tempfile::tempdir().unwrap();
-    let outcome = import(&data, &map, "", &folder.path().join("o.mcap"), true).unwrap();
+    let outcome = import(&data, &map, "", &folder.path().join("o.mcap"), accept(true)).unwrap();
     assert_eq!(
         outcome.lost,
         Lost {
@@ -462,7 +469,7 @@ fn a_decay_seen_by_a_gyro_leaves_no_noise_at_rest() {
     let data = read(&decay, &map);
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("decay.mcap");
-    import(&data, &map, "", &out, false).unwrap();
+    import(&data, &map, "", &out, accept(false)).unwrap();
     let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
     assert!(load(&out, &rig).unwrap().noise_at_rest.is_none());
 }

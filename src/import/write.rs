@@ -5,6 +5,7 @@ use std::path::Path;
 use super::check::{Finding, Severity};
 use super::map::{Between, Map};
 use super::table::Imported;
+use hydroline_core::build_info::BuildInfo;
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
@@ -61,6 +62,15 @@ pub struct ImportOutcome {
     pub findings: Vec<Finding>,
 }
 
+/// How to import.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// Writes what is sound although there are faults. Default: no; a fault is for the person to look at first.
+    pub accept_faults: bool,
+    /// The importing program.
+    pub build: BuildInfo,
+}
+
 /// Writes a log; with faults only when they are accepted, and then only what is sound.
 ///
 /// # Errors
@@ -70,14 +80,14 @@ pub fn import(
     map: &Map,
     map_text: &str,
     out: &Path,
-    accept_faults: bool,
+    options: Options,
 ) -> Result<ImportOutcome, ImportError> {
     let faults = data
         .findings
         .iter()
         .filter(|f| f.severity == Severity::Fault)
         .count();
-    if faults > 0 && !accept_faults {
+    if faults > 0 && !options.accept_faults {
         return Err(ImportError::Faults { faults });
     }
     let mut session = MetadataMap::from([
@@ -92,6 +102,7 @@ pub fn import(
         rig_toml: "# imported: no rig was recorded\n".to_owned(),
         calibration_toml: None,
         session,
+        build: options.build,
     };
     let mut log = FileRecorder::create(out, false, head, WriteSettings::offline(None))?;
     let at = |t_s: f64| data.start_ns + (t_s.max(0.0) * 1e9).round() as u64;

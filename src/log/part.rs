@@ -15,6 +15,7 @@ use mcap::records::MessageHeader;
 use super::entry::Entry;
 use super::policy::{Due, Limits, Policy};
 use super::seal;
+use super::settings::Head;
 use super::sink::{LogSink, NameLost};
 use super::topic::Topic;
 
@@ -119,14 +120,15 @@ impl PartFile {
         sink: Box<dyn LogSink>,
         encoding: &Encoding,
         limits: Limits,
-        head: &[(&str, MetadataMap)],
+        head: &Head,
+        number: u32,
         now_ns: u64,
     ) -> Result<Self, Fault> {
         let staging = Staging::default();
         let compression = (encoding.zstd_level > 0).then_some(mcap::Compression::Zstd);
         let mcap = mcap::WriteOptions::new()
             .profile("")
-            .library(concat!("hydroline ", env!("CARGO_PKG_VERSION")))
+            .library(head.library())
             .compression(compression)
             .compression_level(encoding.zstd_level)
             // Worker threads made single writes of 131 ms on two cores; level 1 in line is faster.
@@ -135,8 +137,9 @@ impl PartFile {
             .disable_seeking(true)
             .create(staging.clone())?;
         let head: Vec<(String, MetadataMap)> = head
-            .iter()
-            .map(|(name, map)| ((*name).to_owned(), seal::sealed(name, map.clone())))
+            .metadata(number)
+            .into_iter()
+            .map(|(name, map)| (name.to_owned(), seal::sealed(name, map)))
             .collect();
         let mut part = Self {
             sink,

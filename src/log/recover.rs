@@ -14,6 +14,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use hydroline_core::build_info::BuildInfo;
 use mcap::records::op;
 use serde::Serialize;
 
@@ -61,12 +62,20 @@ pub struct Recovery {
     pub lossy: bool,
 }
 
-/// Recovers `input` into the new file `output`.
+/// Recovers `input` into the new file `output`, as a library without a build of its own.
+///
+/// # Errors
+/// As [`recover_as`].
+pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
+    recover_as(input, output, BuildInfo::default())
+}
+
+/// Recovers `input` into the new file `output`, whose header names `build`.
 ///
 /// # Errors
 /// [`LogError::OutputExists`]; [`LogError::Read`] and [`LogError::NotMcap`] for the input;
 /// [`LogError::Output`]; [`LogError::Verify`] when the result does not read back (it is removed).
-pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
+pub fn recover_as(input: &Path, output: &Path, build: BuildInfo) -> Result<Recovery, LogError> {
     let read = |source| LogError::Read {
         path: input.to_owned(),
         source,
@@ -83,7 +92,7 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
             path: output.to_owned(),
             reason: e.to_string(),
         })?;
-    let (recovery, digest) = copy_all(scan, input, output, file, input_bytes)?;
+    let (recovery, digest) = copy_all(scan, input, output, file, input_bytes, build)?;
     verify(unfinished.path(), recovery.messages_total, digest)?;
     unfinished.finish()?;
     Ok(recovery)
@@ -95,6 +104,7 @@ fn copy_all(
     output: &Path,
     file: File,
     input_bytes: u64,
+    build: BuildInfo,
 ) -> Result<(Recovery, u32), LogError> {
     let out = |e: mcap::McapError| LogError::Output {
         path: output.to_owned(),
@@ -116,7 +126,7 @@ fn copy_all(
     let compressed = scan.learnt.compressions.keys().any(|c| !c.is_empty());
     let writer = mcap::WriteOptions::new()
         .profile(scan.learnt.profile.clone())
-        .library(concat!("hydroline ", env!("CARGO_PKG_VERSION"), " recover"))
+        .library(format!("hydroline {build} recover"))
         .compression(compressed.then_some(mcap::Compression::Zstd))
         .compression_level(1)
         .compression_threads(0)

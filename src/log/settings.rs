@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use hydroline_core::build_info::BuildInfo;
 use hydroline_rigs::{LogSettings, PixelFormat};
 
 use super::LogError;
@@ -69,9 +70,16 @@ pub struct Head {
     pub calibration_toml: Option<String>,
     /// Version, host, kernel, driver, module parameters, planned length, notes ...
     pub session: MetadataMap,
+    /// Who writes: into the file's header, and into the session unless that says already who recorded it.
+    pub build: BuildInfo,
 }
 
 impl Head {
+    /// The `library` of the file's header.
+    pub(super) fn library(&self) -> String {
+        format!("hydroline {}", self.build)
+    }
+
     pub(super) fn metadata(&self, part: u32) -> Vec<(&'static str, MetadataMap)> {
         let toml = |text: &str| MetadataMap::from([("toml".to_owned(), text.to_owned())]);
         let calibration = match &self.calibration_toml {
@@ -80,9 +88,10 @@ impl Head {
         };
         let mut session = self.session.clone();
         session.insert("part".to_owned(), part.to_string());
-        session
-            .entry("version".to_owned())
-            .or_insert_with(|| env!("CARGO_PKG_VERSION").to_owned());
+        // All three or none: the commit of a replay beside the version of its recording would be neither's.
+        if !session.contains_key("version") {
+            session.extend(self.build.session_keys(""));
+        }
         vec![
             ("rig", toml(&self.rig_toml)),
             ("calibration", calibration),

@@ -20,6 +20,7 @@ fn head() -> Head {
             ("host".into(), "tank".into()),
             ("planned_s".into(), "30".into()),
         ]),
+        ..Head::default()
     }
 }
 

@@ -412,8 +412,8 @@ fn open_part(
             source,
         },
     })?;
-    let head = head.metadata(number);
-    match PartFile::create(sink, &settings.encoding, settings.limits, &head, now_ns) {
+    let (encoding, limits) = (&settings.encoding, settings.limits);
+    match PartFile::create(sink, encoding, limits, head, number, now_ns) {
         Ok(part) => Ok((part, path)),
         Err(fault) => Err(LogError::Write {
             path,

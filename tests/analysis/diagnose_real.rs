@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::inputs::input;
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
-use hydroline::import::{Map, import, read as read_table};
+use hydroline::import::{Map, Options, import, read as read_table};
 use hydroline_rigs::Rig;
 
 const ROLL_DECAY: &str = "cases/real/roll-decay/model_test_21338.csv";
@@ -28,7 +28,11 @@ fn source(table: &Path, map: &str, rig: &Rig) -> Source {
     for f in &data.findings {
         println!("  {}: {}", f.kind, f.message);
     }
-    import(&data, &parsed, map, &out, true).unwrap();
+    let options = Options {
+        accept_faults: true,
+        ..Options::default()
+    };
+    import(&data, &parsed, map, &out, options).unwrap();
     let found = read(&out, rig).unwrap();
     for f in &found.faults {
         println!(

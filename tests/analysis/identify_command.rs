@@ -234,9 +234,8 @@ fn a_new_thrust_curve_ends_what_was_identified_with_the_old_one() {
 fn what_was_found_is_not_lost_with_what_fails_after_it() {
     let dir = tempfile::tempdir().unwrap();
     let log = simulated(dir.path(), "lshpi", "surge-8n", 3);
-    // A report where a file stands, a name that no file system takes: both fail, and not before they are tried.
-    let file = dir.path().join("file");
-    std::fs::write(&file, "").unwrap();
+    // Names that no file system takes: both fail, and not before they are tried.
+    let no_folder = dir.path().join("y".repeat(300));
     let too_long = dir.path().join("x".repeat(300));
     let output = identify(
         &[&log],
@@ -245,7 +244,7 @@ fn what_was_found_is_not_lost_with_what_fails_after_it() {
             "lshpi",
             "--json",
             "--report",
-            file.to_str().unwrap(),
+            no_folder.to_str().unwrap(),
             "--write-rig",
             too_long.to_str().unwrap(),
         ],
@@ -267,7 +266,7 @@ fn what_was_found_is_not_lost_with_what_fails_after_it() {
             "lshpi",
             "--json",
             "--report",
-            file.to_str().unwrap(),
+            no_folder.to_str().unwrap(),
             "--write-rig",
             written.to_str().unwrap(),
         ],
@@ -277,28 +276,66 @@ fn what_was_found_is_not_lost_with_what_fails_after_it() {
     assert!(found["parameters"]["x_u"]["value"].is_number());
     assert!(Rig::load(&written).unwrap().identified.is_some());
 
-    // Logs that cannot be read leave the curve of the pull.
+    // A log that is damaged leaves the curve of the pull; one that is none is typed again, with nothing in the way.
     let table = dir.path().join("pull.csv");
     std::fs::write(&table, pull_table(&Rig::builtin("lshpi").unwrap())).unwrap();
     let broken = dir.path().join("broken.mcap");
-    std::fs::write(&broken, "no log").unwrap();
+    let bytes = std::fs::read(&log).unwrap();
     let curve = dir.path().join("curve.toml");
-    let output = identify(
-        &[&broken],
-        &[
-            "--rig",
-            "lshpi",
-            "--bollard",
-            table.to_str().unwrap(),
-            "--write-rig",
-            curve.to_str().unwrap(),
-        ],
-    );
-    let words = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success());
-    assert!(words.contains("broken.mcap"), "{words}");
-    assert!(words.contains("bollard pull only"), "{words}");
+    for (content, code) in [(&b"no log"[..], 2), (&bytes[..bytes.len() / 2], 1)] {
+        std::fs::write(&broken, content).unwrap();
+        let output = identify(
+            &[&broken],
+            &[
+                "--rig",
+                "lshpi",
+                "--bollard",
+                table.to_str().unwrap(),
+                "--write-rig",
+                curve.to_str().unwrap(),
+            ],
+        );
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{words}");
+        assert!(words.contains("broken.mcap"), "{words}");
+        assert_eq!(words.contains("bollard pull only"), code == 1, "{words}");
+        assert_eq!(curve.exists(), code == 1);
+    }
     assert!(Rig::load(&curve).unwrap().bollard.is_some());
+}
+
+#[test]
+fn a_script_can_stop_at_a_misfit() {
+    let dir = tempfile::tempdir().unwrap();
+    // The vehicle's thrusters lag, and the rig that it is identified with does not know.
+    let lagging = dir.path().join("lagging.toml");
+    let rig = Rig::builtin("lshpi").unwrap().effective_toml;
+    let lag = "\n[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
+    std::fs::write(&lagging, rig + lag).unwrap();
+    let wrong = simulated(dir.path(), lagging.to_str().unwrap(), "reversals", 4);
+    let right = simulated(dir.path(), "lshpi", "reversals", 5);
+    let report = dir.path().join("report");
+    let report = report.to_str().unwrap();
+    let at_misfit = |log, more: &[&str]| {
+        let output = identify(&[log], &[&["--rig", "lshpi", "--json"], more].concat());
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let misfits = found["misfit"].as_array().unwrap().len();
+        (output.status.code(), misfits, words)
+    };
+    let (code, misfits, words) = at_misfit(&right, &["--fail-on", "misfit"]);
+    assert_eq!((code, misfits), (Some(0), 0), "{words}");
+    let (code, misfits, words) = at_misfit(&wrong, &[]);
+    assert_eq!(code, Some(0), "{words}");
+    assert!(misfits > 0);
+    // The result is printed and written all the same.
+    let (code, misfits, words) = at_misfit(&wrong, &["--fail-on", "misfit", "--report", report]);
+    assert_eq!(code, Some(1), "{words}");
+    assert!(misfits > 0);
+    for part in ["--fail-on misfit: x_m", "hydroline diagnose"] {
+        assert!(words.contains(part), "no '{part}' in {words}");
+    }
+    assert!(std::path::Path::new(report).join("identify.html").is_file());
 }
 
 fn predicted(rig: &str, more: &[&str]) -> Vec<Vec<f64>> {

@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 use crate::experiment::{
     TestNoise, WHITE, decoupled, inside, other_vehicle, quick, simulated, surge, surge_runs,
@@ -14,7 +13,7 @@ use crate::support::{elements, read_markup};
 use hydroline::identify::data::{Run, Sample, Start, load};
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
-use hydroline::import::{Map, import, read};
+use hydroline::import::{self, Map, import, read};
 use hydroline_rigs::{Dof, Plan, Rig, StepLoad, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -551,7 +550,14 @@ fn the_real_roll_decay_is_fitted_and_its_residual_called_far_from_white() {
     let map = Map::from_toml(ROLL_DECAY_MAP, "roll.toml").unwrap();
     let data = read(&text, &map);
     assert!(!data.has_faults(), "{:?}", data.findings);
-    let outcome = import(&data, &map, ROLL_DECAY_MAP, &out, false).unwrap();
+    let outcome = import(
+        &data,
+        &map,
+        ROLL_DECAY_MAP,
+        &out,
+        import::Options::default(),
+    )
+    .unwrap();
     assert!(outcome.samples > 8000 && outcome.commands == 0);
     let rig = kvlcc2();
     let run = load(&out, &rig).unwrap();
@@ -603,7 +609,7 @@ fn the_real_linear_drive_is_imported_with_its_command() {
     );
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("emps.mcap");
-    import(&data, &map, toml, &out, false).unwrap();
+    import(&data, &map, toml, &out, import::Options::default()).unwrap();
     let rig = decoupled();
     let run = load(&out, &rig).unwrap();
     assert_eq!(run.samples.len(), 4968);

@@ -1,5 +1,7 @@
-//! Bad input on the command line: exit code 2 (or 1), words that name the thing and the next step, no panic.
+//! Bad input on the command line: exit code 2, words that name the thing and the next step, no panic.
 #![allow(clippy::unwrap_used)]
+
+mod codes;
 
 use crate::support::hydroline;
 use std::path::Path;
@@ -193,8 +195,8 @@ fn arguments_and_files_that_are_wrong_are_named() {
         &["invalid value '-1'", "--seed"],
     );
     refused(&["recover", &noise, "--out", out], 2, &["noise.mcap"]);
-    refused(&["replay", &noise, "--out", out], 1, &["noise.mcap"]);
-    refused(&["extract", &noise, "--csv"], 1, &["noise.mcap"]);
+    refused(&["replay", &noise, "--out", out], 2, &["noise.mcap"]);
+    refused(&["extract", &noise, "--csv"], 2, &["noise.mcap"]);
     refused(&["rig", "new", "--out", &existing], 2, &["exists"]);
     refused(&["replay"], 2, &["Usage"]);
     assert!(
@@ -245,20 +247,33 @@ fn rig_new_writes_a_rig_that_is_accepted() {
 
 #[test]
 fn every_subcommand_explains_itself() {
-    let help = hydroline().arg("--help").output().unwrap();
-    let text = String::from_utf8_lossy(&help.stdout).into_owned();
-    for command in [
-        "demo", "devices", "check", "aim", "record", "replay", "simulate", "extract", "rig",
-        "info", "doctor", "recover", "export",
+    let words = |args: &[&str]| {
+        let output = hydroline().args(args).output().unwrap();
+        assert!(output.status.success(), "{args:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let help = words(&["--help"]);
+    for part in [
+        "First steps:",
+        "At the tank:",
+        "Analysis:",
+        "Exit codes: 0 done",
     ] {
-        assert!(text.contains(command), "{command} is missing in --help");
-        let output = hydroline().args([command, "--help"]).output().unwrap();
-        assert!(
-            output.status.success() && output.stdout.len() > 100,
-            "{command}"
-        );
+        assert!(help.contains(part), "no '{part}' in {help}");
     }
-    assert!(text.contains("Exit codes"));
+    let all = hydroline::cli::command(hydroline::build_info::BuildInfo::default());
+    for command in all.get_subcommands() {
+        let name = command.get_name();
+        assert!(
+            help.contains(&format!("\n  {name} ")) || command.is_hide_set(),
+            "{name}"
+        );
+        assert!(words(&[name, "--help"]).contains("Examples:"), "{name}");
+    }
+    // Without a command: the help, and no success that a script would take for one.
+    let output = hydroline().output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("At the tank:"));
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 mod architecture;
 mod calibrate_chain;
+mod cli_build_info;
 mod cli_errors;
 mod readme;
 mod record_clock;

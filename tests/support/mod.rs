@@ -58,6 +58,7 @@ pub fn recorder(rig: &Rig, opener: Box<dyn PartOpener>, clock: Arc<dyn Clock>) -
         rig_toml: rig.effective_toml.clone(),
         calibration_toml: None,
         session: MetadataMap::new(),
+        ..Head::default()
     };
     let settings = WriteSettings::live(&rig.log, Some(rig.camera.pixel_format));
     Recorder::start(opener, head, settings, clock).unwrap()

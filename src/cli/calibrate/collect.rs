@@ -31,7 +31,7 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
         let mut start = Vec::new();
         std::fs::File::open(path)
             .and_then(|f| f.take(MCAP_MAGIC.len() as u64).read_to_end(&mut start))
-            .map_err(|e| CliError::Config(format!("{}: {e}; check the path", path.display())))?;
+            .map_err(|e| CliError::reading(path, &e, "name a log or an image (PNG, JPEG)"))?;
         Ok(if start == MCAP_MAGIC {
             Source::Log(path.clone())
         } else {
@@ -54,6 +54,8 @@ pub struct Collected {
     pub found: u64,
     /// Image files (not frames of logs) that were refused.
     pub refused_images: u64,
+    /// Of these, files that are no image.
+    pub unreadable_images: u64,
     /// How often which reason: by its kind, the first of them in full.
     pub refused: BTreeMap<String, u64>,
     kinds: BTreeMap<String, String>,
@@ -146,11 +148,15 @@ pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collecte
     for batch in batches(sources) {
         match batch {
             Batch::Images(paths) => {
-                let looked: Vec<Looked> = paths
+                let looked: Vec<(bool, Looked)> = paths
                     .par_iter()
-                    .map(|path| look(setup, load(path), true))
+                    .map(|path| {
+                        let image = load(path);
+                        (image.is_err(), look(setup, image, true))
+                    })
                     .collect();
-                for (path, looked) in paths.iter().zip(looked) {
+                for (path, (unreadable, looked)) in paths.iter().zip(looked) {
+                    collected.unreadable_images += u64::from(unreadable);
                     if let Err(words) = collected.take(setup, looked) {
                         bar.suspend(|| eprintln!("hydroline: {}: {words}", path.display()));
                         collected.refuse(&words);
@@ -217,8 +223,8 @@ fn log(
         }
         bar.set_position(collected.looked);
     };
-    for message in LogReader::open(path).map_err(CliError::run)? {
-        let message = message.map_err(CliError::run)?;
+    for message in LogReader::open(path)? {
+        let message = message?;
         if let Record::Frame(frame) = message.record {
             if index.is_multiple_of(u64::from(every)) {
                 frames.push((index / u64::from(every), frame));
@@ -231,7 +237,7 @@ fn log(
     }
     flush(&mut frames);
     if index == 0 {
-        return Err(CliError::Run(format!(
+        return Err(CliError::Config(format!(
             "{}: holds no image (/camera/image); `hydroline info` shows what is in it",
             path.display()
         )));

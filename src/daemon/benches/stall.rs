@@ -76,6 +76,7 @@ fn run(stall_ms: u64) -> (Vec<Duration>, u64, u64, u64) {
         rig_toml: String::new(),
         calibration_toml: None,
         session: MetadataMap::new(),
+        ..Head::default()
     };
     let settings = WriteSettings::live(&rig.log, Some(rig.camera.pixel_format));
     let recorder = Recorder::start(Box::new(disk), head, settings, clock.clone()).unwrap();

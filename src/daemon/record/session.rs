@@ -1,6 +1,7 @@
 //! What stands at the head of a recording: who, where, with what, under which conditions.
 
 use hydroline_capture::SourceDescription;
+use hydroline_core::build_info::BuildInfo;
 use hydroline_core::session::Conditions;
 use hydroline_log::{Head, MetadataMap};
 use hydroline_rigs::{Plan, Rig};
@@ -22,6 +23,8 @@ pub struct SessionInput<'a> {
     pub calibration_toml: Option<String>,
     /// Run k of n, from 1.
     pub run: (u32, u32),
+    /// The recording program.
+    pub build: BuildInfo,
 }
 
 /// The head of the log.
@@ -32,7 +35,6 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
     let mut session = MetadataMap::new();
     let mut put = |key: &str, value: String| session.insert(key.to_owned(), value);
     put("kind", "record".to_owned());
-    put("version", env!("CARGO_PKG_VERSION").to_owned());
     put("host", read("/proc/sys/kernel/hostname"));
     put("kernel", read("/proc/sys/kernel/osrelease"));
     put("boot_id", read("/proc/sys/kernel/random/boot_id"));
@@ -81,6 +83,7 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
         rig_toml: input.rig.effective_toml.clone(),
         calibration_toml: input.calibration_toml.clone(),
         session,
+        build: input.build,
     })
 }
 
@@ -112,6 +115,7 @@ mod tests {
             conditions: &conditions,
             calibration_toml: None,
             run: (1, 3),
+            build: BuildInfo::default(),
         };
         let head = head(&input).unwrap();
         assert!(head.session["water.n_532nm"].starts_with("1.33"));
