@@ -110,8 +110,10 @@ fn same_picture(page: &str, picture: &str, drawn: &str, tolerance: f64) -> Resul
         .unwrap_or(Path::new(""))
         .join(picture);
     let shown = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    compare(&shown, drawn, tolerance, false).map_err(|words| {
-        let short: String = words.chars().take(200).collect();
+    // An element a line, so that the one that differs is told.
+    let elements = |svg: &str| svg.replace("><", ">\n<");
+    compare(&elements(&shown), &elements(drawn), tolerance, false).map_err(|words| {
+        let short: String = words.chars().take(400).collect();
         let left = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("picture-as-drawn.svg");
         match std::fs::write(&left, drawn) {
             Ok(()) => format!(
