@@ -109,7 +109,9 @@ impl Keys {
 /// whole process (SIGTTIN, SIGTTOU).
 fn in_foreground(fd: RawFd) -> bool {
     // SAFETY: both only ask.
-    unsafe { libc::tcgetpgrp(fd) == libc::getpgrp() }
+    let (group, ours) = unsafe { (libc::tcgetpgrp(fd), libc::getpgrp()) };
+    // None: a terminal that controls no session of ours, where there is no job control.
+    group < 0 || group == ours
 }
 
 fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
