@@ -23,7 +23,7 @@ Examples:
 Exit codes: 0 done; 1 the log could not be written; 2 bad arguments or map, or a table with faults (nothing is \
 written); 3 done, but what --accept-faults left out is lost.")]
 pub struct Args {
-    /// Table
+    /// Table to import (CSV or text)
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
     /// What its columns are

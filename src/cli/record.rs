@@ -36,7 +36,7 @@ Examples:
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
-  hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --return-to-start --out run.mcap
+  hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --out run.mcap
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \

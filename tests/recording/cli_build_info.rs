@@ -50,7 +50,11 @@ fn version_and_every_log_name_the_same_build() {
         "[[step]]\nfor_s = 0.5\nwrench = { surge_n = 4 }\n",
     )
     .unwrap();
-    std::fs::write(path("data.csv"), "t,x\n0,0\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n5,0.5\n").unwrap();
+    std::fs::write(
+        path("data.csv"),
+        "t,x\n0,0\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n5,0.5\n",
+    )
+    .unwrap();
     std::fs::write(
         path("map.toml"),
         "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
