@@ -22,9 +22,14 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// The script of one shell.
+/// The script of one shell. Hidden commands are no suggestion: clap_complete offers them unless they are not there.
 pub(crate) fn script(shell: Shell, build: BuildInfo) -> Vec<u8> {
+    let whole = command(build);
+    let mut shown = clap::Command::new("hydroline")
+        .version(whole.get_version().unwrap_or_default().to_owned())
+        .args(whole.get_arguments())
+        .subcommands(whole.get_subcommands().filter(|c| !c.is_hide_set()));
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut command(build), "hydroline", &mut script);
+    clap_complete::generate(shell, &mut shown, "hydroline", &mut script);
     script
 }

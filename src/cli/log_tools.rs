@@ -105,7 +105,7 @@ pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
     let diagnosis = hydroline_log::doctor::doctor(&args.log)?;
     print(args.json, &diagnosis)?;
-    Ok(if diagnosis.sound {
+    Ok(if diagnosis.complete() {
         Outcome::Done
     } else {
         Outcome::Lossy

@@ -54,6 +54,9 @@ pub struct Diagnosis {
     pub sound: bool,
     /// Of a recording that broke off and was recovered: frames known to be missing.
     pub recovered_lost: Option<u64>,
+    /// Frames that the camera, driver or daemon lost, by the marks on the frames or by the account, whichever states
+    /// more: a sound file tells of them, but they are not there.
+    pub frames_lost: u64,
 }
 
 /// Examines a log. Damage is a finding, not an error.
@@ -82,6 +85,7 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
             Step::Torn { .. } | Step::Metadata { .. } => {}
         }
     }
+    let frames_lost = checks.frames_lost(&scan.learnt);
     let mut findings = checks.conclude(&scan.learnt);
     findings.sort_by_key(|f| std::cmp::Reverse(f.grade));
     let recovered_lost = scan
@@ -96,10 +100,16 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
         findings,
         sound,
         recovered_lost,
+        frames_lost,
     })
 }
 
 impl Diagnosis {
+    /// Nothing is damaged or missing: the file is sound, and no frame was lost on the way to it.
+    pub fn complete(&self) -> bool {
+        self.sound && self.frames_lost == 0
+    }
+
     /// Whether a check found something at least this bad.
     pub fn found(&self, check: &str, at_least: Grade) -> bool {
         self.findings
@@ -111,9 +121,11 @@ impl Diagnosis {
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = if self.sound { "sound" } else { "NOT sound" };
-        let recovered = self.recovered_lost.map_or_else(String::new, |lost| {
-            format!("recovered, {lost} frames lost; ")
-        });
+        let recovered = match (self.recovered_lost, self.frames_lost) {
+            (Some(_), lost) => format!("recovered, {lost} frames lost; "),
+            (None, 0) => String::new(),
+            (None, lost) => format!("{lost} frames lost; "),
+        };
         let empty = if self.messages == 0 {
             " (nothing was recorded)"
         } else {

@@ -187,13 +187,13 @@ pub(crate) fn read_text(path: &Path) -> Result<String, RigError> {
     if bytes.len() as u64 > LARGEST_FILE_BYTES {
         return Err(unreadable(
             format!("it is larger than {LARGEST_FILE_BYTES} bytes"),
-            "Rig, target, board and plan files are short TOML texts: this is another kind of file",
+            "Give a rig, target, board or plan file: a short TOML text, this is another kind of file",
         ));
     }
     String::from_utf8(bytes).map_err(|e| {
         unreadable(
             format!("byte {} is not UTF-8 text", e.utf8_error().valid_up_to()),
-            "Rig, target, board and plan files are TOML texts in UTF-8",
+            "Give a rig, target, board or plan file: a TOML text in UTF-8",
         )
     })
 }

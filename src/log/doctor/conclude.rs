@@ -20,7 +20,36 @@ pub(super) fn recovered_lost(summary: &MetadataMap) -> Option<u64> {
     Some(lost + number("frames.dropped.unknown").unwrap_or(0))
 }
 
+/// The sum of the numbers under `prefix`.
+fn sum(summary: &MetadataMap, prefix: &str) -> u64 {
+    let values = summary.iter().filter(|(k, _)| k.starts_with(prefix));
+    values
+        .filter_map(|(_, v)| v.parse::<u64>().ok())
+        .fold(0, u64::saturating_add)
+}
+
+/// The summary's frame ledger: a part that is not the last states a running count (parts of older logs: under `frames`).
+fn ledger_of(summary: &MetadataMap) -> &'static str {
+    if summary.contains_key("frames_so_far.received") {
+        "frames_so_far"
+    } else {
+        "frames"
+    }
+}
+
 impl Checks {
+    /// Frames that did not get into the file, as far as it tells.
+    pub(super) fn frames_lost(&self, learnt: &Learnt) -> u64 {
+        let marked = self.frames.marked.saturating_sub(self.frames.retracted);
+        let stated = learnt.metadata.get("summary").map_or(0, |summary| {
+            let ledger = format!("{}.lost.", ledger_of(summary));
+            recovered_lost(summary)
+                .unwrap_or(0)
+                .max(sum(summary, &ledger))
+        });
+        marked.max(stated)
+    }
+
     /// What only shows at the end.
     pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
         let ours = learnt.library.starts_with("hydroline") || learnt.metadata.contains_key("rig");
@@ -263,10 +292,7 @@ impl Checks {
     /// `received + lost = expected`, `logged + dropped = received`, and the file agrees.
     fn ledger(&mut self, summary: &MetadataMap) {
         let number = |key: &str| summary.get(key).and_then(|v| v.parse::<u64>().ok());
-        let sum = |prefix: &str| -> u64 {
-            let values = summary.iter().filter(|(k, _)| k.starts_with(prefix));
-            values.filter_map(|(_, v)| v.parse::<u64>().ok()).sum()
-        };
+        let sum = |prefix: &str| sum(summary, prefix);
         if is_recovered(summary) {
             self.recovered(summary);
         } else if summary.get("stop.clean").map(String::as_str) != Some("true") {
@@ -282,12 +308,7 @@ impl Checks {
                 "what is in the file is sound; see the event before the end",
             );
         }
-        // A part that is not the last states a running count (parts of older logs: under `frames`).
-        let ledger = if summary.contains_key("frames_so_far.received") {
-            "frames_so_far"
-        } else {
-            "frames"
-        };
+        let ledger = ledger_of(summary);
         let (received, expected) = (
             number(&format!("{ledger}.received")),
             number(&format!("{ledger}.expected")),
