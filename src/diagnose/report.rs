@@ -138,7 +138,9 @@ fn place(b: &mut Body, found: &Diagnosis) {
         place.dof.join(", "),
         place.regime
     ));
-    b.paragraph("What the vehicle alone, refitted, leaves of the runs fitted.");
+    if !found.explained.is_empty() {
+        b.paragraph("What the vehicle alone, refitted, leaves of the runs fitted.");
+    }
     for explained in &found.explained {
         let regime = explained.regime();
         for (run, trace) in explained.fitted().iter().enumerate() {

@@ -57,13 +57,13 @@ impl<'a> Quantity<'a> {
         }
     }
 
-    /// A value with its unit, to a thousandth of it.
+    /// A value with its unit, to a thousandth of it; no line breaks between the two.
     pub fn amount(&self, value: f64) -> String {
         let number = format!("{:.3}", value * self.factor);
         if self.unit.is_empty() {
             number
         } else {
-            format!("{number} {}", self.unit)
+            format!("{number}\u{a0}{}", self.unit)
         }
     }
 
@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(Quantity::of("thrust_n").axis(), "thrust [N]");
         assert_eq!(Quantity::of("torque_nm").axis(), "torque [N m]");
         assert_eq!(Quantity::of("whatever").axis(), "whatever");
-        assert_eq!(Quantity::of("x_m").amount(-0.0123456), "-12.346 mm");
+        assert_eq!(Quantity::of("x_m").amount(-0.0123456), "-12.346\u{a0}mm");
         assert_eq!(Quantity::of("whatever").amount(2.0), "2.000");
         let turn = Quantity::of("psi_rad").shown(&[std::f64::consts::PI]);
         assert!((turn[0] - 180.0).abs() < 1e-9);

@@ -114,7 +114,7 @@ pub(super) fn effects(b: &mut Body, v: &Verdict) {
             .cell(amounts(&e.weight))
             .cell(if e.matters { "yes" } else { "no" })
             .cell(law)
-            .cell(parameters),
+            .cell(Cell::from(parameters).unbroken()),
         );
         for note in e.law_note.iter().chain(&e.notes) {
             table.push(
@@ -278,6 +278,9 @@ fn why(
 }
 
 pub(super) fn coefficients(b: &mut Body, v: &Verdict) {
+    if v.parameters.before.is_empty() {
+        return exponents(b, v);
+    }
     b.section("The vehicle's own coefficients");
     let mut table = Table::new(["", "without effects", "with them", "change", "unit"]);
     for (key, before) in &v.parameters.before {
@@ -322,6 +325,9 @@ fn exponents(b: &mut Body, v: &Verdict) {
 }
 
 pub(super) fn noise(b: &mut Body, v: &Verdict) {
+    if v.noise.is_empty() {
+        return;
+    }
     b.section("Noise of the measurement");
     let mut table = Table::new([
         "",

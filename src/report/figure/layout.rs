@@ -24,7 +24,7 @@ const RIGHT_PX: f64 = 10.0;
 const BELOW_PX: f64 = 8.0;
 /// A number on the abscissa for each so many pixels, at most.
 const PER_NUMBER_ACROSS_PX: f64 = 80.0;
-/// A number on the ordinate for each so many pixels, at most.
+/// A number on the ordinate for each so many pixels, at most; where that would be too few, one for each line of letters.
 const PER_NUMBER_UP_PX: f64 = 26.0;
 
 /// A panel with its place.
@@ -50,8 +50,8 @@ pub(super) struct Placed<'a> {
 struct Measured<'a> {
     panel: &'a Panel,
     ranges: Option<[[f64; 2]; 2]>,
-    /// How many numbers the ordinate may carry.
-    wanted_up: f64,
+    /// How many numbers the ordinate should carry, and may at most.
+    wanted_up: [f64; 2],
     y_label: Vec<String>,
     left_px: f64,
     right_px: f64,
@@ -69,9 +69,9 @@ impl<'a> Measured<'a> {
         let y = scale::range(&panel.y, panel.shown(1), !filled);
         let ranges = x.zip(y).map(|(x, y)| [x, y]);
         let height_px = height_px(panel, ranges, cell_px);
-        let wanted_up = (height_px / PER_NUMBER_UP_PX).max(2.0);
+        let wanted_up = [PER_NUMBER_UP_PX, LINE_PX].map(|each_px| height_px / each_px);
         let numbers = ranges.map_or(Vec::new(), |[_, y]| {
-            Scale::new(y, height_px, 0.0, false).ticks(wanted_up)
+            Scale::new(y, height_px, 0.0, false).ticks(wanted_up[0], wanted_up[1])
         });
         let widest = |ticks: &[Tick]| {
             ticks
@@ -87,7 +87,8 @@ impl<'a> Measured<'a> {
         let left_px = widest(&numbers) + TO_NUMBERS_PX + 2.0 + LINE_PX * y_label.len() as f64;
         // The last number of the abscissa may stand half beyond its end.
         let across = ranges.map_or(Vec::new(), |[x, _]| {
-            Scale::new(x, 0.0, cell_px, false).ticks(cell_px / PER_NUMBER_ACROSS_PX)
+            let wanted = cell_px / PER_NUMBER_ACROSS_PX;
+            Scale::new(x, 0.0, cell_px, false).ticks(wanted, wanted)
         });
         Measured {
             panel,
@@ -194,15 +195,16 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
                     Scale::new(y, area[1][1], area[0][1], m.panel.y.reversed),
                 ]
             });
-            let ticks = |axis: usize, wanted: f64| {
-                scales.map_or(Vec::new(), |s: [Scale; 2]| s[axis].ticks(wanted))
+            let ticks = |axis: usize, [wanted, most]: [f64; 2]| {
+                scales.map_or(Vec::new(), |s: [Scale; 2]| s[axis].ticks(wanted, most))
             };
+            let across = width_px / PER_NUMBER_ACROSS_PX;
             placed.push(Placed {
                 panel: m.panel,
                 area,
                 cell_left_px,
                 scales,
-                x_ticks: ticks(0, width_px / PER_NUMBER_ACROSS_PX),
+                x_ticks: ticks(0, [across, across]),
                 y_ticks: ticks(1, m.wanted_up),
                 x_written: m.x_written,
                 y_label: m.y_label.clone(),

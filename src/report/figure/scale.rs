@@ -27,6 +27,8 @@ const LEAST_SPAN: f64 = 1e-9;
 const LARGEST: f64 = 1e300;
 /// Smallest span: its power of ten is still a number.
 const SMALLEST: f64 = 1e-290;
+/// Numbers that an axis should carry at least: two do not show where its middle is.
+const FEWEST: usize = 3;
 /// Values from here on are written with an exponent.
 const WITH_EXPONENT_FROM: f64 = 1e6;
 /// Steps below are written with an exponent.
@@ -97,12 +99,27 @@ impl Scale {
         value.clamp(self.low, self.high)
     }
 
-    /// Round values inside the axis, about `wanted` of them: multiples of 1, 2 or 5 times a power of ten.
-    pub fn ticks(&self, wanted: f64) -> Vec<Tick> {
-        let step = step((self.high - self.low) / wanted.max(1.0));
+    /// Round values inside the axis, at most about `wanted` of them: multiples of 1, 2 or 5 times a power of ten.
+    /// Where that leaves fewer than three, finer ones, as long as there are no more than `most`.
+    pub fn ticks(&self, wanted: f64, most: f64) -> Vec<Tick> {
+        let span = self.high - self.low;
+        let mut ticks = self.multiples(step(span / wanted.max(1.0)), most);
+        let mut finer = wanted.max(1.0);
+        while ticks.len() < FEWEST && finer < most {
+            finer = (1.5 * finer).min(most);
+            let more = self.multiples(step(span / finer), most);
+            if more.len() as f64 <= most {
+                ticks = more;
+            }
+        }
+        ticks
+    }
+
+    /// The multiples of a step inside the axis.
+    fn multiples(&self, step: f64, most: f64) -> Vec<Tick> {
         let first = (self.low / step - 1e-9).ceil();
         let last = (self.high / step + 1e-9).floor();
-        let count = (last - first).clamp(0.0, 2.0 * wanted.max(1.0) + 2.0) as i32;
+        let count = (last - first).clamp(0.0, 2.0 * most.max(1.0) + 2.0) as i32;
         let largest = self.low.abs().max(self.high.abs());
         (0..=count)
             .map(|k| (first + f64::from(k)) * step + 0.0)
@@ -148,7 +165,19 @@ mod tests {
 
     fn labels(low: f64, high: f64, wanted: f64) -> Vec<String> {
         let scale = Scale::new([low, high], 0.0, 100.0, false);
-        scale.ticks(wanted).into_iter().map(|t| t.label).collect()
+        let ticks = scale.ticks(wanted, wanted);
+        ticks.into_iter().map(|t| t.label).collect()
+    }
+
+    #[test]
+    fn where_one_number_would_stand_finer_ones_do_if_they_fit() {
+        let scale = Scale::new([-8.5, 8.5], 80.0, 0.0, false);
+        let labels = |most: f64| -> Vec<String> {
+            let ticks = scale.ticks(3.0, most);
+            ticks.into_iter().map(|t| t.label).collect()
+        };
+        assert_eq!(labels(3.0), ["0"]);
+        assert_eq!(labels(5.7), ["-5", "0", "5"]);
     }
 
     #[test]
@@ -187,6 +216,7 @@ mod tests {
             a in proptest::num::f64::ANY,
             b in proptest::num::f64::ANY,
             wanted in 1.0..12.0f64,
+            finer in 1.0..3.0f64,
         ) {
             let Some([low, high]) = range(&Axis::new(""), [a, b].into_iter(), true) else {
                 prop_assert!(!a.is_finite() && !b.is_finite());
@@ -194,15 +224,15 @@ mod tests {
             };
             prop_assert!(low < high && (high - low).is_finite());
             let scale = Scale::new([low, high], 10.0, 810.0, false);
-            let ticks = scale.ticks(wanted);
-            prop_assert!(ticks.len() <= 2 * wanted as usize + 5);
+            let ticks = scale.ticks(wanted, finer * wanted);
+            prop_assert!(ticks.len() as f64 <= finer * wanted + 2.0, "{ticks:?}");
             for tick in &ticks {
                 let px = scale.px(tick.value);
                 prop_assert!((9.9..=810.1).contains(&px), "{tick:?} at {px}");
                 prop_assert!(!tick.label.contains("NaN") && !tick.label.contains("inf"));
                 // The label is the value, to a hundredth of the way to the next.
                 let read: f64 = tick.label.parse().map_err(|_| TestCaseError::fail(tick.label.clone()))?;
-                prop_assert!((scale.px(read) - px).abs() < 0.02 * 800.0 / wanted, "{tick:?}");
+                prop_assert!((scale.px(read) - px).abs() < 0.02 * 800.0 / (finer * wanted), "{tick:?}");
             }
             let labels: std::collections::BTreeSet<&str> = ticks.iter().map(|t| t.label.as_str()).collect();
             prop_assert_eq!(labels.len(), ticks.len());

@@ -28,7 +28,7 @@ pub struct Value {
     hint: String,
     columns: usize,
     background: Option<Colour>,
-    prose: bool,
+    class: &'static str,
 }
 
 impl Table {
@@ -127,14 +127,21 @@ impl Value {
     /// Sentences rather than a number: set from the left.
     #[must_use]
     pub fn prose(mut self) -> Self {
-        self.prose = true;
+        self.class = "prose";
+        self
+    }
+
+    /// Lines that are not to be broken, such as formulas.
+    #[must_use]
+    pub fn unbroken(mut self) -> Self {
+        self.class = "unbroken";
         self
     }
 
     fn element(self) -> Element {
         let mut cell = self.words.within("td");
-        if self.prose {
-            cell = cell.class("prose");
+        if !self.class.is_empty() {
+            cell = cell.class(self.class);
         }
         if self.columns > 1 {
             cell = cell.with("colspan", self.columns);
@@ -156,7 +163,7 @@ impl<T: Into<Inline>> From<T> for Value {
             hint: String::new(),
             columns: 1,
             background: None,
-            prose: false,
+            class: "",
         }
     }
 }

@@ -33,7 +33,10 @@ fn page_of(text: &str) -> Page {
     b.section(text);
     b.list([text, text]);
     let mut table = Table::new([text, text]);
-    table.row([Value::from(text).hint(text), Value::from(text).shaded(-0.4)]);
+    table.row([
+        Value::from(text).hint(text),
+        Value::from(text).shaded(-0.4).unbroken(),
+    ]);
     table.push(Row::new([Value::from(text).across(2).prose()]).warning_if(true));
     b.table(table);
     b.section(text);
