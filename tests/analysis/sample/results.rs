@@ -8,6 +8,8 @@ const CHANNELS: [&str; 6] = ["x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_r
 /// Columns of the probe's stripe at which a calibration is asked where on the sheet it puts them \[px\].
 const PROBE_EVERY_PX: f64 = 80.0;
 const PROBE_FIRST_PX: f64 = 40.0;
+/// Parameters of a map with an sd below this are idle: the models that have them weigh nothing in the average.
+const IDLE_SD: f64 = 1e-9;
 
 /// Runs a case.
 pub fn of(cases: &Cases, stage: &str, name: &str) -> Value {
@@ -31,6 +33,8 @@ pub fn of(cases: &Cases, stage: &str, name: &str) -> Value {
         "calibrations" => json!({
             "report": printed,
             "parameters": parameters(&out),
+            // Theirs is no uncertainty, and nothing is asked of them.
+            "idle": {},
             "points": points(cases, &out),
         }),
         _ => printed,
@@ -83,25 +87,19 @@ fn poses(log: &Path) -> Value {
     Value::Object(found)
 }
 
-/// A fitted map's parameters with their sd; a grid map has none.
+/// A fitted map's parameters with their sd, but for idle ones; a grid map has none.
 fn parameters(calibration: &Path) -> Value {
     let text = std::fs::read_to_string(calibration).unwrap();
     let table: toml::Table = text.parse().unwrap();
     let map = &table["map"];
-    let list = |v: &toml::Value| v.as_array().unwrap().clone();
+    let values = map.get("parameters").and_then(toml::Value::as_array);
     let mut found = Map::new();
-    for (i, value) in map
-        .get("parameters")
-        .map(list)
-        .into_iter()
-        .flatten()
-        .enumerate()
-    {
+    for (i, value) in values.into_iter().flatten().enumerate() {
         let sd = map["covariance"][i][i].as_float().unwrap().sqrt();
-        found.insert(
-            i.to_string(),
-            json!({ "value": value.as_float(), "sd": sd }),
-        );
+        if sd >= IDLE_SD {
+            let with_sd = json!({ "value": value.as_float(), "sd": sd });
+            found.insert(i.to_string(), with_sd);
+        }
     }
     Value::Object(found)
 }

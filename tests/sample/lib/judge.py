@@ -21,7 +21,7 @@ COUNTS = {"plain", "filtered", "at_rest", "outliers", "count", "lags", "nodes", 
 # Differences count as they are.
 SHARES = {"probability", "correlation", "coverage", "coverage_parts", "sheet_share", "sheet_parts"}
 # A verdict's tables that a word or an effect more or less makes longer: shown, not judged.
-SHOWN = {"alternatives", "ladder", "next_experiment", "notes", "where", "test", "exponents", "unexplained", "sets_looked_at", "profile"}
+SHOWN = {"alternatives", "ladder", "next_experiment", "notes", "where", "test", "exponents", "unexplained", "sets_looked_at", "profile", "idle"}
 # Statements: one more or one less is a change, whatever numbers their words hold.
 STATED = {"misfit", "missing", "held"}
 # By what the entries of a list are told apart.

@@ -14,6 +14,9 @@ from .process import Ran, done, ran
 CHANNELS = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 # Columns of the probe's stripe at which a calibration is asked where on the sheet it puts them [px].
 PROBE_EVERY_PX, PROBE_FIRST_PX = 80, 40
+# A parameter of a map with an sd below this is idle: of the models that the fit averages, those that have it weigh nothing. It
+# moves no node by a millionth of a pixel, and its sd is the weight and no doubt.
+IDLE_SD = 1e-9
 
 
 def execute(binary: Path, case: Case, inputs: Path, out: Path, threads: int | None = None) -> Ran:
@@ -89,6 +92,16 @@ def poses(binary: Path, case: Case, took: Ran, inputs: Path, folder: Path) -> di
     return {"report": report, "poses": found, "stripes_crc32": stripes}
 
 
+def parameters(file: Path) -> dict:
+    """A fitted map's parameters with their sd, and the idle ones. A grid's are its nodes: the points say what becomes of them."""
+    fitted = tomllib.loads(file.read_text())["map"]
+    found = with_sd(range(len(fitted["parameters"])), fitted["parameters"], fitted["covariance"]) if "parameters" in fitted else {}
+    return {
+        "parameters": {name: p for name, p in found.items() if p["sd"] >= IDLE_SD},
+        "idle": {name: p["value"] for name, p in found.items() if p["sd"] < IDLE_SD},
+    }
+
+
 def calibrations(binary: Path, case: Case, took: Ran, inputs: Path, folder: Path) -> dict:
     """What the command says, the map's parameters, and where on the sheet it puts the probe's stripe, all with the sd stated."""
     file = folder / f"{case.name}.toml"
@@ -108,10 +121,7 @@ def calibrations(binary: Path, case: Case, took: Ran, inputs: Path, folder: Path
         points[place] = {axis: {"value": exact(row[f"{axis}_m"]), "sd": exact(row[f"{axis}_sd_m"])} for axis in ("xi", "eta")}
     shutil.rmtree(exported)
     probe.unlink()
-    fitted = tomllib.loads(file.read_text())["map"]
-    # A grid's parameters are its nodes, and the points say what becomes of them.
-    parameters = with_sd(range(len(fitted["parameters"])), fitted["parameters"], fitted["covariance"]) if "parameters" in fitted else {}
-    return {"report": report, "parameters": parameters, "points": points, "file_crc32": f"{zlib.crc32(file.read_bytes()):08x}"}
+    return {"report": report, **parameters(file), "points": points, "file_crc32": f"{zlib.crc32(file.read_bytes()):08x}"}
 
 
 def identifications(_binary: Path, _case: Case, took: Ran, inputs: Path, folder: Path) -> dict:
