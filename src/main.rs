@@ -1,7 +1,7 @@
 //! The `hydroline` binary: arguments in, exit code out; everything else is the library's.
 
 use hydroline::build_info::BuildInfo;
-use hydroline::cli::{Cli, exit_code};
+use hydroline::cli::{Cli, conclude};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -10,9 +10,8 @@ fn main() -> ExitCode {
         env!("HYDROLINE_BUILD_COMMIT"),
         env!("HYDROLINE_BUILD_DIRTY"),
     );
-    let result = Cli::read(build).run(build);
-    if let Err(error) = &result {
-        eprintln!("hydroline: {error}");
+    match Cli::read(build) {
+        Ok(cli) => conclude(cli.run(build)),
+        Err(code) => code,
     }
-    exit_code(&result)
 }

@@ -1,6 +1,6 @@
 //! `hydroline aim`: focus, exposure and laser at a glance, twice a second.
 
-use super::print::outln;
+use super::print::{errln, in_place, is_read, outln};
 use super::{CliError, Outcome, inputs, rigging};
 use hydroline_capture::{Captured, FrameSource};
 use hydroline_core::clock::{Clock, SystemClock};
@@ -10,7 +10,7 @@ use hydroline_daemon::record::glance::Gatherer;
 use hydroline_log::{bytes_per_s, free_bytes, writable_folder};
 use hydroline_rigs::Rig;
 use hydroline_stripe::{Extractor, ExtractorConfig, annotate};
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -88,7 +88,7 @@ fn watch(
             }
             Captured::Event(event) => {
                 gatherer.event(&event);
-                eprintln!("hydroline: {}", event.message);
+                errln!("hydroline: {}", event.message);
             }
             Captured::Nothing => {}
             Captured::Finished => return Ok(newest),
@@ -98,7 +98,7 @@ fn watch(
             if let Some(frame) = newest.as_ref().filter(|f| f.meta.fault.is_none()) {
                 gatherer.profile(analyst.analyse(frame));
             }
-            if !show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9)? {
+            if !show(args, rig, &mut gatherer, (now_ns - window_ns) as f64 / 1e9) {
                 return Ok(newest);
             }
             window_ns = now_ns;
@@ -116,33 +116,19 @@ fn watch(
 }
 
 /// False when nobody reads it any more.
-fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> Result<bool, CliError> {
+fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> bool {
     let bytes_per_min = bytes_per_s(&rig.camera) * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
     let glance = gatherer.glance(window_s, disk_min);
-    let mut stdout = std::io::stdout().lock();
-    let written = if args.json {
-        writeln!(stdout, "{}", serde_json::json!(glance))
+    if args.json {
+        outln!("{}", serde_json::json!(glance));
     } else {
         let advice = glance.advice().join("; ");
-        // On a terminal one line that stays; in a pipe a line each.
-        let (begin, end) = if stdout.is_terminal() {
-            ("\r\x1b[2K", "")
-        } else {
-            ("", "\n")
-        };
-        write!(
-            stdout,
-            "{begin}{glance}{}{advice}{end}",
-            if advice.is_empty() { "" } else { " | " }
-        )
-    };
-    match written.and_then(|()| stdout.flush()) {
-        Ok(()) => Ok(true),
-        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
-        Err(e) => Err(CliError::Run(format!("stdout: {e}"))),
+        let between = if advice.is_empty() { "" } else { " | " };
+        in_place(format_args!("{glance}{between}{advice}"));
     }
+    is_read()
 }
 
 fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {

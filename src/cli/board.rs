@@ -1,6 +1,6 @@
 //! `hydroline board`: what one needs to make a calibration board.
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_calib::drawing::{Sheet, board_sheet, dxf, svg};
 use hydroline_rigs::Board;
@@ -28,7 +28,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let board = Board::load_or_builtin(&args.board)?;
     write(&args.out, &board_sheet(&board))?;
     if board.blocks.len() < 3 {
-        eprintln!(
+        errln!(
             "hydroline: '{}' has {} gauge blocks: how far it stands off the sheet will not be known (3 are needed)",
             board.name,
             board.blocks.len()

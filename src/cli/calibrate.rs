@@ -4,7 +4,7 @@ mod collect;
 mod picture;
 mod report;
 
-use super::print::{out, outln};
+use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use collect::{Collected, Source};
 use hydroline_calib::calibration::board_map::Placement;
@@ -174,7 +174,7 @@ fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium
     }
     let medium = told.or_else(|| rig.as_ref().map(medium::of_rig));
     let medium = medium.unwrap_or_else(|| {
-        eprintln!(
+        errln!(
             "hydroline: nobody said what the light went through: air is assumed; --medium fresh or salt says otherwise"
         );
         Medium::Air

@@ -1,6 +1,7 @@
 //! Calibrations as `record` and `replay` take them.
 
 use super::{CliError, calibrate, inputs};
+use crate::print::errln;
 use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::map::Method;
 use hydroline_calib::map::refractive::Known;
@@ -32,7 +33,7 @@ impl UseArgs {
         };
         let calibration = Calibration::load(path)?;
         if let Some(words) = calibration.caveat() {
-            eprintln!("hydroline: {}: {words}", path.display());
+            errln!("hydroline: {}: {words}", path.display());
         }
         Ok(Some(calibration))
     }

@@ -18,7 +18,7 @@ pub struct Args {
 
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let script = script(args.shell, build);
-    super::print::bytes(&script)?;
+    super::print::bytes(&script);
     Ok(Outcome::Done)
 }
 

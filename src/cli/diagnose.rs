@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Rung, Verdict, Word};
 use hydroline_diagnose::{Diagnosis, Part, Source, diagnose, read, report};
-use hydroline_identify::data::LoadError;
+use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
 
 #[derive(Debug, clap::Args)]
@@ -37,6 +37,10 @@ pub struct Args {
     /// LOG@34..64 is a window of one
     #[arg(long, value_name = "LOG")]
     hold_out: Vec<Part>,
+    /// Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file that is
+    /// right for these logs too
+    #[arg(long)]
+    other_rig: bool,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -69,6 +73,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     for part in args.logs.iter().chain(&args.hold_out) {
         inputs::readable_file(&part.path, "name a log (.mcap) that can be read")?;
+        if !args.other_rig {
+            check_vehicle(&part.path, &rig)?;
+        }
     }
     let bar = progress::bar(0, "diagnosing");
     let tell = |what: &str| {
@@ -107,11 +114,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let json = serde_json::to_string_pretty(&found.verdict)?;
     if let Some(dir) = &args.report {
         let page = write_report(dir, &found, images.as_ref(), &command())?;
-        eprintln!("{}", page.display());
+        errln!("{}", page.display());
     }
     if let Some(path) = &args.write_rig {
         if found.verdict.verdict == Word::DataFault {
-            eprintln!("hydroline: --write-rig: no rig written, the data are at fault");
+            errln!("hydroline: --write-rig: no rig written, the data are at fault");
         } else {
             inputs::write(path, found.rig.to_toml())?;
         }
@@ -286,6 +293,6 @@ fn print(v: &Verdict) {
         );
     }
     for note in &v.notes {
-        eprintln!("  note: {note}");
+        errln!("  note: {note}");
     }
 }

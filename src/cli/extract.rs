@@ -1,9 +1,9 @@
 //! `hydroline extract`: stripe points of single images.
 
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile, StripePoint, annotate, write_csv};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -51,32 +51,27 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ..ExtractorConfig::default()
     };
     let mut extractor = Extractor::new(config);
-    let (mut failed, mut reader_gone) = (0, false);
-    let mut stdout = std::io::stdout().lock();
+    let mut failed = 0;
     let mut objects = Vec::new();
     for path in &args.images {
         let image = match load(path) {
             Ok(image) => image,
             Err(words) => {
-                eprintln!("hydroline: {words}");
+                errln!("hydroline: {words}");
                 failed += 1;
                 continue;
             }
         };
         let profile = extractor.extract(&image);
-        let written = if args.json {
+        if args.json {
             objects.push(object(path, &profile));
-            Ok(())
-        } else if reader_gone {
-            Ok(()) // a closed pipe ends the output, not the command
         } else if args.csv {
-            csv(&mut stdout, args, path, &profile)
+            csv(args, path, &profile).map_err(CliError::run)?;
         } else {
-            summary(&mut stdout, path, &profile)
-        };
-        reader_gone |= !still_read(written)?;
+            summary(path, &profile);
+        }
         if let Some(fault) = &profile.fault {
-            eprintln!("hydroline: {}: {fault}", path.display());
+            errln!("hydroline: {}: {fault}", path.display());
         }
         if let Some(out) = &args.annotate {
             annotate(&image, &profile)
@@ -85,32 +80,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     if args.json {
-        still_read(writeln!(
-            stdout,
-            "{}",
-            serde_json::json!({ "images": objects })
-        ))?;
+        outln!("{}", serde_json::json!({ "images": objects }));
     }
     let given = args.images.len();
     match failed {
         0 => Ok(Outcome::Done),
         n if n < given => {
-            eprintln!("hydroline: {n} of {given} files are no images and were left out");
+            errln!("hydroline: {n} of {given} files are no images and were left out");
             Ok(Outcome::Lossy)
         }
         _ => Err(CliError::Config(
             "no image was given; name PNG or JPEG images (of a log's frames: `hydroline export LOG --frames-only`)"
                 .to_owned(),
         )),
-    }
-}
-
-/// Whether someone still reads stdout: a closed pipe (`| head`) ends the output, not the command.
-fn still_read(written: std::io::Result<()>) -> Result<bool, CliError> {
-    match written {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(CliError::Run(format!("stdout: {error}"))),
     }
 }
 
@@ -126,11 +108,14 @@ fn load(path: &Path) -> Result<GreyImage, String> {
     })
 }
 
-fn csv(out: &mut impl Write, args: &Args, path: &Path, profile: &Profile) -> std::io::Result<()> {
+fn csv(args: &Args, path: &Path, profile: &Profile) -> std::io::Result<()> {
     if args.images.len() > 1 {
-        writeln!(out, "# {}", path.display())?;
+        outln!("# {}", path.display());
     }
-    write_csv(profile, out)
+    let mut table = Vec::new();
+    write_csv(profile, &mut table)?;
+    print::bytes(&table);
+    Ok(())
 }
 
 /// One image's figures, and its points as columns of numbers.
@@ -153,13 +138,12 @@ fn object(path: &Path, profile: &Profile) -> serde_json::Value {
     })
 }
 
-fn summary(out: &mut impl Write, path: &Path, profile: &Profile) -> std::io::Result<()> {
+fn summary(path: &Path, profile: &Profile) {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
     };
-    writeln!(
-        out,
+    outln!(
         "{}: {} points in {} columns, peak {:.0}, width {:.2} px sd, row sd {:.3} px, noise {:.1}, haze {:.1} %",
         path.display(),
         profile.points.len(),
@@ -169,5 +153,5 @@ fn summary(out: &mut impl Write, path: &Path, profile: &Profile) -> std::io::Res
         median(profile.points.iter().map(|p| p.sd_px).collect()),
         profile.noise_sd,
         100.0 * profile.haze_level,
-    )
+    );
 }

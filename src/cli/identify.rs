@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
-use super::print::{out, outln};
+use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::cmaes::Cmaes;
 use hydroline_identify::curve;
-use hydroline_identify::data::{Run, STILL_MIN_S, Start, is_still, load};
+use hydroline_identify::data::{Run, STILL_MIN_S, Start, check_vehicle, is_still, load};
 use hydroline_identify::ga::Genetic;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::method::{Method, MethodError, Solution};
@@ -127,6 +127,10 @@ pub struct Args {
     /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
     #[arg(long, value_name = "LOG")]
     still: Option<PathBuf>,
+    /// Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file that is
+    /// right for these logs too
+    #[arg(long)]
+    other_rig: bool,
     /// Ends with exit code 1 when the result holds this (several with commas), for scripts
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     fail_on: Vec<FailOn>,
@@ -196,10 +200,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         Err(e) => {
             if bollard.is_some() && args.write_rig.is_some() {
                 if let Err(also) = write_rig(args, &rig, &outdated) {
-                    eprintln!("hydroline: {also}");
+                    errln!("hydroline: {also}");
                     return Err(e);
                 }
-                eprintln!(
+                errln!(
                     "note: the logs gave no coefficients: the rig written holds the curve of the bollard pull only, its coefficients are those of {}",
                     args.rig
                 );
@@ -216,12 +220,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let reported = report(args, &result);
     if args.write_rig.is_some() {
         for words in adopt(&result, &mut rig) {
-            eprintln!("note: not written: {words}");
+            errln!("note: not written: {words}");
         }
         if let Err(e) = write_rig(args, &rig, &outdated) {
             // Both are told; the exit code is the same.
             if let Err(also) = reported {
-                eprintln!("hydroline: {also}");
+                errln!("hydroline: {also}");
             }
             return Err(e);
         }
@@ -299,7 +303,7 @@ fn report(args: &Args, result: &Identification) -> Result<(), CliError> {
     std::fs::create_dir_all(dir)
         .and_then(|()| std::fs::write(&path, html(result, &command)))
         .map_err(|e| CliError::writing(&path, &e))?;
-    eprintln!("{}", path.display());
+    errln!("{}", path.display());
     Ok(())
 }
 
@@ -326,7 +330,7 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
         return Ok(());
     };
     inputs::write(path, rig.to_toml())?;
-    eprintln!("{}", path.display());
+    errln!("{}", path.display());
     let anew = rig.identified.as_ref().map(|k| &k.coefficients);
     let gone: Vec<&str> = outdated
         .iter()
@@ -334,7 +338,7 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
         .map(String::as_str)
         .collect();
     if !gone.is_empty() {
-        eprintln!(
+        errln!(
             "note: {}: identified with the thrust curve that the bollard pull replaced; [vehicle] keeps the values, [identified] no longer says how well they are known: identify them again with the new rig",
             gone.join(", ")
         );
@@ -344,6 +348,11 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
 
 /// The logs' runs, and the one at rest.
 fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
+    if !args.other_rig {
+        for log in args.logs.iter().chain(&args.still) {
+            check_vehicle(log, rig)?;
+        }
+    }
     let (mut runs, mut whole): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
     for log in &args.logs {
         let loaded = load(log, rig)?;
@@ -458,7 +467,7 @@ fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliEr
     let mut found = bollard::fit(&pulls, range_us).map_err(|e| CliError::from(e).about(path))?;
     found.notes.extend(found.against(rig));
     for words in &found.notes {
-        eprintln!("note: bollard pull: {words}");
+        errln!("note: bollard pull: {words}");
     }
     found.put(rig)?;
     Ok(found)
@@ -621,6 +630,6 @@ fn print(result: &Identification) {
         .iter()
         .chain(result.runs.iter().flat_map(|r| &r.notes))
     {
-        eprintln!("  note: {note}");
+        errln!("  note: {note}");
     }
 }

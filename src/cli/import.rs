@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::{Map, Options, Severity, import, read_for};
@@ -64,7 +64,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             Severity::Warning => "WARNING",
             Severity::Fault => "FAULT",
         };
-        eprintln!("{word} {}: {}", f.kind, f.message);
+        errln!("{word} {}: {}", f.kind, f.message);
     }
     let options = Options {
         accept_faults: args.accept_faults,

@@ -1,6 +1,7 @@
 //! Arguments that several commands share, and how they are read.
 
 use super::CliError;
+use crate::print::errln;
 use hydroline_log::writable_folder;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::EffectStack;
@@ -48,7 +49,7 @@ pub fn rig(argument: &str) -> Result<Rig, CliError> {
 pub fn warn_of_flush(rig: &Rig) {
     let flush_s = rig.log.command_flush_s;
     if flush_s > PROMISED_FLUSH_S {
-        eprintln!(
+        errln!(
             "hydroline: log.command_flush_s = {flush_s}: a crash may cost the commands of the last {flush_s} s; {PROMISED_FLUSH_S} or less keeps the loss to the last one"
         );
     }

@@ -39,8 +39,20 @@ mod tests;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use hydroline_core::build_info::BuildInfo;
+use std::io::{ErrorKind, Write};
+use std::process::ExitCode;
 
 pub use outcome::{CliError, Outcome, exit_code};
+
+/// The end of the program: what went wrong goes to stderr, unless stdout's failure was said there already.
+pub fn conclude(result: Result<Outcome, CliError>) -> ExitCode {
+    if let Err(error) = &result
+        && print::finish().is_ok()
+    {
+        print::errln!("hydroline: {error}");
+    }
+    exit_code(&result)
+}
 
 /// Exit codes and habits, shown under `--help`.
 const AFTER_HELP: &str = "\
@@ -131,19 +143,40 @@ pub fn command(build: BuildInfo) -> clap::Command {
 }
 
 impl Cli {
-    /// Reads the process' arguments; help, version and what is wrong with them end the process as clap does (0 or 2).
-    pub fn read(build: BuildInfo) -> Self {
+    /// Reads the process' arguments.
+    ///
+    /// # Errors
+    /// The exit code when there is nothing to run: help or version were asked for (0; 1 when stdout did not take
+    /// them), or the arguments are wrong (2).
+    pub fn read(build: BuildInfo) -> Result<Self, ExitCode> {
         let mut command = command(build);
-        let mut matches = command.get_matches_mut();
-        Self::from_arg_matches_mut(&mut matches)
-            .unwrap_or_else(|error| error.format(&mut command).exit())
+        command
+            .try_get_matches_from_mut(std::env::args_os())
+            .and_then(|mut matches| Self::from_arg_matches_mut(&mut matches))
+            .map_err(|error| {
+                let error = error.format(&mut command);
+                let printed = error.print().and_then(|()| std::io::stdout().flush());
+                match printed {
+                    _ if error.use_stderr() => exit_code(&Err(CliError::config(error))),
+                    Err(e) if e.kind() != ErrorKind::BrokenPipe => conclude(Err(CliError::run(
+                        format_args!("stdout: {e}; what is printed is not complete"),
+                    ))),
+                    _ => exit_code(&Ok(Outcome::Done)),
+                }
+            })
     }
 
     /// Runs the command; `build` goes into every log that it writes.
     ///
     /// # Errors
-    /// Whatever kept it from its result, sorted by exit code.
+    /// Whatever kept it from its result, sorted by exit code; a result that stdout did not take is none.
     pub fn run(self, build: BuildInfo) -> Result<Outcome, CliError> {
+        let outcome = self.dispatch(build)?;
+        print::finish()?;
+        Ok(outcome)
+    }
+
+    fn dispatch(self, build: BuildInfo) -> Result<Outcome, CliError> {
         match self.command {
             Command::Demo(args) => demo::run(&args, build),
             Command::Rig(command) => rig::run(&command),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_identify::predict::{Identified, predict};
 
@@ -54,16 +54,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     };
     for words in identified.iter().flat_map(Identified::implausible) {
-        eprintln!("WARNING {words}");
+        errln!("WARNING {words}");
     }
     let made = predict(&rig, &plan, identified.as_ref(), args.rate, args.tail)?;
     if identified.is_none() {
-        eprintln!(
+        errln!(
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
         );
     }
     if !made.without_doubt.is_empty() {
-        eprintln!(
+        errln!(
             "note: the band is too narrow where {} are not as the rig says: they carry no uncertainty, and this plan moves their degrees of freedom; identify runs that excite them",
             made.without_doubt.join(", ")
         );

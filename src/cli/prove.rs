@@ -1,6 +1,6 @@
 //! `hydroline prove`: sealed cases, diagnosed blind, scored.
 
-use super::print::{out, outln};
+use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
 use hydroline_benchmark::case::{FULL, parse};
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let started = std::time::Instant::now();
     let done = |j: &Judged| {
         if let Some(line) = complaint(j) {
-            bar.suspend(|| eprintln!("{line}"));
+            bar.suspend(|| errln!("{line}"));
         }
         bar.inc(1);
     };
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         // Cases that were kept took no time now.
         let run = judged.iter().filter(|j| j.seconds > 0.0).count();
         let each = judged.iter().map(|j| j.seconds).sum::<f64>() / run.max(1) as f64;
-        eprintln!(
+        errln!(
             "{} cases in {:.0} s; one diagnosis took {each:.1} s on average",
             judged.len(),
             started.elapsed().as_secs_f64()
@@ -108,7 +108,7 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     let indices: Vec<usize> = (0..count).collect();
     let done = |j: &images::ImageJudged| {
         if let Some(line) = images::complaint(j) {
-            bar.suspend(|| eprintln!("{line}"));
+            bar.suspend(|| errln!("{line}"));
         }
         bar.inc(1);
     };
@@ -168,7 +168,7 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
         "judged": judged,
     });
     printed(args, &object)?;
-    eprintln!(
+    errln!(
         "{}",
         complaint(&judged).unwrap_or_else(|| format!("{id}: all right"))
     );

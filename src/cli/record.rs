@@ -1,7 +1,7 @@
 //! `hydroline record`: the daemon on the command line.
 
 use super::calibrated::{MakeArgs, UseArgs};
-use super::print::{out, outln};
+use super::print::{errln, out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
@@ -109,7 +109,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         medium: args.using.medium,
     };
     if conditions.n_water().map_err(CliError::Config)?.is_none() && args.salinity.is_some() {
-        eprintln!(
+        errln!(
             "hydroline: --salinity without --water-temp: noted in the log, but no refractive index can be made of it"
         );
     }
@@ -125,7 +125,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         .transpose()?;
     if args.dry_run {
         if plan.is_none() {
-            eprintln!(
+            errln!(
                 "hydroline: --dry-run without --plan: the rig file is sound, there is nothing to simulate"
             );
         }
@@ -249,7 +249,7 @@ fn record_all(
         });
         let misplaced: Vec<String> = report.log.misplaced.iter().map(|m| m.to_string()).collect();
         for words in &misplaced {
-            eprintln!("hydroline: {words}");
+            errln!("hydroline: {words}");
         }
         match &report.stop {
             StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {
@@ -276,9 +276,10 @@ fn record_all(
         let go_on = settle(args.settle)?
             && (!args.return_to_start || brought_back(rig.tank.start_pose, run)?);
         if !go_on {
-            eprintln!(
+            errln!(
                 "hydroline: stopped between runs; {} of {} runs are recorded",
-                run.0, run.1
+                run.0,
+                run.1
             );
             return Ok(outcome);
         }
@@ -302,7 +303,7 @@ fn checked(
     let image = Some(ImageSize::of(&rig.camera));
     let (calibration, warning) = args.using.fit_to_run(calibration, run, index, image)?;
     if let Some(words) = &warning {
-        eprintln!("hydroline: {words}");
+        errln!("hydroline: {words}");
     }
     Ok((calibration, warning))
 }
@@ -316,7 +317,7 @@ fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
             file.display()
         ))
     })?;
-    eprintln!("hydroline: calibration written to {}", file.display());
+    errln!("hydroline: calibration written to {}", file.display());
     Ok(())
 }
 
@@ -424,7 +425,7 @@ fn settle(pause: Duration) -> Result<bool, CliError> {
 fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
     let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let [x, y, z, _, _, psi] = start;
-    eprintln!(
+    errln!(
         "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Space, q or Ctrl-C ends",
         psi.to_degrees(),
         run.0 + 1,
@@ -523,7 +524,7 @@ impl Recording<'_> {
             && length.as_secs_f64()
                 < plan.duration_s() + hydroline_daemon::record::LEAD.as_secs_f64()
         {
-            eprintln!(
+            errln!(
                 "hydroline: --for {:.1} s is shorter than plan '{}' ({:.1} s, begun half a second in): the plan will be cut",
                 length.as_secs_f64(),
                 plan.name,

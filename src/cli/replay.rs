@@ -1,7 +1,7 @@
 //! `hydroline replay`: every frame of a log extracted again.
 
 use super::calibrated::UseArgs;
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
@@ -123,7 +123,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             print_report(log, out, &report);
         }
         if comparable && report.live_different > 0 {
-            eprintln!(
+            errln!(
                 "hydroline: {}: {} of {} profiles extracted live came out otherwise with the same rig and settings: \
                  another version recorded it (`hydroline info` shows `version`), or the extraction is not reproducible: report it as a bug",
                 log.display(),
@@ -205,7 +205,7 @@ fn options(
     let same_calibration = same_calibration(logged.as_ref(), calibration.as_ref());
     let comparable = same_rig && same_calibration && !args.whole_pixel && !is_replay;
     if let Some(words) = warning {
-        eprintln!("hydroline: {}: {words}", log.display());
+        errln!("hydroline: {}: {words}", log.display());
     }
     let mut options = Options {
         keep_images: args.keep_images,
@@ -254,10 +254,10 @@ fn in_force(
     let ideal = rig.map(|rig| IdealMap::of(rig).describe());
     let ideal = ideal.or_else(|| logged.cloned());
     match &ideal {
-        Some(_) => eprintln!(
+        Some(_) => errln!(
             "hydroline: {name}: no calibration: plane coordinates come from the ideal camera of the rig's numbers, their sd is that of the stripe alone"
         ),
-        None => eprintln!(
+        None => errln!(
             "hydroline: {name}: no calibration and no rig in the log, no --calibration and no --rig: profiles get no laser-plane coordinates"
         ),
     }

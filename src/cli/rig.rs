@@ -1,6 +1,6 @@
 //! `hydroline rig`: a commented rig for one's own vehicle, and what is built in.
 
-use super::print::{out, outln};
+use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use clap::Subcommand;
 use hydroline_rigs::{Plan, Rig};
@@ -52,7 +52,7 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
             inputs::new_file("--out", out)?;
             inputs::write(out, Rig::template())?;
             outln!("{}", out.display());
-            eprintln!(
+            errln!(
                 "edit it, then: hydroline rig show {0}; hydroline check --rig {0}",
                 out.display()
             );

@@ -1,6 +1,6 @@
 //! `hydroline sim-controller` (hidden): a thruster controller for tests of real serial drivers.
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_rigs::LinkKind;
@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     if let Some(path) = &args.pty {
         let pty = PtyController::start(controller, Some(path.clone()), Box::new(print))?;
-        eprintln!("serving on {}", pty.path().unwrap_or(path).display());
+        errln!("serving on {}", pty.path().unwrap_or(path).display());
         loop {
             std::thread::sleep(Duration::from_secs(3600));
         }

@@ -1,6 +1,6 @@
 //! `hydroline simulate`: a plan through the forward model, without waiting.
 
-use super::print::outln;
+use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_daemon::simulate::{Options, simulate};
@@ -112,9 +112,10 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
 fn warn(rig: &Rig, plan: &Plan) -> Result<(), CliError> {
     let report = preflight(rig, plan)?;
     for violation in &report.violations {
-        eprintln!(
+        errln!(
             "hydroline: `record` would refuse this plan: at {:.2} s {}",
-            violation.at_s, violation.what
+            violation.at_s,
+            violation.what
         );
     }
     Ok(())

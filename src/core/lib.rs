@@ -5,6 +5,7 @@ pub mod clock;
 pub mod event;
 pub mod frame;
 pub mod heartbeat;
+pub mod plain;
 pub mod session;
 pub mod shutdown;
 pub mod synthetic;

@@ -2,11 +2,13 @@
 
 mod load;
 mod still;
+mod vehicle;
 
 use hydroline_numerics::statistics::median;
 
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise};
+pub use vehicle::{check_vehicle, differences};
 
 /// The twelve channels of `/vehicle/motion`: pose in the tank frame, rates in the body frame.
 pub const CHANNELS: [&str; 12] = [

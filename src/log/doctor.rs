@@ -3,6 +3,7 @@
 mod checks;
 mod conclude;
 
+use hydroline_core::plain::line;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -131,11 +132,13 @@ impl fmt::Display for Diagnosis {
         } else {
             ""
         };
-        writeln!(
+        line(
             f,
-            "{}: {} messages{empty}, {recovered}{verdict}",
-            self.path.display(),
-            self.messages
+            format_args!(
+                "{}: {} messages{empty}, {recovered}{verdict}",
+                self.path.display(),
+                self.messages
+            ),
         )?;
         for finding in &self.findings {
             let grade = match finding.grade {
@@ -146,12 +149,11 @@ impl fmt::Display for Diagnosis {
             let place = finding
                 .offset
                 .map_or_else(String::new, |o| format!(" (byte {o})"));
-            writeln!(
+            line(
                 f,
-                "  {grade}: {}: {}{place}",
-                finding.check, finding.message
+                format_args!("  {grade}: {}: {}{place}", finding.check, finding.message),
             )?;
-            writeln!(f, "      -> {}", finding.next_step)?;
+            line(f, format_args!("      -> {}", finding.next_step))?;
         }
         Ok(())
     }

@@ -8,6 +8,7 @@
 mod copy;
 mod ledger;
 
+use hydroline_core::plain::line;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{File, OpenOptions};
@@ -332,36 +333,46 @@ fn verify(output: &Path, messages: u64, digest: u32) -> Result<(), LogError> {
 
 impl fmt::Display for Recovery {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} -> {}", self.input.display(), self.output.display())?;
-        writeln!(
+        line(
             f,
-            "  {} messages recovered and verified, {} of them from the torn last chunk",
-            self.messages_total, self.from_torn_chunk
+            format_args!("{} -> {}", self.input.display(), self.output.display()),
+        )?;
+        line(
+            f,
+            format_args!(
+                "  {} messages recovered and verified, {} of them from the torn last chunk",
+                self.messages_total, self.from_torn_chunk
+            ),
         )?;
         for (topic, n) in &self.messages {
-            writeln!(f, "  {topic}  {n}")?;
+            line(f, format_args!("  {topic}  {n}"))?;
         }
         for (offset, damage) in &self.damage {
-            writeln!(f, "  at byte {offset}: {damage}")?;
+            line(f, format_args!("  at byte {offset}: {damage}"))?;
         }
         for (topic, n) in &self.undecodable {
-            writeln!(
+            line(
                 f,
-                "  {n} messages of {topic} do not decode; copied as they are"
+                format_args!("  {n} messages of {topic} do not decode; copied as they are"),
             )?;
         }
         for finding in &self.metadata {
-            writeln!(f, "  {finding}")?;
+            line(f, format_args!("  {finding}"))?;
         }
         if self.unread_bytes > 0 {
-            writeln!(
+            line(
                 f,
-                "  {} bytes from the damage on gave no message",
-                self.unread_bytes
+                format_args!(
+                    "  {} bytes from the damage on gave no message",
+                    self.unread_bytes
+                ),
             )?;
         }
         if self.attachments_left > 0 {
-            writeln!(f, "  {} attachments were not copied", self.attachments_left)?;
+            line(
+                f,
+                format_args!("  {} attachments were not copied", self.attachments_left),
+            )?;
         }
         let verdict = match (self.was_whole, self.lossy) {
             (true, _) => "the original was whole",
@@ -370,6 +381,6 @@ impl fmt::Display for Recovery {
             }
             (_, true) => "something that was in the file is lost or cannot be used",
         };
-        writeln!(f, "  {verdict}; the original is untouched")
+        line(f, format_args!("  {verdict}; the original is untouched"))
     }
 }

@@ -1,5 +1,6 @@
 //! Boards out of images and logs.
 
+use crate::print::errln;
 use crate::{CliError, progress};
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
@@ -158,7 +159,7 @@ pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collecte
                 for (path, (unreadable, looked)) in paths.iter().zip(looked) {
                     collected.unreadable_images += u64::from(unreadable);
                     if let Err(words) = collected.take(setup, looked) {
-                        bar.suspend(|| eprintln!("hydroline: {}: {words}", path.display()));
+                        bar.suspend(|| errln!("hydroline: {}: {words}", path.display()));
                         collected.refuse(&words);
                         collected.refused_images += 1;
                     }

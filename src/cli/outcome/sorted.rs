@@ -88,6 +88,7 @@ impl Sorted for LoadError {
             | Self::NoMotion { .. }
             | Self::EmptyWindow { .. }
             | Self::UnknownThruster { .. }
+            | Self::OtherVehicle { .. }
             | Self::CommandNotFinite { .. } => true,
         }
     }

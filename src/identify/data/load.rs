@@ -57,6 +57,16 @@ pub enum LoadError {
         /// Thrusters of the rig.
         known: String,
     },
+    /// The log was made with another vehicle.
+    #[error(
+        "{log}: another vehicle than the rig's by the rig it carries: {differences}; give the rig of this vehicle, or --other-rig if they are one"
+    )]
+    OtherVehicle {
+        /// File.
+        log: String,
+        /// What tells them apart.
+        differences: String,
+    },
     /// A command that is no number.
     #[error("{log}: the command to '{thruster}' at {t_s:.3} s is {value}; it must be finite")]
     CommandNotFinite {
