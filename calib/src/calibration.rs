@@ -199,10 +199,11 @@ impl Calibration {
     /// [`CalibError`], naming the file.
     pub fn load(path: &Path) -> Result<Self, CalibError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| CalibError::NoFile {
-            file: file.clone(),
-            reason: error.to_string(),
-        })?;
+        let text = hydroline_rigs::bounded::read_text(path, hydroline_rigs::bounded::RESULT_BYTES)
+            .map_err(|error| CalibError::NoFile {
+                file: file.clone(),
+                reason: error.to_string(),
+            })?;
         Self::from_toml(&text, &file)
     }
 

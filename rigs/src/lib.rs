@@ -25,6 +25,7 @@
 // A test may stop at the first surprise; the library may not.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+pub mod bounded;
 pub mod camera;
 pub mod laser;
 pub mod physics;

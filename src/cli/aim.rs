@@ -1,5 +1,6 @@
 //! `hydroline aim`: focus, exposure and laser at a glance, twice a second.
 
+use super::output::Output;
 use super::print::{errln, in_place, is_read, outln};
 use super::{CliError, Outcome, inputs, rigging};
 use hydroline_capture::{Captured, FrameSource};
@@ -43,12 +44,14 @@ pub struct Args {
     /// Folder whose disk is to be recorded to
     #[arg(long, value_name = "DIR", default_value = ".")]
     disk: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     if let Some(png) = &args.png {
-        inputs::new_file("--png", png)?;
+        args.output.file("--png", png)?;
     }
     writable_folder(&args.disk).map_err(|words| CliError::Config(format!("--disk {words}")))?;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
@@ -56,7 +59,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let stop = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), stop)?;
     match (&args.png, last) {
-        (Some(path), Some(frame)) => save(path, &frame)?,
+        (Some(path), Some(frame)) => save(args.output, path, &frame)?,
         (Some(path), None) => {
             return Err(CliError::Run(format!(
                 "no frame came: {} was not written; `hydroline check --rig {}`",
@@ -131,12 +134,10 @@ fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> bool 
     is_read()
 }
 
-fn save(path: &Path, frame: &Frame) -> Result<(), CliError> {
+fn save(output: Output, path: &Path, frame: &Frame) -> Result<(), CliError> {
     let image = frame.to_grey()?;
     let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
-    annotate(&image, &profile)
-        .save(path)
-        .map_err(|e| CliError::writing(path, &e))?;
+    output.image(path, annotate(&image, &profile))?;
     outln!("{}", path.display());
     Ok(())
 }

@@ -1,7 +1,8 @@
 //! `hydroline board`: what one needs to make a calibration board.
 
+use super::output::Output;
 use super::print::{errln, outln};
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome};
 use hydroline_calib::drawing::{Sheet, board_sheet, dxf, svg};
 use hydroline_rigs::Board;
 use std::path::{Path, PathBuf};
@@ -22,11 +23,13 @@ pub struct Args {
     /// Drawing to write; .svg or .dxf says which
     #[arg(long, value_name = "X.svg|X.dxf")]
     out: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let board = Board::load_or_builtin(&args.board)?;
-    write(&args.out, &board_sheet(&board))?;
+    write(args.output, &args.out, &board_sheet(&board))?;
     if board.blocks.len() < 3 {
         errln!(
             "hydroline: '{}' has {} gauge blocks: how far it stands off the sheet will not be known (3 are needed)",
@@ -38,7 +41,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 /// Writes a drawing as its file's ending says.
-pub(super) fn write(out: &Path, sheet: &Sheet) -> Result<(), CliError> {
+pub(super) fn write(output: Output, out: &Path, sheet: &Sheet) -> Result<(), CliError> {
     let ending = out
         .extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase());
@@ -52,8 +55,8 @@ pub(super) fn write(out: &Path, sheet: &Sheet) -> Result<(), CliError> {
             )));
         }
     };
-    inputs::new_file("--out", out)?;
-    inputs::write(out, text)?;
+    output.file("--out", out)?;
+    output.write(out, text)?;
     outln!(
         "{}: {}, {:.0} x {:.0} mm at true scale",
         out.display(),

@@ -4,6 +4,7 @@ mod collect;
 mod picture;
 mod report;
 
+use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use collect::{Collected, Source};
@@ -74,6 +75,8 @@ pub struct Args {
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub(super) fn method(name: &str) -> Result<Method, String> {
@@ -114,9 +117,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .as_deref()
         .map(Board::load_or_builtin)
         .transpose()?;
-    inputs::new_file("--out", &args.out)?;
+    args.output.file("--out", &args.out)?;
     if let Some(path) = &args.annotate {
-        inputs::new_file("--annotate", path)?;
+        args.output.file("--annotate", path)?;
     }
     let old: Vec<(&Path, Calibration)> = args
         .against
@@ -248,11 +251,10 @@ fn finish(
         status,
         against: &against,
     };
-    inputs::write(&args.out, report.file()?)?;
+    args.output.write(&args.out, report.file()?)?;
     if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
-        picture::annotate(setup, image, &calibration)
-            .save(path)
-            .map_err(|e| CliError::writing(path, &e))?;
+        args.output
+            .image(path, picture::annotate(setup, image, &calibration))?;
     }
     if args.json {
         outln!("{}", report.json());

@@ -7,18 +7,23 @@ use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_log::{bytes_per_s, free_bytes, writable_folder};
 use hydroline_rigs::{LinkPort, Rig};
 use hydroline_thruster::ports::Roots;
+use hydroline_thruster::probe::{Answered, probe};
 use hydroline_thruster::service::check_set;
+use hydroline_thruster::transport::SerialTransport;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+/// A thruster further than this from neutral may turn: the deadband of an ESC is 25 us and more to either side.
+const NEUTRAL_US: f64 = 10.0;
 /// Longest wait for a camera's first good frame.
 const FRAME_WITHIN: Duration = Duration::from_secs(3);
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Looks at camera (ten good frames), thruster controller (found, not opened: nothing moves), clock and disk.
+Looks at camera (ten good frames), thruster controller (it is asked who it is and what it \
+puts out; nothing moves), clock and disk.
 
 Examples:
   hydroline check --rig my.toml
@@ -143,7 +148,7 @@ fn camera(rig: &Rig) -> Finding {
     finding("camera", look())
 }
 
-/// Finds the port; does not open it, so that no controller moves anything.
+/// Finds the port, opens it and asks who is there; no command that moves anything is sent.
 fn line(rig: &Rig) -> Finding {
     let link = &rig.thrusters.link;
     if let Err(error) = check_set(&rig.thrusters) {
@@ -157,18 +162,57 @@ fn line(rig: &Rig) -> Finding {
             let known = roots.ports().into_iter().find(|p| {
                 p.node == path || Some(&p.node) == std::fs::canonicalize(&path).ok().as_ref()
             });
-            match known.and_then(|p| p.problem) {
-                Some(problem) => Err(problem),
-                None => Ok(format!(
-                    "{} ({:?}, {} baud)",
-                    path.display(),
-                    link.kind,
-                    link.baud
-                )),
+            if let Some(problem) = known.and_then(|p| p.problem) {
+                return Err(problem);
             }
+            let named = format!("{} ({:?}, {} baud)", path.display(), link.kind, link.baud);
+            let mut line = SerialTransport::open(&path, link.baud, Arc::new(SystemClock))
+                .map_err(|e| e.to_string())?;
+            let answered = probe(&rig.thrusters, &mut line).map_err(|e| format!("{named}: {e}"))?;
+            outputs(rig, &answered)
+                .map(|words| format!("{named}: {words}"))
+                .map_err(|words| format!("{named}: {words}"))
         }
     };
     finding("thruster controller", look())
+}
+
+/// Pulses of a controller at rest, or what is wrong with them.
+fn outputs(rig: &Rig, answered: &Answered) -> Result<String, String> {
+    let set = &rig.thrusters;
+    let mut words = Vec::new();
+    for thruster in &set.thrusters {
+        let Some(pulse) = answered
+            .pulses
+            .iter()
+            .find(|p| p.channel == thruster.channel)
+        else {
+            return Err(format!(
+                "it has no channel {} ({}): mend thrusters.*.channel in the rig",
+                thruster.channel, thruster.name
+            ));
+        };
+        let us = pulse.pulse_us();
+        // 0 = it sends no pulses: the thruster stands still as well.
+        if pulse.quarter_us != 0 && (us - set.neutral_us).abs() > NEUTRAL_US {
+            return Err(format!(
+                "{} is at {us:.2} us and not at neutral ({} us): another program drives it, or the controller's own home position differs; stop it first",
+                thruster.name, set.neutral_us
+            ));
+        }
+        words.push(format!("{} {us:.0} us", thruster.name));
+    }
+    if !answered.errors.is_empty() {
+        return Err(format!(
+            "it reports {} while it is only asked: check the cable and the baud rate, then check again",
+            answered.errors.join(", ")
+        ));
+    }
+    let watchdog = match answered.watchdog_ms {
+        Some(ms) => format!("its watchdog {ms} ms"),
+        None => "its own serial timeout cannot be asked for: set it in the Maestro Control Center, or a lost line leaves the thrusters running".to_owned(),
+    };
+    Ok(format!("answers; {}; {watchdog}", words.join(", ")))
 }
 
 /// Whether the realtime clock is disciplined (adjtimex): stamps of two computers compare only then.

@@ -1,5 +1,6 @@
 //! `hydroline demo`: the main job end to end on the built-in rig, without hardware.
 
+use super::output::Output;
 use super::print::outln;
 use super::record::Recording;
 use super::{CliError, Outcome, inputs, progress};
@@ -50,7 +51,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
-    if args.out.exists() {
+    if args.out.symlink_metadata().is_ok() {
         return Err(CliError::Config(format!(
             "{} exists; name another --out or remove it",
             args.out.display()
@@ -129,9 +130,10 @@ fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError>
     });
     bar.finish_and_clear();
     let found = found?;
-    let page = super::diagnose::write_report(out, &found, None, "hydroline demo")?;
+    let page =
+        super::diagnose::write_report(Output::default(), out, &found, None, "hydroline demo")?;
     let rig_file = out.join("rig-with-what-was-left-out.toml");
-    inputs::write(&rig_file, found.rig.to_toml())?;
+    Output::default().write(&rig_file, found.rig.to_toml())?;
     outln!();
     outln!("diagnose: {}", found.verdict.sentence);
     for (channel, before) in &found.verdict.fit.held_out.before {
@@ -295,9 +297,7 @@ fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliEr
             }
             let image = frame.to_grey()?;
             let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
-            return annotate(&image, &profile)
-                .save(picture)
-                .map_err(|e| CliError::writing(picture, &e));
+            return Output::default().image(picture, annotate(&image, &profile));
         }
     }
     Ok(())

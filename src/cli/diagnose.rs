@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_diagnose::profiles::{Findings, level};
@@ -51,15 +52,17 @@ pub struct Args {
     /// Writes the rig with refitted coefficients and the [[physics]] that were left out
     #[arg(long, value_name = "RIG")]
     write_rig: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     if let Some(path) = &args.write_rig {
-        inputs::new_file("--write-rig", path)?;
+        args.output.file("--write-rig", path)?;
     }
     if let Some(dir) = &args.report {
-        inputs::folder("--report", dir)?;
+        args.output.folder("--report", dir, &REPORT_FILES)?;
     }
     if let Some(held) = args
         .hold_out
@@ -113,14 +116,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&found.verdict)?;
     if let Some(dir) = &args.report {
-        let page = write_report(dir, &found, images.as_ref(), &command())?;
+        let page = write_report(args.output, dir, &found, images.as_ref(), &command())?;
         errln!("{}", page.display());
     }
     if let Some(path) = &args.write_rig {
         if found.verdict.verdict == Word::DataFault {
             errln!("hydroline: --write-rig: no rig written, the data are at fault");
         } else {
-            inputs::write(path, found.rig.to_toml())?;
+            args.output.write(path, found.rig.to_toml())?;
         }
     }
     if args.json {
@@ -131,8 +134,17 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+/// Names of what a report's folder may hold.
+const REPORT_FILES: [&str; 4] = [
+    "diagnose.html",
+    "diagnose.json",
+    "before-after.svg",
+    "next.toml",
+];
+
 /// Page, figure, verdict and next plan into a folder; the page's path.
 pub(super) fn write_report(
+    output: Output,
     dir: &Path,
     found: &Diagnosis,
     images: Option<&Findings>,
@@ -153,13 +165,10 @@ pub(super) fn write_report(
     if let Some(next) = &found.verdict.next_experiment {
         files.push(("next.toml", next.plan_toml.clone()));
     }
-    std::fs::create_dir_all(dir)
-        .and_then(|()| {
-            files
-                .iter()
-                .try_for_each(|(name, text)| std::fs::write(dir.join(name), text))
-        })
-        .map_err(|e| CliError::writing(dir, &e))?;
+    std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
+    for (name, text) in &files {
+        output.write(&dir.join(name), text)?;
+    }
     Ok(dir.join("diagnose.html"))
 }
 

@@ -1,5 +1,6 @@
 //! `hydroline extract`: stripe points of single images.
 
+use super::output::Output;
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::frame::GreyImage;
@@ -32,6 +33,8 @@ pub struct Args {
     /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
     #[arg(long)]
     whole_pixel: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -41,7 +44,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ));
     }
     if let Some(path) = &args.annotate {
-        inputs::new_file("--annotate", path)?;
+        args.output.file("--annotate", path)?;
     }
     for path in &args.images {
         inputs::readable_file(path, "name a PNG or JPEG image")?;
@@ -74,9 +77,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             errln!("hydroline: {}: {fault}", path.display());
         }
         if let Some(out) = &args.annotate {
-            annotate(&image, &profile)
-                .save(out)
-                .map_err(|e| CliError::writing(out, &e))?;
+            args.output.image(out, annotate(&image, &profile))?;
         }
     }
     if args.json {

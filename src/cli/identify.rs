@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
+use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_identify::adopt::adopt;
@@ -140,6 +141,8 @@ pub struct Args {
     /// Writes DIR/identify.html
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -155,10 +158,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ));
     }
     if let Some(path) = &args.write_rig {
-        inputs::new_file("--write-rig", path)?;
+        args.output.file("--write-rig", path)?;
     }
     if let Some(dir) = &args.report {
-        inputs::folder("--report", dir)?;
+        args.output.folder("--report", dir, &["identify.html"])?;
     }
     // Before anything is measured: a word typed wrongly costs nothing yet.
     let model = model(&args.model)?;
@@ -300,9 +303,8 @@ fn report(args: &Args, result: &Identification) -> Result<(), CliError> {
     };
     let path = dir.join("identify.html");
     let command = std::env::args().collect::<Vec<_>>().join(" ");
-    std::fs::create_dir_all(dir)
-        .and_then(|()| std::fs::write(&path, html(result, &command)))
-        .map_err(|e| CliError::writing(&path, &e))?;
+    std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
+    args.output.write(&path, html(result, &command))?;
     errln!("{}", path.display());
     Ok(())
 }
@@ -329,7 +331,7 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
     let Some(path) = &args.write_rig else {
         return Ok(());
     };
-    inputs::write(path, rig.to_toml())?;
+    args.output.write(path, rig.to_toml())?;
     errln!("{}", path.display());
     let anew = rig.identified.as_ref().map(|k| &k.coefficients);
     let gone: Vec<&str> = outdated

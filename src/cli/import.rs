@@ -6,6 +6,7 @@ use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::{Map, Options, Severity, import, read_for};
+use hydroline_rigs::bounded;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -47,7 +48,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let map = Map::load(&args.map)?;
     let map_text = inputs::text(&args.map, "check the path")?;
     inputs::new_file("--out", &args.out)?;
-    let bytes = std::fs::read(&args.data)
+    let bytes = bounded::read_table(&args.data)
         .map_err(|e| CliError::reading(&args.data, &e, "name a table (CSV)"))?;
     let text = String::from_utf8(bytes).map_err(|e| {
         CliError::Config(format!(

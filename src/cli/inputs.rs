@@ -3,7 +3,7 @@
 use super::CliError;
 use crate::print::errln;
 use hydroline_log::writable_folder;
-use hydroline_rigs::{Plan, Rig};
+use hydroline_rigs::{Plan, Rig, bounded};
 use hydroline_sim::EffectStack;
 use std::path::Path;
 use std::time::Duration;
@@ -11,13 +11,30 @@ use std::time::Duration;
 /// Commands reach the disk within this time \[s\].
 const PROMISED_FLUSH_S: f64 = 0.05;
 
+/// Longest time that an argument may be: clocks count in nanoseconds since 1970, and a year on has to fit.
+const LONGEST: Duration = Duration::from_secs(366 * 86_400);
+
 /// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
-    if let Ok(seconds) = text.parse::<f64>() {
-        return Duration::try_from_secs_f64(seconds)
-            .map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"));
+    let length = match text.parse::<f64>() {
+        Ok(seconds) if seconds > LONGEST.as_secs_f64() => return Err(too_long(text)),
+        Ok(seconds) => Duration::try_from_secs_f64(seconds)
+            .map_err(|_| format!("'{text}' is not a length of time; write 30s or 2m"))?,
+        Err(_) => {
+            humantime::parse_duration(text).map_err(|e| format!("{e}; write 30s, 2m or 1h30m"))?
+        }
+    };
+    if length > LONGEST {
+        return Err(too_long(text));
     }
-    humantime::parse_duration(text).map_err(|e| format!("{e}; write 30s, 2m or 1h30m"))
+    Ok(length)
+}
+
+fn too_long(text: &str) -> String {
+    format!(
+        "'{text}' is longer than {} days",
+        LONGEST.as_secs() / 86_400
+    )
 }
 
 /// A length of time that is longer than nothing.
@@ -65,12 +82,17 @@ pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
 /// Refuses to overwrite what is there, and a folder that takes no file, before any work is done; `flag` = how the
 /// user named it.
 pub fn new_file(flag: &str, path: &Path) -> Result<(), CliError> {
-    if path.exists() {
+    if path.symlink_metadata().is_ok() {
         return Err(CliError::Config(format!(
-            "{} exists; hydroline never overwrites: name another {flag} or move it away",
+            "{} exists; a log is never overwritten: name another {flag} or move it away",
             path.display()
         )));
     }
+    takes_file(flag, path)
+}
+
+/// Refuses a place for a file in a folder that is not there or takes none.
+pub fn takes_file(flag: &str, path: &Path) -> Result<(), CliError> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -93,7 +115,7 @@ fn takes_files(flag: &str, path: &Path, folder: &Path) -> Result<(), CliError> {
 
 /// A text file that was given; `next` = what to do when it cannot be read.
 pub fn text(path: &Path, next: &str) -> Result<String, CliError> {
-    std::fs::read_to_string(path).map_err(|e| CliError::reading(path, &e, next))
+    bounded::read_text(path, bounded::RESULT_BYTES).map_err(|e| CliError::reading(path, &e, next))
 }
 
 /// Refuses a file that is not there or cannot be read, before any work is done; `next` = what to do then.
@@ -106,11 +128,6 @@ pub fn readable_file(path: &Path, next: &str) -> Result<(), CliError> {
         .map_err(|e| CliError::reading(path, &e, next))
 }
 
-/// Writes a result where [`new_file`] or [`folder`] has looked before.
-pub fn write(path: &Path, text: impl AsRef<[u8]>) -> Result<(), CliError> {
-    std::fs::write(path, text).map_err(|e| CliError::writing(path, &e))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,6 +138,9 @@ mod tests {
         assert_eq!(duration("90").unwrap(), Duration::from_secs(90));
         assert_eq!(duration("1m30s").unwrap(), Duration::from_secs(90));
         assert!(duration("-3").is_err());
+        for endless in ["1e19", "inf", "367d", "99999999999y"] {
+            assert!(duration(endless).is_err(), "{endless}");
+        }
         assert!(duration("soon").unwrap_err().contains("30s"));
     }
 

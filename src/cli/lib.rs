@@ -22,6 +22,7 @@ mod inputs;
 mod log_tools;
 mod man;
 mod outcome;
+mod output;
 mod predict;
 mod print;
 mod progress;

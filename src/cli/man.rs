@@ -1,7 +1,8 @@
 //! `hydroline man`: the manual pages, from the same definition as the help.
 
+use super::output::Output;
 use super::print::{bytes, outln};
-use super::{CliError, Outcome, command, inputs};
+use super::{CliError, Outcome, command};
 use clap_mangen::Man;
 use hydroline_core::build_info::BuildInfo;
 use std::path::PathBuf;
@@ -14,9 +15,11 @@ Examples:
   hydroline man | man -l -
   hydroline man --out ~/.local/share/man/man1    # then: man hydroline-record")]
 pub struct Args {
-    /// Folder for a page of each subcommand (hydroline-record.1 ...), made if need be; older pages there are replaced
+    /// Folder for a page of each subcommand (hydroline-record.1 ...), made if need be; --force replaces older pages there
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
@@ -27,10 +30,11 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         }
         return Ok(Outcome::Done);
     };
-    inputs::folder("--out", dir)?;
+    let names: Vec<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
+    args.output.folder("--out", dir, &names)?;
     std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
     for (name, page) in &pages {
-        inputs::write(&dir.join(name), page)?;
+        args.output.write(&dir.join(name), page)?;
     }
     outln!("{}: {} pages", dir.display(), pages.len());
     Ok(Outcome::Done)

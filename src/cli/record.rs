@@ -1,6 +1,7 @@
 //! `hydroline record`: the daemon on the command line.
 
 use super::calibrated::{MakeArgs, UseArgs};
+use super::output::Output;
 use super::print::{errln, out, outln};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
@@ -311,10 +312,9 @@ fn checked(
 /// Writes an accepted calibration; the log holds it too.
 fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
     let text = calibration.to_toml()?;
-    std::fs::write(file, text).map_err(|e| {
+    Output::default().write(file, text).map_err(|e| {
         CliError::Run(format!(
-            "{}: {e}; the log holds the calibration too, on /laser/calibration",
-            file.display()
+            "{e}; the log holds the calibration too, on /laser/calibration"
         ))
     })?;
     errln!("hydroline: calibration written to {}", file.display());

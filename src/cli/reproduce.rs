@@ -2,8 +2,9 @@
 
 mod summary;
 
+use super::output::Output;
 use super::print::{out, outln};
-use super::{CliError, Outcome, inputs, progress};
+use super::{CliError, Outcome, progress};
 use clap::ValueEnum;
 use hydroline_reproduce::{
     CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row,
@@ -82,6 +83,8 @@ pub struct Args {
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -98,7 +101,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 fn one(args: &Args) -> Result<String, CliError> {
     for (flag, path) in [("--csv", &args.csv), ("--svg", &args.svg)] {
         if let Some(path) = path {
-            inputs::new_file(flag, path)?;
+            args.output.file(flag, path)?;
         }
     }
     let every = usize::from(args.every);
@@ -111,8 +114,8 @@ fn one(args: &Args) -> Result<String, CliError> {
     if let Some(figure) = figure {
         let figure = figure?;
         print(args.json, "figure", &figure, || print_figure(&figure));
-        save(args.csv.as_ref(), &figure.csv())?;
-        save(args.svg.as_ref(), &figure.svg())?;
+        save(args.output, args.csv.as_ref(), &figure.csv())?;
+        save(args.output, args.svg.as_ref(), &figure.svg())?;
         return Ok(figure.notes.join("; "));
     }
     if args.svg.is_some() {
@@ -236,7 +239,7 @@ fn one(args: &Args) -> Result<String, CliError> {
             (csv, summary::table3(&rows))
         }
     };
-    save(args.csv.as_ref(), &csv)?;
+    save(args.output, args.csv.as_ref(), &csv)?;
     Ok(line)
 }
 
@@ -350,9 +353,9 @@ fn flatten(name: &str, value: &serde_json::Value, cells: &mut Vec<(String, Strin
     }
 }
 
-fn save(path: Option<&PathBuf>, text: &str) -> Result<(), CliError> {
+fn save(output: Output, path: Option<&PathBuf>, text: &str) -> Result<(), CliError> {
     let Some(path) = path else { return Ok(()) };
-    inputs::write(path, text)
+    output.write(path, text)
 }
 
 fn print_figure(figure: &Figure) {

@@ -1,5 +1,6 @@
 //! `hydroline rig`: a commented rig for one's own vehicle, and what is built in.
 
+use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use clap::Subcommand;
@@ -18,6 +19,8 @@ Exit codes: 0 done; 2 the file exists, or its folder takes none.")]
         /// File to write
         #[arg(long, value_name = "RIG.toml")]
         out: PathBuf,
+        #[command(flatten)]
+        output: Output,
     },
     /// Checks a rig file and prints it as the daemon reads it, defaults written out
     #[command(after_help = "\
@@ -48,9 +51,9 @@ Examples:
 
 pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
-        Command::New { out } => {
-            inputs::new_file("--out", out)?;
-            inputs::write(out, Rig::template())?;
+        Command::New { out, output } => {
+            output.file("--out", out)?;
+            output.write(out, Rig::template())?;
             outln!("{}", out.display());
             errln!(
                 "edit it, then: hydroline rig show {0}; hydroline check --rig {0}",

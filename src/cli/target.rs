@@ -1,5 +1,6 @@
 //! `hydroline target`: what one needs to make a target.
 
+use super::output::Output;
 use super::{CliError, Outcome, board};
 use hydroline_calib::drawing::target_sheet;
 use hydroline_rigs::Target;
@@ -19,10 +20,12 @@ pub struct Args {
     /// Drawing to write; .svg or .dxf says which
     #[arg(long, value_name = "X.svg|X.dxf")]
     out: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let target = Target::load_or_builtin(&args.target)?;
-    board::write(&args.out, &target_sheet(&target))?;
+    board::write(args.output, &args.out, &target_sheet(&target))?;
     Ok(Outcome::Done)
 }

@@ -175,10 +175,11 @@ impl Map {
     /// [`MapError`].
     pub fn load(path: &Path) -> Result<Map, MapError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| MapError::Unreadable {
-            path: file.clone(),
-            source,
-        })?;
+        let text = hydroline_rigs::bounded::read_text(path, hydroline_rigs::bounded::CONFIG_BYTES)
+            .map_err(|source| MapError::Unreadable {
+                path: file.clone(),
+                source,
+            })?;
         Map::from_toml(&text, &file)
     }
 

@@ -2,6 +2,7 @@
 
 mod checks;
 mod conclude;
+mod obeyed;
 
 use hydroline_core::plain::line;
 use std::fmt;
@@ -32,7 +33,7 @@ pub struct Finding {
     /// How bad.
     pub grade: Grade,
     /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
-    /// `command_gap`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
+    /// `command_gap`, `echo`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
     pub check: &'static str,
     /// One sentence with the numbers.
     pub message: String,

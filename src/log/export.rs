@@ -73,9 +73,10 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     done
 }
 
-/// Moves the whole files from `part` to their places.
+/// Moves the whole files from `part` to their places, once they are on the disk.
 fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogError> {
     let moved = || -> std::io::Result<()> {
+        sync_file_system(part)?;
         for entry in std::fs::read_dir(part)? {
             let entry = entry?;
             std::fs::rename(entry.path(), into.join(entry.file_name()))?;
@@ -91,6 +92,17 @@ fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogE
         .map(|(path, n)| (into.join(path.file_name().unwrap_or_default()), n))
         .collect();
     Ok(done)
+}
+
+/// Thousands of frames are synced with one call instead of one each.
+fn sync_file_system(folder: &Path) -> std::io::Result<()> {
+    use std::os::fd::AsRawFd;
+    let folder = File::open(folder)?;
+    // SAFETY: syncfs only reads the descriptor, which is open.
+    match unsafe { libc::syncfs(folder.as_raw_fd()) } {
+        0 => Ok(()),
+        _ => Err(std::io::Error::last_os_error()),
+    }
 }
 
 fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {

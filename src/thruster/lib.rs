@@ -18,6 +18,7 @@ pub mod link;
 pub mod lowlatency;
 pub mod maestro;
 pub mod ports;
+pub mod probe;
 pub mod record;
 pub mod safety;
 pub mod scheduler;

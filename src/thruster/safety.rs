@@ -21,6 +21,8 @@ pub enum NeutralReason {
     Range,
     /// The link was lost.
     Lost,
+    /// The controller says that it puts out other pulses than it was sent.
+    Contradicted,
     /// The daemon ends.
     Exit,
     /// A part of the daemon panicked.
@@ -37,6 +39,7 @@ impl NeutralReason {
             NeutralReason::Deadline => "deadline",
             NeutralReason::Range => "range",
             NeutralReason::Lost => "lost",
+            NeutralReason::Contradicted => "contradicted",
             NeutralReason::Exit => "exit",
             NeutralReason::Panic => "panic",
         }

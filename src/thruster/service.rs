@@ -160,7 +160,7 @@ pub struct Shared {
     heartbeat: Heartbeat,
 }
 
-const REASONS: [NeutralReason; 8] = [
+const REASONS: [NeutralReason; 9] = [
     NeutralReason::Idle,
     NeutralReason::Request,
     NeutralReason::Limit,
@@ -169,6 +169,7 @@ const REASONS: [NeutralReason; 8] = [
     NeutralReason::Lost,
     NeutralReason::Exit,
     NeutralReason::Panic,
+    NeutralReason::Contradicted,
 ];
 
 impl Shared {

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
-use crate::inputs::{logs_of, on_both_sets};
+use crate::inputs::{input, logs_of, on_both_sets};
 use hydroline::diagnose::profiles::{Findings, level};
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::images;
@@ -17,11 +17,24 @@ fn found(path: &Path) -> Findings {
     found
 }
 
-/// The four logs with a true flat port, a tilted sheet, a larger target, and nothing.
+/// The four logs with a true flat port, a tilted sheet, a larger target, and nothing; every day the last two.
 fn the_independent_effects_are_named_with_their_numbers(images: &Path) {
+    effects_are_named(images, &["c", "d"]);
+}
+
+#[test]
+#[ignore = "two minutes of processor time: tests/nightly"]
+fn all_four_independent_effects() {
+    if let Some(images) = input("cases/images") {
+        effects_are_named(&images, &["a", "b", "c", "d"]);
+    }
+}
+
+fn effects_are_named(images: &Path, logs: &[&str]) {
     let text = std::fs::read_to_string(images.join("effects/key.json")).unwrap();
     let key: serde_json::Value = serde_json::from_str(&text).unwrap();
-    for (log, truth) in key.as_object().unwrap() {
+    for log in logs {
+        let truth = &key[*log];
         let found = found(&images.join(format!("effects/{log}.mcap")));
         let truth = truth.as_object().unwrap();
         let named: Vec<&str> = found.effects.iter().map(|e| e.effect.as_str()).collect();
@@ -84,10 +97,20 @@ fn undisturbed_logs_of_the_independent_renderer_give_nothing(images: &Path) {
     }
 }
 
-/// Sealed cases of three effects and of none, found right before: a regression test, no estimate. `hydroline prove --images 70` makes others.
+/// Sealed cases of one effect and of none, found right before: a regression test, no estimate. `hydroline prove --images 70` makes others.
 #[test]
+fn two_of_our_own_cases() {
+    come_out_right(&[3, 6]);
+}
+
+#[test]
+#[ignore = "two minutes of processor time: tests/nightly"]
 fn a_handful_of_our_own_cases() {
-    let judged = images::run(2, &[0, 3, 5, 6], &|_| {}).unwrap();
+    come_out_right(&[0, 3, 5, 6]);
+}
+
+fn come_out_right(cases: &[usize]) {
+    let judged = images::run(2, cases, &|_| {}).unwrap();
     for line in judged.iter().filter_map(images::complaint) {
         println!("{line}");
     }

@@ -206,6 +206,7 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
 /// by least squares from the first, misses 9.62 N; with friction 3.95 N; with an offset beside it 2.19 N; with drag by
 /// the direction in its place 1.598 N, with both 1.596 N (and the offset is then -.3 of the -3.1 N).
 #[test]
+#[ignore = "a minute and a half of processor time: tests/nightly"]
 fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
     let Some(table) = input("cases/real/emps/DATA_EMPS_SC.csv") else {
         return;
@@ -289,6 +290,7 @@ fn a_free_force_that_foretells_nothing_is_not_believed() {
 /// The recording as it comes from the tank, all in one log: at rest, pressed to one side, let go, two minutes and a half
 /// of swinging. It is taken from where it swings freely, and its second and third quarter are predicted.
 #[test]
+#[ignore = "two minutes of processor time: tests/nightly"]
 fn a_whole_decay_needs_no_windows() {
     let Some(table) = input(ROLL_DECAY) else {
         return;

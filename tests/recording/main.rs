@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod architecture;
+mod attacks;
 mod calibrate_chain;
 mod cli_build_info;
 mod cli_errors;
@@ -11,6 +12,7 @@ mod record_clock;
 mod record_command;
 mod record_disk;
 mod record_kill;
+mod service_files;
 mod simulate_reproducible;
 
 #[path = "../support/mod.rs"]

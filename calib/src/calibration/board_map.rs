@@ -11,6 +11,10 @@ use crate::board::coplanarity::Coplanarity;
 use crate::map::{FittedMap, Node};
 use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 
+/// So far inside of the outer line its derivatives are taken \[px\]: far beyond rounding (1e-12 px), far below any
+/// change of the derivatives (a cell is tens of pixels wide).
+const BORDER_PX: f64 = 1e-3;
+
 /// Where the board's middle stood in the sheet, and how it was turned.
 ///
 /// The board says where things are on the board; where the board hangs below the laser
@@ -74,13 +78,26 @@ pub struct Provenance {
 impl Calibration {
     /// A calibration from a map and the nodes it was fitted to.
     pub fn of_board(map: FittedMap, nodes: &[Node], provenance: Provenance) -> Self {
+        let (n, sum) = nodes
+            .iter()
+            .fold((0.0, Vector2::zeros()), |(n, sum), node| {
+                (n + 1.0, sum + Vector2::new(node.column_px, node.row_px))
+            });
+        let middle_px: Vector2<f64> = sum / f64::max(n, 1.0);
+        // On the outer line itself rounding decides whether the map has an answer: asked a little further in, it has.
+        let jacobian = |at_px: Vector2<f64>| {
+            map.jacobian(at_px[0], at_px[1]).or_else(|| {
+                let inwards = (middle_px - at_px).try_normalize(0.0)? * BORDER_PX;
+                map.jacobian(at_px[0] + inwards[0], at_px[1] + inwards[1])
+            })
+        };
         let residuals: Vec<NodeResidual> = nodes
             .iter()
             .filter_map(|n| {
                 // Not by the pixel: where it falls outside the map's region there is no answer, and
                 // the worst nodes of the border would be left out.
                 let (column_px, row_px) = map.to_image(n.xi_m, n.eta_m)?;
-                let off = map.jacobian(column_px, row_px)?
+                let off = jacobian(Vector2::new(column_px, row_px))?
                     * Vector2::new(n.column_px - column_px, n.row_px - row_px);
                 Some(NodeResidual {
                     xi_m: n.xi_m,

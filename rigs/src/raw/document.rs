@@ -1,18 +1,19 @@
 //! A TOML text with its name and the list of what is wrong with it.
 
 use std::cell::RefCell;
-use std::io::Read;
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::Path;
 
 use toml::de::DeTable;
 
 use super::Section;
+use crate::bounded;
 use crate::error::{Problem, ProblemKind, RigError};
 
 /// Configuration files are a few kilobytes; anything much larger is the wrong file
 /// (a log, a device node) and must not be read into memory.
-const LARGEST_FILE_BYTES: u64 = 1 << 20;
+const LARGEST_FILE_BYTES: u64 = bounded::CONFIG_BYTES;
 
 /// Problems that are listed; whoever has more has the wrong file.
 const MOST_PROBLEMS: usize = 200;
@@ -178,22 +179,13 @@ pub(crate) fn read_text(path: &Path) -> Result<String, RigError> {
         reason,
         next: next.to_owned(),
     };
-    let check = "Check the path and its permissions";
-    let file = std::fs::File::open(path).map_err(|e| unreadable(e.to_string(), check))?;
-    let mut bytes = Vec::new();
-    file.take(LARGEST_FILE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| unreadable(e.to_string(), check))?;
-    if bytes.len() as u64 > LARGEST_FILE_BYTES {
-        return Err(unreadable(
-            format!("it is larger than {LARGEST_FILE_BYTES} bytes"),
-            "Give a rig, target, board or plan file: a short TOML text, this is another kind of file",
-        ));
-    }
-    String::from_utf8(bytes).map_err(|e| {
-        unreadable(
-            format!("byte {} is not UTF-8 text", e.utf8_error().valid_up_to()),
-            "Give a rig, target, board or plan file: a TOML text in UTF-8",
-        )
+    bounded::read_text(path, LARGEST_FILE_BYTES).map_err(|e| {
+        let next = match e.kind() {
+            ErrorKind::FileTooLarge | ErrorKind::InvalidData => {
+                "Give a rig, target, board or plan file: a short TOML text in UTF-8"
+            }
+            _ => "Check the path and its permissions",
+        };
+        unreadable(e.to_string(), next)
     })
 }

@@ -49,6 +49,7 @@ pub(super) fn is_no_file(kind: ErrorKind) -> bool {
             | ErrorKind::InvalidFilename
             // Text was expected, and it is none.
             | ErrorKind::InvalidData
+            | ErrorKind::FileTooLarge
     )
 }
 

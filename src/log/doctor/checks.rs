@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::obeyed::Obeyed;
 use super::{Finding, Grade};
 use crate::messages::{self, pb};
 use crate::reader::Record;
@@ -33,11 +34,13 @@ pub(super) struct Checks {
     pub(super) command_gaps: Vec<(u32, u32)>,
     /// Sets the daemon says were cut off on their way out: likewise.
     pub(super) commands_unsent: Vec<(u32, u32)>,
+    pub(super) obeyed: Obeyed,
     pub(super) clock_offset_ns: Option<i128>,
     pub(super) clock_steps: u64,
     pub(super) wide_brackets: u64,
     pub(super) step_events: u64,
     pub(super) error_events: BTreeMap<String, u64>,
+    pub(super) warning_events: BTreeMap<String, u64>,
 }
 
 #[derive(Debug, Default)]
@@ -153,7 +156,11 @@ impl Checks {
                     self.frames.short += 1;
                 }
             }
-            Record::Command(c) => self.command(c),
+            Record::Command(c) => {
+                self.command(c);
+                self.obeyed.command(c);
+            }
+            Record::Echo(e) => self.obeyed.echo(e),
             Record::Clock(pair) => self.clock(pair),
             Record::Event(event) => self.event(event),
             _ => {}
@@ -222,9 +229,12 @@ impl Checks {
             }
             _ => {}
         }
-        if messages::event_severity(event) == Severity::Error {
-            *self.error_events.entry(event.kind.clone()).or_default() += 1;
-        }
+        let counted = match messages::event_severity(event) {
+            Severity::Error => &mut self.error_events,
+            Severity::Warning => &mut self.warning_events,
+            Severity::Info => return,
+        };
+        *counted.entry(event.kind.clone()).or_default() += 1;
     }
 
     /// Command numbers that are neither logged nor named as cut off, and those that are named.

@@ -77,6 +77,21 @@ impl Checks {
                 "`hydroline export` lists the events with their times",
             );
         }
+        self.obeyed();
+        let warnings = std::mem::take(&mut self.warning_events);
+        if !warnings.is_empty() {
+            let counted: Vec<String> = warnings
+                .iter()
+                .map(|(k, n)| format!("{n} x `{k}`"))
+                .collect();
+            self.add(
+                Grade::Note,
+                "event",
+                None,
+                format!("the daemon warned of {}", counted.join(", ")),
+                "`hydroline export` lists the events with their times",
+            );
+        }
         if ours {
             for name in ["rig", "calibration", "session"] {
                 if !learnt.head_metadata.iter().any(|n| n == name) {
@@ -242,6 +257,34 @@ impl Checks {
                 None,
                 message,
                 "do not identify or diagnose across the gap",
+            );
+        }
+    }
+
+    fn obeyed(&mut self) {
+        for found in self.obeyed.contradicted() {
+            let message = format!(
+                "{}: the controller contradicted the commands for {:.2} s: sent {:.2} us, it said {:.2} us",
+                found.thruster, found.for_s, found.sent_us, found.echo_us
+            );
+            self.add(
+                Grade::Error,
+                "echo",
+                None,
+                message,
+                "the commands are not what drove the vehicle: do not identify or diagnose from this stretch; check the controller's own limits and who else drives it",
+            );
+        }
+        let (differ, compared) = (self.obeyed.differ, self.obeyed.compared);
+        if differ > 0 {
+            self.add(
+                Grade::Note,
+                "echo",
+                None,
+                format!(
+                    "{differ} of {compared} echoes say another pulse than the command they answer"
+                ),
+                "check the cable if there are many",
             );
         }
     }

@@ -23,7 +23,7 @@ pub enum PtyError {
     #[error("no pseudo-terminal: {0} (is devpts mounted on /dev/pts?)")]
     Open(io::Error),
     /// The stable name could not be made.
-    #[error("cannot link {link} to {node}: {error}")]
+    #[error("cannot link {link} to {node}: {error}; name another path, or remove what is there")]
     Link {
         /// Link.
         link: PathBuf,
@@ -103,7 +103,10 @@ impl PtyController {
     /// Pulls the cable: the host's descriptor is at its end, the node vanishes. The controller's watchdog runs on.
     pub fn unplug(&mut self) {
         if let Some(plugged) = self.plugged.take() {
-            if let Some(link) = &self.link {
+            // Only the link that was made here: someone may have put something else in its place.
+            if let Some(link) = &self.link
+                && std::fs::read_link(link).is_ok_and(|to| to == plugged.node)
+            {
                 let _ = std::fs::remove_file(link);
             }
             plugged.stop.store(true, Ordering::Relaxed);
@@ -132,7 +135,6 @@ impl PtyController {
         self.unplug();
         let (master, slave, node) = open_pty().map_err(PtyError::Open)?;
         if let Some(link) = &self.link {
-            let _ = std::fs::remove_file(link);
             symlink(&node, link).map_err(|error| PtyError::Link {
                 link: link.clone(),
                 node: node.clone(),

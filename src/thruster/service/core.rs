@@ -61,6 +61,15 @@ struct Unechoed {
     before: Vec<ChannelPulse>,
 }
 
+/// Echoes that say otherwise than what was sent.
+struct Contradiction {
+    /// First of them \[ns\].
+    since_ns: u64,
+    thruster: Arc<str>,
+    sent_us: f64,
+    echo_us: f64,
+}
+
 struct PlanRun {
     scheduler: Scheduler,
     load: LoadAt,
@@ -93,6 +102,8 @@ pub struct Core {
     last_clock_ns: u64,
     /// Since when set-points go out without any echo coming back \[ns\].
     unechoed_since_ns: Option<u64>,
+    /// The echoes contradict the set-points without a break: since when, and the last of them.
+    contradicted: Option<Contradiction>,
     /// Sets sent and not echoed yet, with the pulses of the set before: what an echo is held against.
     unechoed: VecDeque<Unechoed>,
     last_pulses: Vec<ChannelPulse>,
@@ -146,6 +157,7 @@ impl Core {
             farewell_ns: None,
             last_clock_ns: 0,
             unechoed_since_ns: None,
+            contradicted: None,
             unechoed: VecDeque::with_capacity(UNECHOED_SETS),
             last_pulses: Vec::new(),
             config,

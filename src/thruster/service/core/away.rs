@@ -129,6 +129,7 @@ impl Core {
         self.next_open_ns = self.now() + REOPEN_NS;
         self.neutral_open = None;
         self.unechoed_since_ns = None;
+        self.contradicted = None;
         self.unechoed.clear();
         self.emit_what_left();
         self.lost(why);

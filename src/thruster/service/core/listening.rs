@@ -1,6 +1,6 @@
 //! While there is a line: due set-points, answers, the log of what has left.
 
-use super::{Core, Flow, Outgoing, STEP_NS};
+use super::{Contradiction, Core, Flow, Outgoing, STEP_NS};
 use crate::ChannelPulse;
 use crate::link::{Echo, LinkEvent, ThrusterLink};
 use crate::record::{CommandRecord, EchoRecord, LinkRecord};
@@ -51,6 +51,7 @@ impl Core {
         self.flush_outbox();
         self.check_silence();
         self.check_echoes();
+        self.check_contradiction();
         self.farewell()
     }
 
@@ -295,6 +296,40 @@ impl Core {
         }
     }
 
+    /// A controller that goes on saying that it puts out something else does not obey. One wrong echo may be a byte
+    /// that was disturbed (the Maestro has no check sum); without a sound one for as long as a silence may last, it is none.
+    fn check_contradiction(&mut self) {
+        let Some(found) = &self.contradicted else {
+            return;
+        };
+        let for_s = self.now().saturating_sub(found.since_ns) as f64 * 1e-9;
+        let timeout_s = self.config.set.link.timeout_s;
+        if for_s <= timeout_s || self.safety.state() != State::Running {
+            return;
+        }
+        let (sent_us, echo_us) = (found.sent_us, found.echo_us);
+        let message = format!(
+            "{}: {sent_us:.2} us commanded, but the controller has said otherwise for {for_s:.3} s ({timeout_s:.3} s are allowed), last {echo_us:.2} us: neutral; \
+             check the controller's own limits, speed and acceleration, and that no other program drives it",
+            found.thruster
+        );
+        self.event(
+            Severity::Error,
+            "thruster.contradicted",
+            message,
+            &[
+                ("sent_us", sent_us),
+                ("echo_us", echo_us),
+                ("for_s", for_s),
+                ("allowed_s", timeout_s),
+            ],
+        );
+        self.go_neutral(
+            NeutralReason::Contradicted,
+            "the controller contradicts the commands",
+        );
+    }
+
     /// Holds an echo against the command it answers.
     fn compare(&mut self, echo: &Echo) {
         while let Some(first) = self.unechoed.front()
@@ -319,11 +354,23 @@ impl Core {
                 let lags = may_lag && same(&first.before).is_some_and(|(_, right)| right);
                 (!right && !lags).then_some((sent, *got))
             });
-            let Some((sent, got)) = wrong else { continue };
+            let Some((sent, got)) = wrong else {
+                self.contradicted = None;
+                continue;
+            };
             let thrusters = &self.config.set.thrusters;
             let index = thrusters.iter().position(|t| t.channel == got.channel);
             let name = index.map_or_else(|| Arc::from("?"), |i| self.names[i].clone());
             let (sent_us, got_us) = (sent.pulse_us(), got.pulse_us());
+            self.contradicted = Some(Contradiction {
+                since_ns: self
+                    .contradicted
+                    .take()
+                    .map_or(echo.received_ns, |c| c.since_ns),
+                thruster: name.clone(),
+                sent_us,
+                echo_us: got_us,
+            });
             self.noisy(Severity::Warning, "thruster.echo_mismatch", |n| {
                 (
                     format!("{name}: {sent_us:.2} us commanded, the controller puts out {got_us:.2} us ({n} sets like this)"),

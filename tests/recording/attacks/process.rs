@@ -1,0 +1,162 @@
+//! The daemon as a process: its file's name, its terminal, its clock, its signals.
+
+use super::{path, words};
+use crate::support::{hydroline, read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+fn recording(log: &str, more: &[&str]) -> Child {
+    hydroline()
+        .args(["record", "--rig", "lshpi", "--out", log])
+        .args(more)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// 2. The file was deleted while it was written: "finished as planned", exit code 0, nothing there.
+#[test]
+fn the_name_is_not_the_file() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let log = path(dir.path(), "run.mcap");
+    let child = recording(&log, &["--for", "3s"]);
+    std::thread::sleep(Duration::from_millis(1500));
+    std::fs::remove_file(&log).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = words(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let saved = dir.path().join("run-saved.mcap");
+    assert!(saved.exists(), "{said}");
+}
+
+/// 3. In the background of an interactive shell the kernel stopped it with SIGTTOU, without a word.
+#[test]
+fn a_recording_in_the_background_of_a_shell() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let log = path(dir.path(), "run.mcap");
+    let binary = hydroline().get_program().to_owned();
+    // A terminal of its own, and a shell with job control on it.
+    let shell = format!(
+        "bash -mc '{} record --rig lshpi --for 1s --out {log} & sleep 6; kill -9 %1 2>/dev/null'",
+        Path::new(&binary).display()
+    );
+    let status = Command::new("script")
+        .args(["-qec", &shell, "/dev/null"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .unwrap();
+    let output = hydroline().args(["doctor", &log]).output().unwrap();
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{status:?}: {}",
+        words(&output)
+    );
+}
+
+/// Preloaded, it sets CLOCK_REALTIME by STEP_S once AFTER_S have gone by.
+const SHIM: &str = "
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <time.h>
+int clock_gettime(clockid_t id, struct timespec *t) {
+  static int (*real)(clockid_t, struct timespec *);
+  static double began;
+  if (!real) real = dlsym(RTLD_NEXT, \"clock_gettime\");
+  struct timespec m;
+  real(CLOCK_MONOTONIC, &m);
+  double now = m.tv_sec + 1e-9 * m.tv_nsec;
+  if (began == 0) began = now;
+  int r = real(id, t);
+  if (id == CLOCK_REALTIME && now - began > atof(getenv(\"AFTER_S\"))) t->tv_sec += atol(getenv(\"STEP_S\"));
+  return r;
+}";
+
+/// 4. The first NTP contact, three hours ahead, aborted the plan: \"x = 1075 m\".
+#[test]
+fn supervision_on_the_wall_clock() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let (source, shim) = (path(dir.path(), "shim.c"), path(dir.path(), "shim.so"));
+    std::fs::write(&source, SHIM).unwrap();
+    let built = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o", &shim, &source, "-ldl"])
+        .status()
+        .unwrap();
+    assert!(built.success());
+    let (plan, log) = (path(dir.path(), "plan.toml"), path(dir.path(), "run.mcap"));
+    let ahead = "name = \"ahead\"\n[[step]]\nfor_s = 3.0\nwrench = { surge_n = 8.0 }\n";
+    std::fs::write(&plan, ahead).unwrap();
+    let output = hydroline()
+        .args(["record", "--rig", "lshpi", "--plan", &plan, "--out", &log])
+        .envs([
+            ("LD_PRELOAD", shim.as_str()),
+            ("AFTER_S", "3"),
+            ("STEP_S", "10800"),
+        ])
+        .output()
+        .unwrap();
+    let said = words(&output);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+    let steps = read(Path::new(&log)).0;
+    let stepped = |r: &hydroline::log::Record| matches!(r, hydroline::log::Record::Event(e) if e.kind == "clock.step");
+    assert!(steps.iter().any(stepped), "the clock was not set: {said}");
+}
+
+/// 11. These killed the process at once and left the thrusters running.
+#[test]
+fn deaths_without_neutral() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    for signal in [libc::SIGUSR1, libc::SIGALRM, libc::SIGABRT] {
+        let log = path(dir.path(), &format!("run{signal}.mcap"));
+        let child = recording(&log, &["--plan", "surge-4n"]);
+        std::thread::sleep(Duration::from_millis(2000));
+        // SAFETY: our own child.
+        unsafe { libc::kill(child.id() as i32, signal) };
+        let output = child.wait_with_output().unwrap();
+        assert!(
+            output.status.code().is_some(),
+            "signal {signal}: {}",
+            words(&output)
+        );
+        let commands: Vec<f64> = read(Path::new(&log))
+            .0
+            .iter()
+            .filter_map(|r| match r {
+                hydroline::log::Record::Command(c) => Some(c.pulse_us),
+                _ => None,
+            })
+            .collect();
+        assert!(commands.iter().any(|p| *p != 1500.0), "signal {signal}");
+        assert!(
+            commands.iter().rev().take(4).all(|p| *p == 1500.0),
+            "signal {signal}"
+        );
+    }
+}
+
+/// 11. A limit on a file's size (`ulimit -f`) killed it with SIGXFSZ.
+#[test]
+fn a_limit_on_the_size_of_a_file() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let log = path(dir.path(), "run.mcap");
+    let output = Command::new("bash")
+        .args(["-c", "ulimit -f 400; exec \"$@\"", "bash"])
+        .arg(hydroline().get_program())
+        .args(["record", "--rig", "lshpi", "--for", "2s", "--out", &log])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(output.status.code().is_some(), "{}", words(&output));
+    let output = hydroline().args(["info", &log]).output().unwrap();
+    assert!(!words(&output).contains("CUT"), "{}", words(&output));
+}
