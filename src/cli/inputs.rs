@@ -11,8 +11,8 @@ use std::time::Duration;
 /// Commands reach the disk within this time \[s\].
 const PROMISED_FLUSH_S: f64 = 0.05;
 
-/// Longest time that an argument may be: clocks count in nanoseconds since 1970, and a year on has to fit.
-const LONGEST: Duration = Duration::from_secs(366 * 86_400);
+/// Longest time that an argument may be: clocks count in nanoseconds since 1970, and ten years on have to fit.
+const LONGEST: Duration = Duration::from_secs(3_660 * 86_400);
 
 /// Reads `30s`, `2m`, `1h30m`, `500ms`, or a bare number of seconds.
 pub fn duration(text: &str) -> Result<Duration, String> {
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(duration("90").unwrap(), Duration::from_secs(90));
         assert_eq!(duration("1m30s").unwrap(), Duration::from_secs(90));
         assert!(duration("-3").is_err());
-        for endless in ["1e19", "inf", "367d", "99999999999y"] {
+        for endless in ["1e19", "inf", "3661d", "99999999999y"] {
             assert!(duration(endless).is_err(), "{endless}");
         }
         assert!(duration("soon").unwrap_err().contains("30s"));

@@ -105,6 +105,8 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let calibration = args.using.load()?;
     for log in &args.logs {
         inputs::readable_file(log, "name a log (.mcap) with images")?;
+        // Several logs: one that is none is found before the first of them is done.
+        LogReader::open(log)?;
     }
     let targets = targets(args)?;
     let mut reports = Vec::new();
@@ -132,12 +134,33 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             );
             outcome = Outcome::Lossy;
         }
+        if let Some(words) = lacks(&report) {
+            errln!("hydroline: {}: {words}", log.display());
+            outcome = Outcome::Lossy;
+        }
         reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
     }
     if args.json {
         outln!("{}", serde_json::json!({ "replays": reports }));
     }
     Ok(outcome)
+}
+
+/// What keeps a replay from being a whole result: frames that nobody can read, or poses for fewer than half of them.
+fn lacks(report: &Report) -> Option<String> {
+    if report.undecodable > 0 {
+        return Some(format!(
+            "{} of {} frames cannot be read and are lost; `hydroline doctor` says more",
+            report.undecodable, report.frames
+        ));
+    }
+    let asked = report.poses > 0 || !report.without_pose.is_empty();
+    (asked && 2 * report.poses < report.frames).then(|| {
+        format!(
+            "only {} of {} frames have a pose, for the reasons above: look at some with `hydroline extract --annotate`",
+            report.poses, report.frames
+        )
+    })
 }
 
 fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {

@@ -19,17 +19,13 @@ Examples:
   hydroline sim-controller --kind stamped --pty /tmp/controller
 
 Exit codes: 0 the socket was closed; 1 it failed; 2 bad arguments, or no such socket.")]
+#[command(group(clap::ArgGroup::new("line").required(true)))]
 pub struct Args {
     /// Connects to this UNIX socket (as QEMU's chardev offers it) and serves until it closes
-    #[arg(
-        long,
-        value_name = "PATH",
-        conflicts_with = "pty",
-        required_unless_present = "pty"
-    )]
+    #[arg(long, value_name = "PATH", group = "line")]
     socket: Option<PathBuf>,
     /// Opens a pseudo-terminal, linked to from this path, and serves until killed
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", group = "line")]
     pty: Option<PathBuf>,
     /// Protocol of the controller
     #[arg(long, value_enum)]

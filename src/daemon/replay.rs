@@ -29,7 +29,7 @@ use prost::Message;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::hash_map::DefaultHasher;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -77,8 +77,10 @@ pub struct Report {
     pub frames: u64,
     /// Frames with a stripe.
     pub with_stripe: u64,
-    /// Frames excluded or without a stripe, by reason.
-    pub without_stripe: std::collections::BTreeMap<String, u64>,
+    /// Of these, frames that the camera delivered and nobody can read: of the wrong size, or no image.
+    pub undecodable: u64,
+    /// Frames excluded or without a stripe, by reason; the numbers in it are those of the first of its kind.
+    pub without_stripe: BTreeMap<String, u64>,
     /// Stripe points found.
     pub points: u64,
     /// Frames that had been extracted live.
@@ -88,11 +90,11 @@ pub struct Report {
     /// Of these, profiles that came out otherwise; the rest have no image in the log to compare with.
     pub live_different: u64,
     /// Messages of topics or schemas that are not ours, by topic: not carried over.
-    pub foreign: std::collections::BTreeMap<String, u64>,
+    pub foreign: BTreeMap<String, u64>,
     /// Frames with a pose that is fit for use (`/vehicle/motion`).
     pub poses: u64,
-    /// Frames whose pose was left out, by reason.
-    pub without_pose: std::collections::BTreeMap<String, u64>,
+    /// Frames whose pose was left out, by reason; the numbers in it are those of the first of its kind.
+    pub without_pose: BTreeMap<String, u64>,
     /// What the frames were found to share, where it was asked for.
     pub refined: Option<RefineReport>,
     /// What binding the frames did, where it was asked for.
@@ -205,6 +207,7 @@ pub fn replay(
         run: poses.filter(|_| bound.is_none()),
         bound: HashMap::new(),
         posed: HashSet::new(),
+        kinds: Kinds::default(),
         still: StillWatch::default(),
     };
     if let Some((motions, report)) = bound {
@@ -307,6 +310,19 @@ struct Replay<'a> {
     bound: HashMap<u64, VehicleMotion>,
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
+    kinds: Kinds,
+}
+
+/// Reasons of the same kind: their numbers differ from frame to frame, and the first one's stand for all.
+#[derive(Default)]
+struct Kinds(HashMap<String, String>);
+
+impl Kinds {
+    fn count(&mut self, counts: &mut BTreeMap<String, u64>, words: &str) {
+        let kind = words.chars().filter(|c| !c.is_ascii_digit()).collect();
+        let first = self.0.entry(kind).or_insert_with(|| words.to_owned());
+        *counts.entry(first.clone()).or_default() += 1;
+    }
 }
 
 /// A frame's stripe, and its pose fitted ahead.
@@ -499,8 +515,7 @@ impl Replay<'_> {
                 .join("; "),
             RunPose::None(fault) => fault.to_string(),
         };
-        let reason: String = why.chars().filter(|c| !c.is_ascii_digit()).collect();
-        *self.report.without_pose.entry(reason).or_default() += 1;
+        self.kinds.count(&mut self.report.without_pose, &why);
         Ok(())
     }
 
@@ -523,15 +538,10 @@ impl Replay<'_> {
         if profile.fault.is_empty() {
             report.with_stripe += 1;
         } else {
-            // Numbers differ from frame to frame; the words before the first colon-and-number group them.
-            let reason = profile
-                .fault
-                .split(['(', ';'])
-                .next()
-                .unwrap_or_default()
-                .trim();
-            let reason: String = reason.chars().filter(|c| !c.is_ascii_digit()).collect();
-            *report.without_stripe.entry(reason).or_default() += 1;
+            // Frames without a stripe are few: reading one again to know why costs nothing that counts.
+            let unread = frame.meta.fault.is_none() && frame.to_grey().is_err();
+            report.undecodable += u64::from(unread);
+            self.kinds.count(&mut report.without_stripe, &profile.fault);
         }
         let key = (stamp_ns, profile.sequence);
         let bytes = fingerprint(profile);

@@ -147,7 +147,9 @@ pub enum MapError {
         source: std::io::Error,
     },
     /// TOML or its keys.
-    #[error("{file}: {source}")]
+    #[error(
+        "{file}: {source}\nhydroline import --help shows a map; mend the line, or give another --map"
+    )]
     Toml {
         /// File.
         file: String,

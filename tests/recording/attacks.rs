@@ -52,18 +52,13 @@ fn ours(name: &str) -> PathBuf {
 
 /// A simulated run without images, of the built-in rig or of a rig file.
 fn simulated(dir: &Path, name: &str, rig: &str) -> String {
+    simulated_by(dir, name, rig, "surge-4n")
+}
+
+fn simulated_by(dir: &Path, name: &str, rig: &str, plan: &str) -> String {
     let log = path(dir, name);
-    let line = [
-        "simulate",
-        "--rig",
-        rig,
-        "--plan",
-        "surge-4n",
-        "--motion-only",
-        "--out",
-        &log,
-    ];
-    let output = bounded(&line);
+    let words_of = format!("simulate --rig {rig} --plan {plan} --motion-only --out {log}");
+    let output = bounded(&words_of.split(' ').collect::<Vec<_>>());
     assert!(output.status.success(), "{}", words(&output));
     log
 }

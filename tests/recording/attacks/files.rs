@@ -1,7 +1,7 @@
 //! Results that are files or streams: lost, cut, in the place of something else; inputs without an end; another
 //! vehicle's logs.
 
-use super::{bounded, path, simulated, words};
+use super::{bounded, path, simulated, simulated_by, words};
 use crate::support::hydroline;
 use std::os::unix::fs::symlink;
 use std::process::Stdio;
@@ -141,7 +141,7 @@ fn mixed_vehicles_are_fitted_as_one() {
     assert_ne!(heavier, text);
     let rig = path(dir.path(), "heavy.toml");
     std::fs::write(&rig, heavier).unwrap();
-    let other = simulated(dir.path(), "other.mcap", &rig);
+    let other = simulated_by(dir.path(), "other.mcap", &rig, "surge-8n");
     for command in ["identify", "diagnose"] {
         let line = [command, &own, &other, "--rig", "lshpi"];
         let output = bounded(&line);

@@ -78,7 +78,10 @@ fn image_geometry_unchecked() {
     ] {
         let output = bounded(&line);
         let said = words(&output);
-        assert!(matches!(output.status.code(), Some(1..=3)), "{said}");
+        assert!(
+            matches!(output.status.code(), Some(1 | 3)),
+            "{line:?}: {said}"
+        );
         assert!(!said.contains("panicked"), "{said}");
     }
 }
