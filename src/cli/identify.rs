@@ -303,7 +303,7 @@ fn report(args: &Args, result: &Identification) -> Result<(), CliError> {
     };
     let path = dir.join("identify.html");
     let command = std::env::args().collect::<Vec<_>>().join(" ");
-    std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
+    std::fs::create_dir_all(dir).map_err(|e| CliError::writing(&path, &e))?;
     args.output.write(&path, html(result, &command))?;
     errln!("{}", path.display());
     Ok(())

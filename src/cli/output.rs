@@ -74,9 +74,9 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        // A name of its own, not one made of the result's: that may be as long as a name can be.
         let mut part = tempfile::Builder::new()
-            .prefix(&format!(".{name}."))
+            .prefix(".hydroline-")
             .suffix(".part")
             // As any new file: what the umask leaves.
             .permissions(Permissions::from_mode(0o666))
