@@ -146,19 +146,12 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
-/// What keeps a replay from being a whole result: frames that nobody can read, or poses for fewer than half of them.
+/// What keeps a replay from being a whole result: frames that nobody can read.
 fn lacks(report: &Report) -> Option<String> {
-    if report.undecodable > 0 {
-        return Some(format!(
+    (report.undecodable > 0).then(|| {
+        format!(
             "{} of {} frames cannot be read and are lost; `hydroline doctor` says more",
             report.undecodable, report.frames
-        ));
-    }
-    let asked = report.poses > 0 || !report.without_pose.is_empty();
-    (asked && 2 * report.poses < report.frames).then(|| {
-        format!(
-            "only {} of {} frames have a pose, for the reasons above: look at some with `hydroline extract --annotate`",
-            report.poses, report.frames
         )
     })
 }
