@@ -14,11 +14,11 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Runs and returns stdout. A replay with poses for fewer than half of the frames ends in 3: of the rig as it is not.
+/// Runs and returns stdout.
 fn run(args: &[&str]) -> String {
     let output = hydroline().args(args).output().unwrap();
     assert!(
-        matches!(output.status.code(), Some(0 | 3)),
+        output.status.success(),
         "{args:?}: {}",
         String::from_utf8_lossy(&output.stderr)
     );

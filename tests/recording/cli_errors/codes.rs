@@ -402,13 +402,7 @@ fn lost_frames_are_the_doctors_finding_and_no_failure_of_what_reads_the_log() {
     }
     // Nothing is lost by reading what is there.
     assert_eq!(code("export", gap, Some("tables")).0, 0);
-    // These frames show no stripe: that is what the replay says, of both.
-    assert_eq!(code("replay", whole, Some("whole-replayed.mcap")).0, 3);
-    let (lossy, said) = code("replay", gap, Some("replayed.mcap"));
-    assert!(
-        lossy == 3 && said.contains("0 of 10 frames have a pose"),
-        "{said}"
-    );
+    assert_eq!(code("replay", gap, Some("replayed.mcap")).0, 0);
     // A cut log is the run's failure, and its cure is named.
     for (command, out) in [("export", "cut-tables"), ("replay", "cut-replayed.mcap")] {
         let (code, stderr) = code(command, cut, Some(out));
