@@ -92,13 +92,13 @@ fn supervision_on_the_wall_clock() {
         .unwrap();
     assert!(built.success());
     let (plan, log) = (path(dir.path(), "plan.toml"), path(dir.path(), "run.mcap"));
-    let ahead = "name = \"ahead\"\n[[step]]\nfor_s = 3.0\nwrench = { surge_n = 8.0 }\n";
+    let ahead = "name = \"ahead\"\n[[step]]\nfor_s = 6.0\nwrench = { surge_n = 8.0 }\n";
     std::fs::write(&plan, ahead).unwrap();
     let output = hydroline()
         .args(["record", "--rig", "lshpi", "--plan", &plan, "--out", &log])
         .envs([
             ("LD_PRELOAD", shim.as_str()),
-            ("AFTER_S", "3"),
+            ("AFTER_S", "2"),
             ("STEP_S", "10800"),
         ])
         .output()
