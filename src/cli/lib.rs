@@ -45,12 +45,14 @@ use std::process::ExitCode;
 
 pub use outcome::{CliError, Outcome, exit_code};
 
-/// The end of the program: what went wrong goes to stderr, unless stdout's failure was said there already.
+/// The end of the program: what went wrong goes to stderr, unless it is stdout's failure, which was said when it came.
 pub fn conclude(result: Result<Outcome, CliError>) -> ExitCode {
-    if let Err(error) = &result
-        && print::finish().is_ok()
-    {
-        print::errln!("hydroline: {error}");
+    if let Err(error) = &result {
+        let words = error.to_string();
+        let said = print::finish().is_err_and(|stdout| stdout.to_string() == words);
+        if !said {
+            print::errln!("hydroline: {words}");
+        }
     }
     exit_code(&result)
 }

@@ -342,3 +342,19 @@ fn a_reader_that_has_seen_enough_is_no_panic() {
         assert!(!stderr.contains("panicked"), "{args:?}: {stderr}");
     }
 }
+
+#[test]
+fn a_failed_run_whose_stdout_failed_too_says_both() {
+    let full = std::fs::File::options().write(true).open("/dev/full");
+    let output = hydroline()
+        .args(["check", "--rig", "bench-v4l"])
+        .stdout(full.unwrap())
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.contains("stdout: ") && stderr.contains("not ready"),
+        "{stderr}"
+    );
+}

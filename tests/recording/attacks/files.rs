@@ -6,17 +6,19 @@ use crate::support::hydroline;
 use std::os::unix::fs::symlink;
 use std::process::Stdio;
 
+/// A disk without room.
+fn full() -> std::fs::File {
+    let disk = std::fs::File::options().write(true).open("/dev/full");
+    disk.unwrap()
+}
+
 /// 6. A result on a full disk was lost with exit code 0.
 #[test]
 fn a_result_that_stdout_did_not_take() {
     let dir = tempfile::tempdir().unwrap();
     let log = simulated(dir.path(), "run.mcap", "lshpi");
     for line in [vec!["info", &log], vec!["rig", "list"], vec!["--help"]] {
-        let full = std::fs::File::options()
-            .write(true)
-            .open("/dev/full")
-            .unwrap();
-        let output = hydroline().args(&line).stdout(full).output().unwrap();
+        let output = hydroline().args(&line).stdout(full()).output().unwrap();
         let said = words(&output);
         assert_eq!(output.status.code(), Some(1), "{line:?}: {said}");
         assert!(said.contains("stdout"), "{line:?}: {said}");
@@ -31,11 +33,7 @@ fn words_that_stderr_did_not_take() {
     let log = simulated(dir.path(), "run.mcap", "lshpi");
     let (reader, closed) = std::io::pipe().unwrap();
     drop(reader);
-    let full = std::fs::File::options()
-        .write(true)
-        .open("/dev/full")
-        .unwrap();
-    for (i, stderr) in [Stdio::from(full), Stdio::from(closed)]
+    for (i, stderr) in [Stdio::from(full()), Stdio::from(closed)]
         .into_iter()
         .enumerate()
     {

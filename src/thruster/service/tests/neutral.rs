@@ -174,24 +174,34 @@ fn a_controller_that_talks_but_never_confirms_is_not_trusted() {
     assert!(b.running());
 }
 
+/// One pulse goes up and one down with the time: a controller that stands still is soon found out.
+fn rising(t_s: f64) -> PlannedLoad {
+    PlannedLoad {
+        thrust_n: vec![10.0 + t_s, 10.0 - t_s],
+        pulses_us: None,
+        plan_step: 1,
+    }
+}
+
+/// The controller acknowledges set-points, and its outputs follow them or not.
+fn stick(b: &Bench, stuck: bool) {
+    b.cable.with(|c| {
+        c.set_faults(Faults {
+            stuck,
+            ..Faults::default()
+        })
+    });
+}
+
 #[test]
 fn a_controller_that_contradicts_stops_the_plan() {
     for kind in KINDS {
         let mut b = bench(kind, |_| {});
-        b.plan(60.0, |t_s| PlannedLoad {
-            thrust_n: vec![10.0 + t_s, 10.0 - t_s],
-            pulses_us: None,
-            plan_step: 1,
-        });
+        b.plan(60.0, rising);
         b.run_ms(500);
         assert!(b.events("thruster.echo_mismatch").is_empty(), "{kind:?}");
         let stuck_ns = b.clock.triple().realtime_ns;
-        b.cable.with(|c| {
-            c.set_faults(Faults {
-                stuck: true,
-                ..Faults::default()
-            })
-        });
+        stick(&b, true);
         b.run_ms(2000);
         let said = |kind: &str, name: &str| {
             let event = &b.events(kind)[0];
@@ -234,19 +244,10 @@ fn a_controller_that_contradicts_stops_the_plan() {
 fn a_few_wrong_echoes_stop_nothing() {
     for kind in KINDS {
         let mut b = bench(kind, |_| {});
-        b.plan(60.0, |t_s| PlannedLoad {
-            thrust_n: vec![10.0 + t_s, 10.0 - t_s],
-            pulses_us: None,
-            plan_step: 1,
-        });
+        b.plan(60.0, rising);
         b.run_ms(500);
         for stuck in [true, false, true, false] {
-            b.cable.with(|c| {
-                c.set_faults(Faults {
-                    stuck,
-                    ..Faults::default()
-                })
-            });
+            stick(&b, stuck);
             b.run_ms(200);
         }
         assert!(!b.events("thruster.echo_mismatch").is_empty(), "{kind:?}");
