@@ -9,6 +9,7 @@ use crate::support::hydroline;
 use hydroline::log::{LogMessage, LogReader, Record};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 
 /// Frames per second of the built-in rig: every 40 ms one falls due.
@@ -205,9 +206,30 @@ fn kill_9_of_the_daemon_costs_at_most_three_frames_and_the_last_command() {
     kill_and_judge(3, 0x1234_5678_9ABC);
 }
 
-/// `cargo test -p hydroline --test record_kill -- --ignored --nocapture`
+/// `cargo test --workspace --test recording record_kill -- --ignored --nocapture`
 #[test]
 #[ignore = "20 kills take most of a minute"]
 fn kill_9_of_the_daemon_twenty_times() {
     kill_and_judge(20, 0xFEED_5EED);
+}
+
+#[test]
+#[ignore = "20 kills take most of a minute"]
+fn kill_9_of_the_daemon_twenty_times_under_four_busy_loops() {
+    let ended = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                while !ended.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        // The loops end also when the verdict is a panic.
+        let verdict = std::panic::catch_unwind(|| kill_and_judge(20, 0xB055_1E55));
+        ended.store(true, Ordering::Relaxed);
+        if let Err(panic) = verdict {
+            std::panic::resume_unwind(panic);
+        }
+    });
 }

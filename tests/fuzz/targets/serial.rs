@@ -6,7 +6,13 @@ use hydroline::thruster::maestro::{CommandParser, Request, Responses};
 use hydroline::thruster::stamped::{ControllerMessage, Deframer, HostMessage};
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| {
+#[path = "support/memory.rs"]
+mod memory;
+use memory::bounded;
+
+fuzz_target!(|bytes: &[u8]| bounded(bytes.len(), 1 << 16, 64, || serial(bytes)));
+
+fn serial(bytes: &[u8]) {
     let mut deframer = Deframer::default();
     for &byte in bytes {
         if let Some(Ok(payload)) = deframer.feed(byte) {
@@ -35,7 +41,7 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = responses.feed(byte, now_ns);
         let _ = responses.tick(now_ns + u64::from(byte) * 1_000_000);
     }
-});
+}
 
 /// The payload in one frame.
 fn back(framed: &[u8]) -> Vec<u8> {
