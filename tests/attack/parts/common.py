@@ -24,6 +24,8 @@ except ModuleNotFoundError as missing:
 
 MAGIC = b"\x89MCAP0\r\n"
 METADATA, CHUNK = 0x0C, 0x06
+# Exit code of what did not end.
+NEVER = -1000
 # Longest that any single answer may take.
 PATIENCE_S = 60
 
@@ -53,7 +55,10 @@ class Bench:
         line = [str(self.binary), *map(str, words)]
         if shell:
             line = ["bash", "-c", f'{shell}; exec "$@"', "bash", *line]
-        done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True, env=self.env(env), timeout=patience_s)
+        try:
+            done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True, env=self.env(env), timeout=patience_s)
+        except subprocess.TimeoutExpired:
+            return Ran(NEVER, f"not ended after {patience_s:g} s")
         return Ran(done.returncode, (done.stdout + done.stderr).decode(errors="replace"))
 
     def start(self, *words: object, env: dict[str, str] | None = None) -> subprocess.Popen[bytes]:
