@@ -77,7 +77,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     for part in args.logs.iter().chain(&args.hold_out) {
         inputs::readable_file(&part.path, "name a log (.mcap) that can be read")?;
         if !args.other_rig {
-            check_vehicle(&part.path, &rig)?;
+            for words in check_vehicle(&part.path, &rig)? {
+                errln!("hydroline: {words}");
+            }
         }
     }
     let bar = progress::bar(0, "diagnosing");

@@ -352,7 +352,9 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
 fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
     if !args.other_rig {
         for log in args.logs.iter().chain(&args.still) {
-            check_vehicle(log, rig)?;
+            for words in check_vehicle(log, rig)? {
+                errln!("hydroline: {words}");
+            }
         }
     }
     let (mut runs, mut whole): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());

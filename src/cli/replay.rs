@@ -29,7 +29,7 @@ Examples:
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
-same rig and settings.")]
+same rig and settings, frames cannot be read, or the log's own rig, calibration or session are damaged.")]
 pub struct Args {
     /// Logs with images
     #[arg(required = true, value_name = "LOG")]
@@ -134,6 +134,19 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             );
             outcome = Outcome::Lossy;
         }
+        for (name, words) in &report.damaged_metadata {
+            // What is given in its place was not used.
+            let replaced =
+                name == "rig" && rig.is_some() || name == "calibration" && calibration.is_some();
+            if replaced {
+                continue;
+            }
+            errln!(
+                "hydroline: {}: {words}: give --rig and --calibration from their files",
+                log.display()
+            );
+            outcome = Outcome::Lossy;
+        }
         if let Some(words) = lacks(&report) {
             errln!("hydroline: {}: {words}", log.display());
             outcome = Outcome::Lossy;
@@ -183,15 +196,25 @@ fn options(
     given: Option<&Calibration>,
 ) -> Result<(Options, bool), CliError> {
     let reader = LogReader::open(log)?;
+    // What does not read may be damage, not somebody's mistake.
+    let damaged: Vec<_> = reader
+        .seal_findings()
+        .into_iter()
+        .filter(|f| f.damaged())
+        .collect();
+    let named = |what: &str| {
+        let finding = damaged.iter().find(|f| f.name == what);
+        let words = finding.map_or_else(String::new, |f| {
+            format!(" ({f}: give --{what} from its file)")
+        });
+        format!("{what} in {}{words}", log.display())
+    };
     let own = match rig {
         Some(_) => None,
-        None => {
-            let name = format!("rig in {}", log.display());
-            reader
-                .rig_toml()
-                .map(|text| Rig::from_toml(text, &name, None))
-                .transpose()?
-        }
+        None => reader
+            .rig_toml()
+            .map(|text| Rig::from_toml(text, &named("rig"), None))
+            .transpose()?,
     };
     // A replay's profiles were not extracted live, and with settings of their own.
     let is_replay = reader
@@ -202,7 +225,7 @@ fn options(
     let rig = rig.or(own.as_ref());
     let logged = reader
         .calibration_toml()
-        .map(|text| Calibration::from_toml(text, &format!("calibration in {}", log.display())))
+        .map(|text| Calibration::from_toml(text, &named("calibration")))
         .transpose()?;
     let calibration = in_force(log, rig, logged.as_ref(), given);
     let run = args

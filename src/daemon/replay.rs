@@ -17,8 +17,8 @@ use hydroline_log::messages::{
     unix_ns,
 };
 use hydroline_log::{
-    Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader, MetadataMap, Record,
-    SummaryInput, WriteSettings,
+    DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader,
+    MetadataMap, Record, SummaryInput, WriteSettings,
 };
 use hydroline_pose::joint::Ahead;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
@@ -79,6 +79,8 @@ pub struct Report {
     pub with_stripe: u64,
     /// Of these, frames that the camera delivered and nobody can read: of the wrong size, or no image.
     pub undecodable: u64,
+    /// Metadata of the log that is not as it was written, by name, in words.
+    pub damaged_metadata: BTreeMap<String, String>,
     /// Frames excluded or without a stripe, by reason; the numbers in it are those of the first of its kind.
     pub without_stripe: BTreeMap<String, u64>,
     /// Stripe points found.
@@ -182,7 +184,11 @@ pub fn replay(
         });
     }
     let reader = LogReader::open(log)?;
-    let mut report = Report::default();
+    let damaged = reader.seal_findings().into_iter().filter(|f| f.damaged());
+    let mut report = Report {
+        damaged_metadata: damaged.map(|f| (f.name.clone(), f.to_string())).collect(),
+        ..Report::default()
+    };
     let mut poses = options.poses.clone();
     if let Some((wanted, run)) = options.refine.zip(options.poses.as_ref()) {
         let (run, refined) = refined::refined(log, options, run, wanted)?;
@@ -260,12 +266,23 @@ fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
             .unwrap_or_default(),
     );
     // A new log seals what it was given: what the old one could not vouch for stays said.
+    let own_rig = toml("rig");
+    let replaced = |name: &str| match name {
+        "rig" => options.rig_toml.is_some() && options.rig_toml != own_rig,
+        "calibration" => options.calibration.is_some(),
+        _ => false,
+    };
     for finding in reader.seal_findings() {
         tracing::warn!("{}: {finding}", log.display());
-        session.insert(
-            format!("replay.metadata.{}", finding.name),
-            finding.to_string(),
-        );
+        if replaced(&finding.name) {
+            continue;
+        }
+        let key = if finding.damaged() {
+            DAMAGED_KEY
+        } else {
+            "replay.unverifiable."
+        };
+        session.insert(format!("{key}{}", finding.name), finding.to_string());
     }
     session.extend(options.build.session_keys("replay."));
     Head {

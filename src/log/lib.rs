@@ -48,7 +48,7 @@ pub use policy::Limits;
 pub use reader::{LogMessage, LogReader, Record};
 pub use recorder::{Recorder, WeakRecorder};
 pub use records::{EXPANSION_MAX, LIMIT_BYTES};
-pub use seal::{SealFinding, SealState};
+pub use seal::{DAMAGED_KEY, SealFinding, SealState};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use sink::{FileSink, LogSink, NameLost, free_bytes};
 pub use space::{bytes_per_frame, bytes_per_s, writable_folder};

@@ -82,6 +82,16 @@ pub struct SealFinding {
     pub state: SealState,
 }
 
+/// How the session of a replayed log names metadata of the original that was damaged: this and the metadata's name.
+pub const DAMAGED_KEY: &str = "replay.metadata.";
+
+impl SealFinding {
+    /// Whether it is not as it was written; without a digest nothing is known.
+    pub fn damaged(&self) -> bool {
+        matches!(self.state, SealState::Altered | SealState::Missing)
+    }
+}
+
 impl fmt::Display for SealFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = &self.name;

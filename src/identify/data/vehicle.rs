@@ -50,20 +50,25 @@ pub fn differences(log: &Rig, rig: &Rig) -> Vec<String> {
 
 /// Refuses a log whose own rig is another vehicle. A log that carries no rig, or one that this version does not read,
 /// is taken at the word of whoever names `rig` for it.
+/// Returned is what of the log's metadata is damaged, in words.
 ///
 /// # Errors
 /// [`LoadError::OtherVehicle`]; [`LoadError::Log`] when the log cannot be read.
-pub fn check_vehicle(path: &Path, rig: &Rig) -> Result<(), LoadError> {
+pub fn check_vehicle(path: &Path, rig: &Rig) -> Result<Vec<String>, LoadError> {
     let log = LogReader::open(path)?;
+    let damaged = log.seal_findings().into_iter().filter(|f| f.damaged());
+    let damaged = damaged
+        .map(|f| format!("{}: {f}", path.display()))
+        .collect();
     let own = log
         .rig_toml()
         .map(|text| Rig::from_toml(text, "the log's rig", None));
     let Some(Ok(own)) = own else {
-        return Ok(());
+        return Ok(damaged);
     };
     let differences = differences(&own, rig);
     if differences.is_empty() {
-        return Ok(());
+        return Ok(damaged);
     }
     Err(LoadError::OtherVehicle {
         log: path.display().to_string(),

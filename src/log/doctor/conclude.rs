@@ -4,7 +4,7 @@ use super::checks::{BRACKET_NS, Checks};
 use super::{Finding, Grade};
 use crate::part::MetadataMap;
 use crate::scan::Learnt;
-use crate::seal::SealState;
+use crate::seal::{DAMAGED_KEY, SealState};
 
 fn is_recovered(summary: &MetadataMap) -> bool {
     summary.get("recovered").is_some_and(|v| v == "true")
@@ -118,6 +118,16 @@ impl Checks {
                 ),
             };
             self.add(grade, "metadata", None, finding.to_string(), next);
+        }
+        let session = learnt.metadata.get("session").into_iter().flatten();
+        for (_, words) in session.filter(|(key, _)| key.starts_with(DAMAGED_KEY)) {
+            self.add(
+                Grade::Error,
+                "metadata",
+                None,
+                format!("replayed from a log in which {words}"),
+                "replay the original again with --rig and --calibration from their files",
+            );
         }
         match learnt.metadata.get("summary") {
             Some(summary) => self.ledger(summary),

@@ -1,4 +1,5 @@
-// A bad disk for files whose name holds `run.mcap`: DISK_FAULT says which, from DISK_AFTER bytes on.
+// A bad disk for files whose name holds `run.mcap`: DISK_FAULT says which, from DISK_AFTER bytes on, DISK_STALL_S how long a
+// stall is. A fault that came makes the file DISK_MARK.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -21,6 +22,13 @@ static int ours(int fd) {
   return strstr(name, "run.mcap") != NULL;
 }
 
+static void came(void) {
+  const char *mark = getenv("DISK_MARK");
+  if (mark) { FILE *f = fopen(mark, "w"); if (f) fclose(f); }
+}
+
+static double stall_s(void) { const char *s = getenv("DISK_STALL_S"); return s ? atof(s) : 2.0; }
+
 static void nap(double s) {
   struct timespec t = {(time_t)s, (long)((s - (time_t)s) * 1e9)};
   nanosleep(&t, NULL);
@@ -31,7 +39,8 @@ static ssize_t judged(int fd, const void *data, size_t n, off_t at, ssize_t (*pl
   static long written, stalled, failed;
   if (!ours(fd)) return plain(fd, data, n, at);
   const char *f = fault();
-  if (written >= after()) {
+  if (written >= after() && *f && strncmp(f, "sync", 4) != 0) {
+    came();
     if (!strcmp(f, "eio")) { errno = EIO; return -1; }
     if (!strcmp(f, "enospc")) { errno = ENOSPC; return -1; }
     if (!strcmp(f, "edquot")) { errno = EDQUOT; return -1; }
@@ -41,7 +50,7 @@ static ssize_t judged(int fd, const void *data, size_t n, off_t at, ssize_t (*pl
     if (!strcmp(f, "half") && n > 1) n /= 2;
     if (!strcmp(f, "one") && n > 4096) n = 1 + n % 4096;
     if (!strcmp(f, "eintr") && turns++ % 3 == 0) { errno = EINTR; return -1; }
-    if (!strcmp(f, "stall") && !stalled) { stalled = 1; nap(2.0); }
+    if (!strcmp(f, "stall") && !stalled) { stalled = 1; nap(stall_s()); }
     if (!strcmp(f, "zero") && !failed) { failed = 1; return 0; }
   }
   ssize_t done = plain(fd, data, n, at);
@@ -66,7 +75,8 @@ ssize_t pwrite(int fd, const void *data, size_t n, off_t at) { return judged(fd,
 
 static int synced(int fd, const char *name) {
   int (*real)(int) = dlsym(RTLD_NEXT, name);
-  if (ours(fd)) {
+  if (ours(fd) && strncmp(fault(), "sync", 4) == 0) {
+    came();
     if (!strcmp(fault(), "sync-eio")) { errno = EIO; return -1; }
     if (!strcmp(fault(), "sync-stall")) nap(1.0);
   }

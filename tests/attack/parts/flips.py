@@ -10,6 +10,8 @@ def run(bench: Bench) -> None:
     rng = bench.rng("flips")
     whole = bench.recorded()
     data = whole.read_bytes()
+    if bench.run("doctor", whole).code != 0:
+        raise SystemExit("the doctor finds fault with the log as it was recorded: nothing can be told by it")
     before = content(whole)
     log = bench.folder / "flipped.mcap"
     said: collections.Counter[str] = collections.Counter()

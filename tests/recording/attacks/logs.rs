@@ -36,6 +36,26 @@ fn metadata_without_checksum() {
         assert_eq!(output.status.code(), Some(3), "{said}");
         assert!(said.contains("`rig`"), "{said}");
     }
+    // What was recovered of a run with images is replayed: that says so too, and so does the doctor of what it wrote.
+    let [recorded, recovered, replayed] =
+        ["recorded", "recovered", "replayed"].map(|name| path(dir.path(), &format!("{name}.mcap")));
+    let words_of = format!("record --rig lshpi --for 1s --no-thrusters --out {recorded}");
+    let output = bounded(&words_of.split(' ').collect::<Vec<_>>());
+    assert!(output.status.success(), "{}", words(&output));
+    let mut bytes = std::fs::read(&recorded).unwrap();
+    flip(&mut bytes, b"mass_kg = ", 0);
+    bytes.truncate(bytes.len() - 3000);
+    std::fs::write(&recorded, bytes).unwrap();
+    for line in [
+        vec!["recover", &recorded, "--out", &recovered],
+        vec!["replay", &recovered, "--out", &replayed],
+        vec!["doctor", &replayed],
+    ] {
+        let output = bounded(&line);
+        let said = words(&output);
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains("`rig`"), "{said}");
+    }
 }
 
 /// 7. A second log behind the first one's end was passed over without a word.

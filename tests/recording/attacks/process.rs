@@ -143,6 +143,61 @@ fn deaths_without_neutral() {
     }
 }
 
+/// 12. The service manager's watchdog was fed every second although the log's writer stood still.
+#[test]
+fn a_watchdog_fed_while_the_writer_stands() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let shim = path(dir.path(), "disk.so");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/attack/parts/disk.c");
+    let built = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o", &shim])
+        .arg(source)
+        .arg("-ldl")
+        .status()
+        .unwrap();
+    assert!(built.success());
+    let (socket_path, log) = (path(dir.path(), "notify"), path(dir.path(), "run.mcap"));
+    let socket = std::os::unix::net::UnixDatagram::bind(&socket_path).unwrap();
+    socket
+        .set_read_timeout(Some(Duration::from_millis(200)))
+        .unwrap();
+    let mut child = hydroline()
+        .args(["record", "--rig", "lshpi", "--no-thrusters", "--for", "10s"])
+        .args(["--out", &log])
+        .envs([
+            ("NOTIFY_SOCKET", socket_path.as_str()),
+            ("LD_PRELOAD", shim.as_str()),
+            ("DISK_FAULT", "stall"),
+            ("DISK_AFTER", "8000000"),
+            ("DISK_STALL_S", "5"),
+        ])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut fed = Vec::new();
+    let mut bytes = [0; 256];
+    while child.try_wait().unwrap().is_none() {
+        if let Ok(n) = socket.recv(&mut bytes) {
+            if bytes[..n].windows(10).any(|w| w == b"WATCHDOG=1") {
+                fed.push(std::time::Instant::now());
+            }
+        }
+    }
+    let gaps_s: Vec<f64> = fed
+        .windows(2)
+        .map(|w| (w[1] - w[0]).as_secs_f64())
+        .collect();
+    let widest_s = gaps_s.iter().copied().fold(0.0, f64::max);
+    // Every second while all goes on; not while the disk takes nothing for five.
+    assert!(
+        gaps_s.iter().filter(|s| **s < 1.5).count() >= 2,
+        "{gaps_s:?}"
+    );
+    assert!(widest_s > 3.5, "{gaps_s:?}");
+}
+
 /// 11. A limit on a file's size (`ulimit -f`) killed it with SIGXFSZ.
 #[test]
 fn a_limit_on_the_size_of_a_file() {
