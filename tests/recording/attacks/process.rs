@@ -179,10 +179,10 @@ fn a_watchdog_fed_while_the_writer_stands() {
     let mut fed = Vec::new();
     let mut bytes = [0; 256];
     while child.try_wait().unwrap().is_none() {
-        if let Ok(n) = socket.recv(&mut bytes) {
-            if bytes[..n].windows(10).any(|w| w == b"WATCHDOG=1") {
-                fed.push(std::time::Instant::now());
-            }
+        if let Ok(n) = socket.recv(&mut bytes)
+            && bytes[..n].windows(10).any(|w| w == b"WATCHDOG=1")
+        {
+            fed.push(std::time::Instant::now());
         }
     }
     let gaps_s: Vec<f64> = fed
