@@ -10,17 +10,9 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-try:
-    from mcap.reader import NonSeekingReader
-except ModuleNotFoundError as missing:
-    python = os.environ.get("HYDROLINE_PYTHON")
-    if python and Path(python).exists() and os.path.abspath(python) != os.path.abspath(sys.executable):
-        # The interpreter that tests/setup has made.
-        os.execv(python, [python, *sys.argv])
-    raise SystemExit(
-        f"{missing.name} is missing in {sys.executable}: run `tests/setup --tests`, then start this with "
-        "HYDROLINE_PYTHON=target/python/bin/python"
-    ) from None
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+import mcap_package  # noqa: E402, F401
+from mcap.reader import NonSeekingReader  # noqa: E402
 
 MAGIC = b"\x89MCAP0\r\n"
 METADATA, CHUNK = 0x0C, 0x06

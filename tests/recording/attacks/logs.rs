@@ -14,6 +14,16 @@ fn flip(bytes: &mut [u8], before: &[u8], by: usize) {
     bytes[at + before.len() + by] ^= 1;
 }
 
+/// Each command ends with 3 and names the damaged rig.
+fn say_of_the_rig(lines: &[Vec<&str>]) {
+    for line in lines {
+        let output = bounded(line);
+        let said = words(&output);
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains("`rig`"), "{said}");
+    }
+}
+
 /// 1. A digit of the rig's mass in a log that was killed: recover, doctor and replay took it for sound.
 #[test]
 fn metadata_without_checksum() {
@@ -27,15 +37,10 @@ fn metadata_without_checksum() {
         path(dir.path(), "mended.mcap"),
     );
     std::fs::write(&killed, bytes).unwrap();
-    for line in [
+    say_of_the_rig(&[
         vec!["recover", &killed, "--out", &mended],
         vec!["doctor", &killed],
-    ] {
-        let output = bounded(&line);
-        let said = words(&output);
-        assert_eq!(output.status.code(), Some(3), "{said}");
-        assert!(said.contains("`rig`"), "{said}");
-    }
+    ]);
     // What was recovered of a run with images is replayed: that says so too, and so does the doctor of what it wrote.
     let [recorded, recovered, replayed] =
         ["recorded", "recovered", "replayed"].map(|name| path(dir.path(), &format!("{name}.mcap")));
@@ -46,16 +51,11 @@ fn metadata_without_checksum() {
     flip(&mut bytes, b"mass_kg = ", 0);
     bytes.truncate(bytes.len() - 3000);
     std::fs::write(&recorded, bytes).unwrap();
-    for line in [
+    say_of_the_rig(&[
         vec!["recover", &recorded, "--out", &recovered],
         vec!["replay", &recovered, "--out", &replayed],
         vec!["doctor", &replayed],
-    ] {
-        let output = bounded(&line);
-        let said = words(&output);
-        assert_eq!(output.status.code(), Some(3), "{said}");
-        assert!(said.contains("`rig`"), "{said}");
-    }
+    ]);
 }
 
 /// 7. A second log behind the first one's end was passed over without a word.

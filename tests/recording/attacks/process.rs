@@ -60,37 +60,26 @@ fn a_recording_in_the_background_of_a_shell() {
     );
 }
 
-/// Preloaded, it sets CLOCK_REALTIME by STEP_S once AFTER_S have gone by.
-const SHIM: &str = "
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <stdlib.h>
-#include <time.h>
-int clock_gettime(clockid_t id, struct timespec *t) {
-  static int (*real)(clockid_t, struct timespec *);
-  static double began;
-  if (!real) real = dlsym(RTLD_NEXT, \"clock_gettime\");
-  struct timespec m;
-  real(CLOCK_MONOTONIC, &m);
-  double now = m.tv_sec + 1e-9 * m.tv_nsec;
-  if (began == 0) began = now;
-  int r = real(id, t);
-  if (id == CLOCK_REALTIME && now - began > atof(getenv(\"AFTER_S\"))) t->tv_sec += atol(getenv(\"STEP_S\"));
-  return r;
-}";
+/// A library of `tests/attack/parts` to preload, built.
+fn shim(dir: &Path, source: &str) -> String {
+    let shim = path(dir, "shim.so");
+    let parts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/attack/parts");
+    let built = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o", &shim])
+        .arg(parts.join(source))
+        .arg("-ldl")
+        .status()
+        .unwrap();
+    assert!(built.success());
+    shim
+}
 
 /// 4. The first NTP contact, three hours ahead, aborted the plan: \"x = 1075 m\".
 #[test]
 fn supervision_on_the_wall_clock() {
     let _alone = crate::support::alone();
     let dir = tempfile::tempdir().unwrap();
-    let (source, shim) = (path(dir.path(), "shim.c"), path(dir.path(), "shim.so"));
-    std::fs::write(&source, SHIM).unwrap();
-    let built = Command::new("cc")
-        .args(["-shared", "-fPIC", "-o", &shim, &source, "-ldl"])
-        .status()
-        .unwrap();
-    assert!(built.success());
+    let shim = shim(dir.path(), "clock.c");
     let (plan, log) = (path(dir.path(), "plan.toml"), path(dir.path(), "run.mcap"));
     let ahead = "name = \"ahead\"\n[[step]]\nfor_s = 6.0\nwrench = { surge_n = 8.0 }\n";
     std::fs::write(&plan, ahead).unwrap();
@@ -148,15 +137,7 @@ fn deaths_without_neutral() {
 fn a_watchdog_fed_while_the_writer_stands() {
     let _alone = crate::support::alone();
     let dir = tempfile::tempdir().unwrap();
-    let shim = path(dir.path(), "disk.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/attack/parts/disk.c");
-    let built = Command::new("cc")
-        .args(["-shared", "-fPIC", "-o", &shim])
-        .arg(source)
-        .arg("-ldl")
-        .status()
-        .unwrap();
-    assert!(built.success());
+    let shim = shim(dir.path(), "disk.c");
     let (socket_path, log) = (path(dir.path(), "notify"), path(dir.path(), "run.mcap"));
     let socket = std::os::unix::net::UnixDatagram::bind(&socket_path).unwrap();
     socket

@@ -1,25 +1,16 @@
 """Logs as other software reads and writes them (the `mcap` package): digests by topic, and logs put together from two."""
 from __future__ import annotations
 
-import os
 import sys
 import zlib
 from pathlib import Path
 
 from .cases import SampleError
 
-try:
-    from mcap.reader import make_reader
-    from mcap.writer import CompressionType, Writer
-except ModuleNotFoundError as missing:
-    python = os.environ.get("HYDROLINE_PYTHON")
-    if python and Path(python).exists() and os.path.abspath(python) != os.path.abspath(sys.executable):
-        # The interpreter that tests/setup has made.
-        os.execv(python, [python, *sys.argv])
-    raise SystemExit(
-        f"{missing.name} is missing in {sys.executable}: run `tests/setup --tests`, then start this with "
-        "HYDROLINE_PYTHON=target/python/bin/python"
-    ) from None
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+import mcap_package  # noqa: E402, F401
+from mcap.reader import make_reader  # noqa: E402
+from mcap.writer import CompressionType, Writer  # noqa: E402
 
 
 def digest(log: Path) -> dict[str, str]:
