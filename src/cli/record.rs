@@ -41,8 +41,8 @@ Examples:
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
-recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost or \
-the disk filled up.")]
+recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost, \
+the disk filled up, or fewer than half of the frames looked at have a pose.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -322,7 +322,20 @@ fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
 }
 
 fn lossy(report: &Report, before: Outcome) -> Outcome {
-    if report.lost_anything() {
+    // While it searches for a board, the board stands where the target would.
+    let searched = report.calibration.is_some();
+    let few = report.poses.as_ref().filter(|p| !searched && p.few());
+    if let Some(poses) = few {
+        let most = poses.none.iter().max_by_key(|(_, n)| **n);
+        let why = most.filter(|(_, n)| **n >= poses.doubtful);
+        errln!(
+            "hydroline: only {} of {} frames looked at have a pose; most often: {}",
+            poses.fitted + poses.opening,
+            poses.looked_at(),
+            why.map_or("a pose that is not to be relied on", |(reason, _)| reason)
+        );
+    }
+    if report.lost_anything() || few.is_some() {
         Outcome::Lossy
     } else {
         before

@@ -10,6 +10,7 @@ use hydroline_calib::{Calibration, ImageSize};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_daemon::calibrate::medium;
 use hydroline_daemon::replay::{Options, RefineReport, Report, replay};
+use hydroline_daemon::response::ResponseReport;
 use hydroline_log::LogReader;
 use hydroline_pose::joint::refine::Wanted;
 use hydroline_pose::run::PoseRun;
@@ -29,7 +30,8 @@ Examples:
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
-same rig and settings, frames cannot be read, or the log's own rig, calibration or session are damaged.")]
+same rig and settings, frames cannot be read, fewer than half of them have a pose, or the log's own rig, calibration or \
+session are damaged.")]
 pub struct Args {
     /// Logs with images
     #[arg(required = true, value_name = "LOG")]
@@ -159,12 +161,24 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
-/// What keeps a replay from being a whole result: frames that nobody can read.
+/// What keeps a replay from being a whole result: frames that nobody can read, or that mostly have no pose.
 fn lacks(report: &Report) -> Option<String> {
-    (report.undecodable > 0).then(|| {
-        format!(
+    if report.undecodable > 0 {
+        return Some(format!(
             "{} of {} frames cannot be read and are lost; `hydroline doctor` says more",
             report.undecodable, report.frames
+        ));
+    }
+    let without: u64 = report.without_pose.values().sum();
+    // While it searched for a board, the board stood where the target would.
+    let mostly = without > report.poses && !report.calibrates;
+    mostly.then(|| {
+        let most = report.without_pose.iter().max_by_key(|(_, n)| **n);
+        format!(
+            "only {} of {} frames have a pose; most often: {}",
+            report.poses,
+            report.poses + without,
+            most.map_or("", |(reason, _)| reason.as_str())
         )
     })
 }
@@ -345,6 +359,32 @@ fn print_refined(refined: &RefineReport) {
     }
 }
 
+/// A gamma this near to one, about its sd where there is no curve, is not worth a word.
+const GAMMA_SILENT: f64 = 0.005;
+
+/// The camera's response, where it is worth a word.
+fn camera(response: &ResponseReport) -> Option<String> {
+    let [gamma, gamma_sd] = response.gamma;
+    let whose = match response.found_by {
+        "recording" => "as the recording found it",
+        _ => "found in this log",
+    };
+    if !response.known {
+        return Some(format!(
+            "the camera's response is unknown ({} of its first frames show the target): x, z and pitch are known \
+             accordingly; begin runs at rest over the target",
+            response.frames
+        ));
+    }
+    let worth = (gamma - 1.0).abs() > GAMMA_SILENT;
+    worth.then(|| {
+        format!(
+            "camera's response {whose}, {} frames: gamma {gamma:.3} (sd {gamma_sd:.3}), black level {:.1} (sd {:.1})",
+            response.frames, response.black_levels[0], response.black_levels[1]
+        )
+    })
+}
+
 fn print_report(log: &Path, out: &Path, report: &Report) {
     outln!("{} -> {}", log.display(), out.display());
     outln!(
@@ -379,6 +419,9 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
             s.doubted,
             s.chi2
         );
+    }
+    if let Some(words) = report.response.as_ref().and_then(camera) {
+        outln!("  {words}");
     }
     for (reason, n) in &report.without_pose {
         outln!("  {n} frames without a pose: {reason}");

@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod diagnostics;
 pub mod record;
 pub mod replay;
+pub mod response;
 pub mod signals;
 pub mod simulate;
 pub mod simulated;

@@ -23,6 +23,7 @@ pub use session::{SessionInput, head};
 pub use supervise::LEAD;
 
 use crate::calibrate::{self, message};
+use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
@@ -120,7 +121,7 @@ pub struct Report {
 }
 
 /// What became of the stripes that were offered to the pose's fit.
-#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
@@ -130,6 +131,22 @@ pub struct PoseCounts {
     pub none: BTreeMap<&'static str, u64>,
     /// A newer stripe came before there was time to fit them; `replay` fits every one.
     pub skipped: u64,
+    /// Frames of the opening with a pose, which found the camera's response: not in the log, `replay` fits them under it.
+    pub opening: u64,
+    /// The camera's response as the opening found it; `None` where the recording ended before that.
+    pub response: Option<Found>,
+}
+
+impl PoseCounts {
+    /// Frames that were fitted, with whatever came of it.
+    pub fn looked_at(&self) -> u64 {
+        self.fitted + self.opening + self.doubtful + self.none.values().sum::<u64>()
+    }
+
+    /// Whether fewer than half of the frames looked at have a pose.
+    pub fn few(&self) -> bool {
+        2 * (self.fitted + self.opening) < self.looked_at()
+    }
 }
 
 impl Report {
@@ -503,6 +520,10 @@ fn summary(
             put(&format!("poses.none.{reason}"), n.to_string());
         }
         put("poses.skipped", poses.skipped.to_string());
+        put("poses.opening", poses.opening.to_string());
+        for (key, value) in poses.response.iter().flat_map(Found::metadata) {
+            put(&key, value);
+        }
     }
     if let Some(stats) = thrusters {
         put("commands.sets", stats.sets.to_string());

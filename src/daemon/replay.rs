@@ -6,6 +6,7 @@
 
 use crate::analysis::Analyst;
 use crate::calibrate::message;
+use crate::response::{Found, ResponseReport};
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::build_info::BuildInfo;
@@ -13,7 +14,7 @@ use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self,
-    pb::{FrameInfo, StripeProfile, VehicleMotion},
+    pb::{FrameInfo, PlaneCalibration, StripeProfile, VehicleMotion},
     unix_ns,
 };
 use hydroline_log::{
@@ -34,6 +35,7 @@ use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+mod opening;
 mod refined;
 mod smoothed;
 
@@ -97,6 +99,10 @@ pub struct Report {
     pub poses: u64,
     /// Frames whose pose was left out, by reason; the numbers in it are those of the first of its kind.
     pub without_pose: BTreeMap<String, u64>,
+    /// A calibration was made while it was recorded: a board stands where the target would.
+    pub calibrates: bool,
+    /// The camera's response that the poses were fitted with.
+    pub response: Option<ResponseReport>,
     /// What the frames were found to share, where it was asked for.
     pub refined: Option<RefineReport>,
     /// What binding the frames did, where it was asked for.
@@ -190,10 +196,25 @@ pub fn replay(
         ..Report::default()
     };
     let mut poses = options.poses.clone();
-    if let Some((wanted, run)) = options.refine.zip(options.poses.as_ref()) {
+    let mut response = None;
+    if let Some(run) = &options.poses {
+        let (run, found, account) = opening::responding(log, options, run)?;
+        report.response = Some(account);
+        response = Some(found);
+        poses = Some(run);
+    }
+    if let Some((wanted, run)) = options.refine.zip(poses.as_ref()) {
         let (run, refined) = refined::refined(log, options, run, wanted)?;
         report.refined = Some(refined);
-        poses = Some(run);
+        let unknown = response.is_some_and(|found: Found| found.response.is_none());
+        poses = Some(if unknown {
+            // Frames that did not fit a sheet that is not the rig's fit the refined one.
+            let (run, found, account) = opening::found_again(log, options, &run)?;
+            (report.response, response) = (Some(account), Some(found));
+            run
+        } else {
+            run
+        });
     }
     let bound = match &options.smooth {
         Some(rig) => Some(smoothed::bound(log, options, poses.as_ref(), rig)?),
@@ -243,6 +264,9 @@ pub fn replay(
     summary
         .more
         .extend(refined.flat_map(RefineReport::metadata));
+    summary
+        .more
+        .extend(response.iter().flat_map(Found::metadata));
     for (topic, n) in &state.report.foreign {
         summary
             .more
@@ -340,6 +364,10 @@ impl Kinds {
         let first = self.0.entry(kind).or_insert_with(|| words.to_owned());
         *counts.entry(first.clone()).or_default() += 1;
     }
+}
+
+fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
+    !calibration.state.is_empty() && calibration.state != message::IN_FORCE
 }
 
 /// A frame's stripe, and its pose fitted ahead.
@@ -480,12 +508,16 @@ impl Replay<'_> {
             Record::Clock(clock) => Entry::clock(&clock),
             Record::Event(event) => Entry::event_message(&event),
             // What was in force while recording gives way to what is in force here; one in the making stays.
+            Record::PlaneCalibration(old) if is_in_the_making(&old) => {
+                self.report.calibrates = true;
+                Entry::plane_calibration(&old)
+            }
             Record::PlaneCalibration(old) => match &self.options.calibration {
-                Some(new) if old.state.is_empty() || old.state == message::IN_FORCE => {
+                Some(new) => {
                     let stamp_ns = old.timestamp.as_ref().map_or(0, unix_ns);
                     Entry::plane_calibration(&message::in_force(new, stamp_ns))
                 }
-                _ => Entry::plane_calibration(&old),
+                None => Entry::plane_calibration(&old),
             },
             Record::CameraCalibration(calibration) => Entry::camera_calibration(&calibration),
             Record::Pose(pose) => Entry::pose(&pose),
@@ -524,12 +556,7 @@ impl Replay<'_> {
                 self.still.motion(&motion);
                 return self.write_motion(log_ns, &motion);
             }
-            RunPose::Doubtful(fit) => fit
-                .caveats
-                .iter()
-                .map(ToString::to_string)
-                .collect::<Vec<_>>()
-                .join("; "),
+            RunPose::Doubtful(fit) => fit.reasons(),
             RunPose::None(fault) => fault.to_string(),
         };
         self.kinds.count(&mut self.report.without_pose, &why);

@@ -14,6 +14,7 @@
 use std::path::PathBuf;
 
 mod account;
+mod closing;
 pub mod doctor;
 mod entry;
 pub mod export;
@@ -41,6 +42,7 @@ mod unfinished;
 mod writer;
 
 pub use account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
+pub use closing::Closing;
 pub use entry::Entry;
 pub use file_recorder::FileRecorder;
 pub use part::{Encoding, MetadataMap};

@@ -46,6 +46,12 @@ pub(super) fn sealed(name: &str, mut map: MetadataMap) -> MetadataMap {
     map
 }
 
+/// Whether a map carries its digest and agrees with it.
+pub(super) fn holds(name: &str, map: &MetadataMap) -> bool {
+    map.get(KEY)
+        .is_some_and(|stated| *stated == digest(name, map))
+}
+
 /// Metadata of the first channel: the digests of the head's maps.
 pub(super) fn for_channel(head: &[(String, MetadataMap)]) -> MetadataMap {
     let digests = head.iter();

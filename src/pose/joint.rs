@@ -1,13 +1,16 @@
 //! All six degrees of freedom from one frame.
 //!
 //! The grey levels along the stripe are compared with [`super::photometric`]'s closed form under
-//! the pose, the brightness, the thickness of the sheet and the background, by Gauss–Newton with a
-//! robust weight. The covariance is that of the fit with light and thickness free, so the weak
-//! direction (δz = l δθ, δx = −H δθ; geometry.md) carries its own large sd.
+//! the pose, the brightness, the thickness of the sheet and the background, brightness and background uneven, by
+//! Gauss–Newton with a robust weight. The covariance is that of the fit with light and thickness free, so the weak
+//! direction (δz = l δθ, δx = −H δθ; geometry.md) carries its own large sd; what is not known of the camera's response
+//! ([`CameraResponse`]) adds to it.
 
 use super::initial;
 use super::outline::Surfaces;
-use super::photometric::{self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, THICKNESS};
+use super::photometric::{
+    self, BACKGROUND, BRIGHTNESS, PARAMETERS, Photometric, Picture, Response, State, THICKNESS,
+};
 use super::segments::{self, Levels};
 use super::sheet::SheetTable;
 use hydroline_calib::plane::PlaneMap;
@@ -19,9 +22,11 @@ use std::sync::Arc;
 mod ahead;
 mod answer;
 mod bound;
+mod camera;
 mod choose;
 mod finish;
 pub mod refine;
+mod seen;
 mod settle;
 mod solve;
 mod starts;
@@ -30,12 +35,22 @@ mod valley;
 pub use ahead::Ahead;
 pub use answer::{JointPose, PoseCaveat, PoseFault};
 pub use bound::Light;
+pub use camera::{CameraResponse, ResponseSeen};
 use refine::Sheet;
+pub use seen::LightSeen;
 use starts::Starts;
 pub use valley::squared_distance;
 
 /// Largest sd of θ with which a frame counts as having shown it \[rad\] (0.6°).
 const THETA_SHOWN_RAD: f64 = 0.01;
+
+/// Edges that leave more than this of the light that they cut are not where the target has them: edges of frames that the
+/// model holds for leave 0.01 to 0.03, those of a pose one edge off 0.1 and more.
+const EDGES_OFF: f64 = 0.06;
+/// Below this other places need not be asked.
+const EDGES_SOUND: f64 = 0.035;
+/// Places on the target that are fitted to the end before it is said that none holds.
+const PLACES_MOST: usize = 4;
 
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
@@ -69,7 +84,10 @@ pub struct PoseFitter {
     thickness_m: f64,
     /// What a run has shown of it.
     sheet: Sheet,
-    saturation: u8,
+    /// The camera's response; `None`: each frame's own unknown.
+    camera: Option<CameraResponse>,
+    /// Level from which a pixel counts as clipped.
+    ceiling: u8,
 }
 
 impl PoseFitter {
@@ -87,7 +105,24 @@ impl PoseFitter {
             heights_m,
             thickness_m: rig.laser.sigma_m,
             sheet: Sheet::AS_THE_RIG,
-            saturation: 254,
+            camera: Some(CameraResponse::LINEAR),
+            ceiling: 254,
+        }
+    }
+
+    /// The same fitter for a camera of this response.
+    pub fn with_response(&self, response: CameraResponse) -> PoseFitter {
+        PoseFitter {
+            camera: Some(response),
+            ..self.clone()
+        }
+    }
+
+    /// The same with the camera's response each frame's own unknown: each then says what it knows of it.
+    pub fn with_response_open(&self) -> PoseFitter {
+        PoseFitter {
+            camera: None,
+            ..self.clone()
         }
     }
 
@@ -186,35 +221,95 @@ impl PoseFitter {
             bare,
             mut caveats,
         } = starts;
+        let picture = &Picture::of(image, profile, self.ceiling);
         let theta = hint.held.theta_rad.is_none();
         if let (true, Some(state)) = (bare, states.first()) {
             let free = self.free([false, false, true, true, false, false], hint);
             // On a bare floor the target's edges are not there to be compared.
-            return self.finish(&self.bare, image, profile, *state, free, caveats);
+            return self.finish(&self.bare, picture, profile, *state, free, caveats);
         }
         let free = self.free([true, true, true, true, theta, true], hint);
-        let state = self
-            .choose(image, profile, states, &free, &mut caveats)
-            .ok_or(PoseFault::Unsettled)?;
-        let fitted = self.finish(&self.model, image, profile, state, free, caveats.clone())?;
-        if !theta || fitted.covariance[(4, 4)].sqrt() < THETA_SHOWN_RAD {
+        let states = self.choose(picture, profile, states, &free, &mut caveats);
+        let (state, fitted) = self.held_to_edges(picture, profile, &states, free, &caveats)?;
+        if !theta || fitted.theta_sd_alone_rad < THETA_SHOWN_RAD {
             return Ok(fitted);
         }
         caveats.push(PoseCaveat::PitchHeld);
         let free = self.free([true, true, true, true, false, true], hint);
-        self.finish(&self.model, image, profile, state, free, caveats)
+        let fitted = self.finish(&self.model, picture, profile, state, free, caveats)?;
+        Ok(edges_held(fitted))
+    }
+
+    /// Of some starts, the likeliest first, that from which the target's edges come to lie where the frame has them.
+    fn held_to_edges(
+        &self,
+        picture: &Picture<'_>,
+        profile: &Profile,
+        states: &[State],
+        free: [bool; PARAMETERS],
+        caveats: &[PoseCaveat],
+    ) -> Result<(State, JointPose), PoseFault> {
+        let mut fault = PoseFault::Unsettled;
+        let mut best: Option<(State, JointPose)> = None;
+        for (k, state) in states.iter().take(PLACES_MOST).enumerate() {
+            let fitted = match self.finish(
+                &self.model,
+                picture,
+                profile,
+                *state,
+                free,
+                caveats.to_vec(),
+            ) {
+                Ok(fitted) => fitted,
+                Err(found) => {
+                    if k == 0 {
+                        fault = found;
+                    }
+                    continue;
+                }
+            };
+            if best
+                .as_ref()
+                .is_none_or(|(_, b)| fitted.edge_doubt < b.edge_doubt)
+            {
+                best = Some((*state, fitted));
+            }
+            if best
+                .as_ref()
+                .is_some_and(|(_, b)| b.edge_doubt < EDGES_SOUND)
+            {
+                break;
+            }
+        }
+        best.map(|(state, fitted)| (state, edges_held(fitted)))
+            .ok_or(fault)
+    }
+
+    /// The camera's response as far as it is known, for a frame that is clipped from a level on.
+    fn response(&self, ceiling: u8) -> Response {
+        let known = self.camera.map_or([0.0; 2], |c| c.mean.into());
+        Response::new(known, ceiling)
     }
 
     fn free(&self, pose: [bool; 6], hint: &Hint) -> [bool; PARAMETERS] {
         let mut free = [true; PARAMETERS];
         free[..6].copy_from_slice(&pose);
         free[THICKNESS] = !hint.held.thickness;
+        [free[photometric::TONE], free[photometric::BLACK]] = [self.camera.is_none(); 2];
         free
     }
 }
 
+/// The same, with the caveat where its edges are not where the target has them.
+fn edges_held(mut fitted: JointPose) -> JointPose {
+    if fitted.edge_doubt >= EDGES_OFF {
+        fitted.caveats.push(PoseCaveat::EdgesOff);
+    }
+    fitted
+}
+
 const _: () =
-    assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::PARAMETERS == 9);
+    assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::LOCAL == 11);
 
 #[cfg(test)]
 mod tests;

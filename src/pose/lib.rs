@@ -7,13 +7,14 @@
 //! 2. [`joint`] fits all six degrees of freedom at once to the grey levels along the stripe
 //!    ([`photometric`]: closed form, with derivatives), from the first guess of [`initial`].
 //!
-//! Every result depends on the frame, the rig and, where the target repeats itself, on a hint
-//! which of its repetitions is meant; never on how many frames were looked at before.
+//! Every result depends on the frame, the rig, the camera's response ([`opening`]: found once, then fixed) and, where
+//! the target repeats itself, on a hint which of its repetitions is meant; never on how many frames were looked at before.
 
 pub mod estimators;
 pub mod initial;
 pub mod joint;
 mod normal;
+pub mod opening;
 pub mod outline;
 mod photometric;
 pub mod run;

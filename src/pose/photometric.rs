@@ -14,16 +14,22 @@
 
 mod bulk;
 mod doubts;
+mod flicker;
 mod grid;
 mod lanes;
+mod lighting;
 mod passing;
+mod picture;
 mod plan;
+mod response;
 mod sums;
 mod torn;
 mod turned;
 
 pub(super) use doubts::Doubts;
+pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
+pub(crate) use response::Response;
 pub(super) use sums::{Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
@@ -31,6 +37,9 @@ use super::outline::Surfaces;
 use super::sheet::SheetTable;
 use grid::Grid;
 use hydroline_calib::Pose;
+use lighting::Cell;
+pub(crate) use lighting::{PRIOR_SD, line_range};
+pub use lighting::{UNEVEN, Uneven};
 use nalgebra::{SMatrix, SVector};
 use passing::{Doubt, Look};
 use plan::{Strip, groups};
@@ -39,11 +48,17 @@ use sums::{Counter, Torn};
 use torn::{Scratch, lit};
 use turned::{Ray, Turned};
 
-/// x, y, z, φ, θ, ψ, brightness, thickness, background.
-pub(super) const PARAMETERS: usize = 9;
+/// x, y, z, φ, θ, ψ, brightness, thickness, background, tone, black: what moves a pixel's level.
+pub(super) const LOCAL: usize = 11;
+/// The same, and what makes brightness and background [`lighting`] uneven.
+pub(super) const PARAMETERS: usize = LOCAL + UNEVEN;
 pub(super) const BRIGHTNESS: usize = 6;
 pub(super) const THICKNESS: usize = 7;
 pub(super) const BACKGROUND: usize = 8;
+/// ln γ of the camera's [`response`].
+pub(super) const TONE: usize = 9;
+/// Its black level \[grey levels\].
+pub(super) const BLACK: usize = 10;
 
 /// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
 const DARK: f64 = 12.5;
@@ -62,9 +77,22 @@ pub(super) struct State {
     pub thickness_m: f64,
     /// Grey level without laser light.
     pub background: f64,
+    /// ln γ of the camera's response.
+    pub tone: f64,
+    /// Grey level of no light at all.
+    pub black: f64,
+    /// How brightness and background change over the image: coefficients of [`lighting`].
+    pub uneven: Uneven,
 }
 
 impl State {
+    /// The same light seen from another pose.
+    pub fn at(&self, pose: Pose) -> State {
+        let mut there = *self;
+        there.pose = pose;
+        there
+    }
+
     pub fn moved(&self, step: &Column) -> State {
         let mut pose = self.pose.to_array();
         for (p, d) in pose.iter_mut().zip(step.iter()) {
@@ -75,6 +103,9 @@ impl State {
             brightness: self.brightness + step[BRIGHTNESS],
             thickness_m: self.thickness_m + step[THICKNESS],
             background: self.background + step[BACKGROUND],
+            tone: self.tone + step[TONE],
+            black: self.black + step[BLACK],
+            uneven: std::array::from_fn(|k| self.uneven[k] + step[LOCAL + k]),
         }
     }
 }
@@ -120,6 +151,22 @@ impl Photometric {
         }
     }
 
+    /// Where some strips that share their rows lie, as far as light goes.
+    fn cell(&self, plan: &Plan, strips: &[Strip]) -> Cell {
+        let size_px = (self.table.width_px, self.table.height_px);
+        let about = plan.middle_row;
+        strips
+            .first()
+            .map_or(Cell::at([0, 0], about, 0, size_px), |s| {
+                Cell::at(
+                    [s.column, (s.first_row + s.end_row) / 2],
+                    about,
+                    s.level,
+                    size_px,
+                )
+            })
+    }
+
     fn height(&self, level: usize) -> f64 {
         self.surfaces.tops.get(level).map_or(0.0, |t| t.height_m)
     }
@@ -132,16 +179,18 @@ impl Photometric {
     pub fn compare(
         &self,
         plan: &Plan,
-        pixels: &[u8],
+        picture: &Picture<'_>,
         state: &State,
         weighting: &Weighting,
         doubts: &mut Doubts,
         derivatives: bool,
     ) -> Sums {
         let turned = Turned::new(&state.pose, &self.surfaces);
-        let mut counter = Counter::new(weighting, Tables::get(), state.brightness);
+        let mut counter = Counter::new(weighting, Tables::get(), state);
         counter.grid_share = doubts.grid_share;
         let grid_share = doubts.grid_share;
+        counter.uneven = picture.lit(&weighting.response);
+        let pixels = picture.pixels;
         let mut doubted = doubts.of_pixels.iter();
         let mut found = Vec::new();
         let first = doubts.known() && doubts.of_pixels.is_empty();
@@ -159,6 +208,10 @@ impl Photometric {
         let mut scratch = Scratch::default();
         for strips in groups(&plan.strips) {
             let cut = strips.iter().any(Strip::cut);
+            let cell = self.cell(plan, strips);
+            counter.enter(&cell);
+            let state = &cell.of(state);
+            counter.strips(strips);
             if let ([strip], false) = (strips, cut) {
                 self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
                 continue;
@@ -195,15 +248,16 @@ impl Photometric {
                     counter.skip();
                     return;
                 };
+                let background = state.background + counter.of_row(row);
                 let judged = if cut {
                     let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
                     let seen = torn.map(|torn| Torn {
                         light: torn,
                         bent: light.bent,
                     });
-                    counter.edge(grey, light.level, state.background, seen, doubt_sd)
+                    counter.edge(grey, light.level, background, seen, doubt_sd)
                 } else {
-                    counter.bulk(grey, light.level, state.background)
+                    counter.bulk(grey, light.level, background)
                 };
                 let Some(judged) = judged.filter(|_| derivatives) else {
                     return;
@@ -213,6 +267,7 @@ impl Photometric {
                 if judged.share != 1.0 {
                     j = j.map(|d| d * judged.share);
                 }
+                [j[TONE], j[BLACK]] = judged.by_camera;
                 counter.add(&j, judged.weight, judged.residual);
             });
         }
@@ -229,10 +284,14 @@ impl Photometric {
             noise_sd,
             cut: f64::INFINITY,
             redescending: false,
-            saturation: u8::MAX,
+            response: Response::linear(u8::MAX),
+            by_camera: false,
         };
-        let mut counter = Counter::new(&weighting, Tables::get(), state.brightness);
+        let mut counter = Counter::new(&weighting, Tables::get(), state);
         for strips in groups(&plan.strips) {
+            let cell = self.cell(plan, strips);
+            counter.enter(&cell);
+            let state = &cell.of(state);
             self.each_row(&turned, plan, state, strips, 0.0, |_, light| {
                 let Some(light) = light.filter(|l| l.doubt.corner < 0.1) else {
                     return;
@@ -382,7 +441,7 @@ struct Light {
     /// \[grey levels\].
     level: f64,
     /// Derivatives but that by the background.
-    j: [f64; PARAMETERS],
+    j: [f64; LOCAL],
     /// What more of it there would be if all blur were formed on the pixel grid.
     bent: f64,
     /// How much of it hangs on edges.

@@ -1,6 +1,6 @@
 //! Poses of a run, frame after frame: which hexagon is meant follows from where the vehicle was.
 //!
-//! Nothing else is carried over from frame to frame, and the guess that a fit starts from does not
+//! Nothing else but the camera's response ([`super::opening`]: found once, then fixed) is carried over from frame to frame, and the guess that a fit starts from does not
 //! depend on the hint that picked it: a frame gives the same pose whether or not the frames
 //! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile. On a
 //! target that does not repeat itself the hint picks the guesses within centimetres: there it holds while the
@@ -67,6 +67,11 @@ impl PoseRun {
         }
     }
 
+    /// The same where it is now with another fitter of the same rig.
+    pub fn going_on_with(self, fitter: PoseFitter) -> Self {
+        PoseRun { fitter, ..self }
+    }
+
     /// The pose of the frame that was true at `stamp_ns` (UNIX).
     pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
         let fit = self.fitter.fit(image, profile, &self.hint(stamp_ns));
@@ -112,14 +117,7 @@ impl PoseRun {
         {
             fit.caveats.push(PoseCaveat::WhichHexagon);
         }
-        let doubtful = [
-            PoseCaveat::WhichHexagon,
-            PoseCaveat::Ambiguous,
-            PoseCaveat::Misfit,
-        ]
-        .iter()
-        .any(|c| fit.caveats.contains(c));
-        if doubtful {
+        if fit.doubtful() {
             return RunPose::Doubtful(fit);
         }
         if fit.measured[0] {

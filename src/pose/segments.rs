@@ -128,6 +128,16 @@ pub enum SegmentError {
         /// Points needed.
         needed: usize,
     },
+    /// Points, but no line.
+    #[error(
+        "{points} stripe points, but no {columns} columns of sound ones in a row: is a lamp, a window, a bar or a reflection taken for the line, or the line clipped? Darken it, or lower the exposure"
+    )]
+    NoLine {
+        /// Points there.
+        points: usize,
+        /// Columns in a row that are needed.
+        columns: usize,
+    },
 }
 
 /// Stripe points of a profile in the laser plane, by column; those off the map are left out.
@@ -173,26 +183,29 @@ pub fn sort(
     map: &dyn PlaneMap,
 ) -> Result<Levels, SegmentError> {
     const NEEDED: usize = 16;
-    let too_few = SegmentError::TooFew {
-        points: points.len(),
-        needed: NEEDED,
-    };
     if points.len() < NEEDED {
-        return Err(too_few);
+        return Err(SegmentError::TooFew {
+            points: points.len(),
+            needed: NEEDED,
+        });
     }
+    let no_line = SegmentError::NoLine {
+        points: points.len(),
+        columns: LONG_STRETCH,
+    };
     let least_gap = heights_m
         .windows(2)
         .map(|w| w[1] - w[0])
         .fold(0.02, f64::min);
     let mut stretches = split(points, 0.3 * least_gap);
-    let slope = common_slope(points, &stretches).ok_or(too_few)?;
+    let slope = common_slope(points, &stretches).ok_or(no_line)?;
     for s in &mut stretches {
         let (sum, n) = points[s.from..s.to].iter().fold((0.0, 0.0), |(a, n), p| {
             (a + p.eta_m - slope * p.xi_m, n + 1.0)
         });
         s.offset_m = sum / n;
     }
-    let eta0_m = floor_offset(&stretches, heights_m, 0.25 * least_gap).ok_or(too_few)?;
+    let eta0_m = floor_offset(&stretches, heights_m, 0.25 * least_gap).ok_or(no_line)?;
     for s in &mut stretches {
         let nearest = heights_m
             .iter()
@@ -203,7 +216,7 @@ pub fn sort(
             .filter(|(_, d)| *d < 0.35 * least_gap)
             .map(|(k, _)| k);
     }
-    let mut levels = fit_lines(points, &stretches, heights_m, eta0_m, slope).ok_or(too_few)?;
+    let mut levels = fit_lines(points, &stretches, heights_m, eta0_m, slope).ok_or(no_line)?;
     if stretches.iter().any(|s| s.level.is_none()) {
         levels.caveats.push(Caveat::Stray);
     }
@@ -556,7 +569,7 @@ fn fading_end(
 }
 
 /// Grey level without laser: the median of a grid of pixels (the stripe covers a few hundredths of the image).
-pub(super) fn background_level(image: &GreyImage) -> f64 {
+pub(crate) fn background_level(image: &GreyImage) -> f64 {
     let mut counts = [0u32; 256];
     let every = (image.pixels.len() / 8192).max(1) | 1;
     for p in image.pixels.iter().step_by(every) {

@@ -8,6 +8,7 @@ mod identify_command;
 mod identify_noise;
 mod identify_runs;
 mod pose_cases;
+mod pose_light;
 mod prove_small;
 mod replay_refine;
 mod reproduce_tables;

@@ -14,15 +14,18 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
+/// Runs to a code and returns stdout and stderr.
+fn run_to(code: i32, args: &[&str]) -> [String; 2] {
+    let output = hydroline().args(args).output().unwrap();
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|o| String::from_utf8(o).unwrap());
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+    [stdout, stderr]
+}
+
 /// Runs and returns stdout.
 fn run(args: &[&str]) -> String {
-    let output = hydroline().args(args).output().unwrap();
-    assert!(
-        output.status.success(),
-        "{args:?}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    String::from_utf8(output.stdout).unwrap()
+    let [stdout, _] = run_to(0, args);
+    stdout
 }
 
 /// Largest error of x and θ in a log \[m\], \[rad\], and the number of poses.
@@ -81,14 +84,12 @@ fn a_sheet_that_is_not_the_rigs_is_found_and_the_poses_follow_it() {
     ]);
 
     let (plain, refined) = (path("plain.mcap"), path("refined.mcap"));
-    run(&[
-        "replay",
-        text(&log),
-        "--rig",
-        "lshpi",
-        "--out",
-        text(&plain),
-    ]);
+    let words = ["replay", text(&log), "--rig", "lshpi", "--out"];
+    let [_, stderr] = run_to(3, &[&words[..], &[text(&plain)]].concat());
+    assert!(
+        stderr.contains("only 0 of 25 frames have a pose") && stderr.contains("--refine"),
+        "{stderr}"
+    );
     let words = ["replay", text(&log), "--rig", "lshpi", "--json", "--refine"];
     let out = ["thickness,brightness,sheet-tilt", "--out", text(&refined)];
     let found: serde_json::Value =

@@ -1,6 +1,6 @@
 //! A share of the sample against the committed numbers: another way to build the same code gives the same results.
 //!
-//! What the sample is stands in tests/sample/cases.toml, its numbers (of 4042f4f) in tests/data/sample/expected.json. All of it
+//! What the sample is stands in tests/sample/cases.toml, its numbers (its first line says by what) in tests/data/sample/expected.json. All of it
 //! (200 poses, 20 calibrations, 20 identifications, 20 verdicts; three minutes of one core) and its run times:
 //!
 //! ```sh

@@ -12,6 +12,7 @@ mod record_clock;
 mod record_command;
 mod record_disk;
 mod record_kill;
+mod response;
 mod service_files;
 mod simulate_reproducible;
 

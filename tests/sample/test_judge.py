@@ -30,7 +30,8 @@ class Judge(unittest.TestCase):
             for case in expected[stage]:
                 found = judged(stage, case, lambda _: None)
                 self.assertTrue(found.passes and found.numbers == found.identical, f"{stage} {case}")
-        self.assertEqual(sum(len(v["poses"]) for v in expected["poses"].values()), 200)
+        # Of 200 frames, one of which, pitched as far as the target's end, has a reason.
+        self.assertEqual(sum(len(v["poses"]) for v in expected["poses"].values()), 199)
         self.assertEqual([len(expected[s]) for s in ("calibrations", "identifications", "verdicts")], [20, 20, 20])
 
     def test_a_number_fails_beyond_a_hundredth_of_its_sd_and_not_below(self):

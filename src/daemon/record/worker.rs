@@ -7,6 +7,7 @@ use super::{
 };
 use crate::analysis::Analyst;
 use crate::calibrate::live::Live;
+use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
 use hydroline_core::event::Severity;
@@ -14,7 +15,8 @@ use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hydroline_log::messages;
-use hydroline_pose::joint::PoseFault;
+use hydroline_pose::joint::{JointPose, PoseFault};
+use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
 use hydroline_stripe::Profile;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -192,6 +194,7 @@ pub(super) fn poses(
     map: Arc<dyn PlaneMap>,
 ) -> Result<JoinHandle<Option<PoseCounts>>, RecordError> {
     let mut poses = PoseRun::new(&job.rig, map);
+    let mut opening = Some(Opening::new(&poses, opening::Options::default()));
     spawn("poses", shared, move |shared| {
         step_back(19);
         let mut counts = PoseCounts::default();
@@ -199,12 +202,24 @@ pub(super) fn poses(
             match shared.stripes.take(LOOK) {
                 Taken::Item(seen) => {
                     let stamp_ns = seen.stamp_ns;
+                    if let Some(open) = &mut opening {
+                        match open.look(stamp_ns, &seen.image, &seen.profile) {
+                            RunPose::Good(fit) => {
+                                counts.opening += 1;
+                                measured(shared, &seen, &fit);
+                            }
+                            other => counts.count(&other),
+                        }
+                        if let Some(open) = opening.take_if(|open| open.is_over()) {
+                            counts.response = Some(found(shared, &open));
+                            poses = open.into_run();
+                        }
+                        continue;
+                    }
                     let pose = poses.pose(stamp_ns, &seen.image, &seen.profile);
                     counts.count(&pose);
                     if let RunPose::Good(fit) = pose {
-                        let measured = MeasuredPose::of(seen.received_ns, &fit);
-                        *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) =
-                            Some(measured);
+                        measured(shared, &seen, &fit);
                         let motion = motion_message(stamp_ns, &fit);
                         shared.recorder.motion(&motion);
                         if let Some(pose) = messages::pose_message(&motion) {
@@ -220,6 +235,19 @@ pub(super) fn poses(
             }
         }
     })
+}
+
+/// What the limits go by.
+fn measured(shared: &Shared, seen: &Seen, fit: &JointPose) {
+    let measured = MeasuredPose::of(seen.received_ns, fit);
+    *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) = Some(measured);
+}
+
+/// The camera's response as an opening shows it, said in the log.
+fn found(shared: &Shared, opening: &Opening) -> Found {
+    let found = Found::of(opening);
+    shared.event(&found.event(shared.clock.triple().realtime_ns));
+    found
 }
 
 impl PoseCounts {

@@ -9,8 +9,8 @@ use hydroline_log::export::{ExportOptions, export};
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::recover::recover;
 use hydroline_log::{
-    Entry, FileRecorder, FileSink, Head, LogOutcome, LogReader, LogSink, Record, SummaryInput,
-    WriteSettings, info,
+    Closing, Entry, FileRecorder, FileSink, Head, LogOutcome, LogReader, LogSink, Record,
+    SummaryInput, WriteSettings, info,
 };
 use std::path::{Path, PathBuf};
 
@@ -394,4 +394,32 @@ fn cells_of_a_table_are_no_formulas() {
     );
     let back = LogReader::open(&path).unwrap().next().unwrap().unwrap();
     assert!(matches!(back.record, Record::Command(c) if c.thruster == "=1+1"));
+}
+
+/// The end of a log is believed where it is whole and agrees with its own digest, and nowhere else.
+#[test]
+fn the_closing_of_a_cut_or_altered_log_is_not_believed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    written(&path, &frames(3));
+    let whole = Closing::of(&path).unwrap();
+    assert_eq!(whole.messages_of("/camera/image"), 3);
+    assert_eq!(whole.messages_of("/vehicle/motion"), 0);
+    assert!(whole.summary.values().any(|v| v == "done"), "{whole:?}");
+
+    let bytes = std::fs::read(&path).unwrap();
+    let changed = |bytes: &[u8]| {
+        let path = dir.path().join("b.mcap");
+        std::fs::write(&path, bytes).unwrap();
+        Closing::of(&path)
+    };
+    for cut in [1, 30, 200, bytes.len() / 2, bytes.len() - 10] {
+        assert_eq!(changed(&bytes[..bytes.len() - cut]), None, "{cut}");
+    }
+    // The last place where the reason of the end stands is in the summary's map.
+    let at = bytes.windows(4).rposition(|w| w == b"done").unwrap();
+    let mut altered = bytes.clone();
+    altered[at] ^= 1;
+    assert!(changed(&altered).is_none_or(|c| c.summary.is_empty()));
+    assert_eq!(Closing::of(&dir.path().join("none.mcap")), None);
 }

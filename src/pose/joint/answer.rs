@@ -1,7 +1,8 @@
 //! What a frame says of the pose, or why it says nothing.
 
+use super::super::photometric::UNEVEN;
 use super::super::segments::{Caveat, SegmentError};
-use super::Matrix7;
+use super::{LightSeen, Matrix7, ResponseSeen};
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
 
@@ -30,6 +31,11 @@ pub enum PoseCaveat {
         "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
     )]
     Misfit,
+    /// Edges leave more of the light that they cut than edges in their place do.
+    #[error(
+        "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, or light that the model does not know"
+    )]
+    EdgesOff,
 }
 
 /// The pose of one frame.
@@ -42,6 +48,8 @@ pub struct JointPose {
     /// The same with the thickness \[m\] as seventh: it goes with the weak direction, and is the
     /// same in all frames of a run. Zero where held.
     pub covariance_with_thickness: Matrix7,
+    /// Sd of θ \[rad\] with the camera's response taken as it is held: what the frame's own pixels say.
+    pub theta_sd_alone_rad: f64,
     /// Which of x, y, z, φ, θ, ψ the frame determines.
     pub measured: [bool; 6],
     /// Sheet's thickness as fitted \[m\].
@@ -50,6 +58,16 @@ pub struct JointPose {
     pub brightness: f64,
     /// Background as fitted \[grey levels\].
     pub background: f64,
+    /// ln γ of the camera's response as fitted: 0 for one that leaves light as it is.
+    pub tone: f64,
+    /// Its black level as fitted \[grey levels\]; 0 where the response leaves light as it is, and the background holds it.
+    pub black: f64,
+    /// What the frame says of the response, where it is open ([`super::PoseFitter::with_response_open`]).
+    pub response: Option<ResponseSeen>,
+    /// Coefficients of uneven light as fitted: of the brightness as a share of it, of the background \[grey levels\].
+    pub uneven: [f64; UNEVEN],
+    /// What light and camera look like.
+    pub light: LightSeen,
     /// Pixel noise as found \[grey levels\].
     pub noise_sd: f64,
     /// Share of pixels set aside.
@@ -60,6 +78,36 @@ pub struct JointPose {
     pub pixels: usize,
     /// What to mind.
     pub caveats: Vec<PoseCaveat>,
+}
+
+impl JointPose {
+    /// Whether a caveat says that the pose should not be used without looking.
+    pub fn doubtful(&self) -> bool {
+        [
+            PoseCaveat::WhichHexagon,
+            PoseCaveat::Ambiguous,
+            PoseCaveat::Misfit,
+            PoseCaveat::EdgesOff,
+        ]
+        .iter()
+        .any(|c| self.caveats.contains(c))
+    }
+
+    /// The caveats in words, and where the frame does not fit, what its light looks like.
+    pub fn reasons(&self) -> String {
+        let mut words: Vec<String> = self.caveats.iter().map(ToString::to_string).collect();
+        let off = [PoseCaveat::Misfit, PoseCaveat::EdgesOff];
+        if off.iter().any(|c| self.caveats.contains(c)) {
+            words.push(format!(
+                "{:.0} % of the pixels set aside, edges leave {:.2} of the light that they cut",
+                100.0 * self.rejected,
+                self.edge_doubt
+            ));
+            words.push(self.light.to_string());
+        }
+        words.retain(|w| !w.is_empty());
+        words.join("; ")
+    }
 }
 
 /// Why a frame gives no pose.
@@ -101,13 +149,23 @@ pub enum PoseFault {
     },
     /// The fit does not explain the frame.
     #[error(
-        "the best pose leaves {chi:.1} times the noise in the pixels: glare, haze, or another target than the rig's"
+        "the best pose leaves {chi:.1} times the noise in the pixels: {}",
+        glare(light)
     )]
     Unexplained {
         /// Residual over noise, rms.
         chi: f64,
+        /// What light and camera look like.
+        light: LightSeen,
     },
     /// The fit went astray.
     #[error("the fit of the pose did not settle")]
     Unsettled,
+}
+
+fn glare(light: &LightSeen) -> String {
+    match light.to_string() {
+        seen if seen.is_empty() => "glare, haze, or another target than the rig's".to_owned(),
+        seen => format!("glare, haze, or another target than the rig's; {seen}"),
+    }
 }

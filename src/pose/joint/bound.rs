@@ -1,6 +1,6 @@
 //! What a frame of a target can tell at best: the Cramér–Rao bound.
 
-use super::super::photometric::{Choice, PARAMETERS, State, Sums};
+use super::super::photometric::{BLACK, Choice, PARAMETERS, State, Sums, TONE, UNEVEN};
 use super::solve::covariance;
 use super::{Matrix7, PoseFitter, THICKNESS};
 use hydroline_calib::Pose;
@@ -31,6 +31,9 @@ impl PoseFitter {
             brightness: light.brightness,
             thickness_m: light.thickness_m,
             background: light.background,
+            tone: 0.0,
+            black: 0.0,
+            uneven: [0.0; UNEVEN],
         };
         let plan = self.model.plan(&state, Choice::ALL);
         // Rounding: a uniform error of one level, variance 1/12.
@@ -38,10 +41,12 @@ impl PoseFitter {
         let information = self.model.information(&plan, &state, noise_sd);
         let mut free = [true; PARAMETERS];
         free[THICKNESS] = !thickness_known;
-        let sums = Sums {
+        [free[TONE], free[BLACK]] = [false; 2];
+        let mut sums = Sums {
             information,
             ..Sums::default()
         };
-        covariance(&sums, &free)
+        self.know(&mut sums, &state);
+        covariance(&sums, &free, None)
     }
 }

@@ -1,11 +1,12 @@
 //! Which of several places on the target a frame shows.
 
-use super::super::photometric::{Choice, Doubts, PARAMETERS, Plan, State, Weighting};
+use super::super::photometric::{
+    Choice, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
+};
 use super::settle::{first_step, sane};
 use super::solve::{equations, in_si};
 use super::valley::Valley;
 use super::{PoseCaveat, PoseFitter};
-use hydroline_core::frame::GreyImage;
 use hydroline_stripe::Profile;
 
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
@@ -22,33 +23,37 @@ const TO_CHOOSE_TALL: Choice = Choice {
     keep: 4,
     room_m: 0.003,
 };
+/// Poses that differ by more than this are two places \[m\].
+const ELSEWHERE_M: f64 = 0.002;
 /// A start whose cost is this many times the best one's is none.
 const BEHIND: f64 = 3.0;
 
 impl PoseFitter {
-    /// Settles every start a little and keeps the best.
+    /// Settles every start a little: the places that they come to, the likeliest first.
     pub(super) fn choose(
         &self,
-        image: &GreyImage,
+        picture: &Picture<'_>,
         profile: &Profile,
-        mut starts: Vec<State>,
+        starts: Vec<State>,
         free: &[bool; PARAMETERS],
         caveats: &mut Vec<PoseCaveat>,
-    ) -> Option<State> {
+    ) -> Vec<State> {
         if starts.len() < 2 {
-            return starts.pop();
+            return starts;
         }
         let weighting = Weighting {
             noise_sd: profile.noise_sd.max(1.0),
             cut: 8.0,
             redescending: true,
-            saturation: self.saturation,
+            response: self.response(picture.ceiling),
+            by_camera: false,
         };
         // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
         // height that a degree moves their edges by millimetres against each other.
         let tall = self.tall();
         let mut held = *free;
         held[4] = free[4] && tall;
+        held[TONE..].fill(false);
         let (choice, tries) = if tall {
             (TO_CHOOSE_TALL, (6, 4e-4))
         } else {
@@ -64,9 +69,10 @@ impl PoseFitter {
         let judged = |start: State| {
             let plan = self.model.plan(&start, choice);
             let none = &mut Doubts::default();
-            let sums = self
+            let mut sums = self
                 .model
-                .compare(&plan, &image.pixels, &start, &huber, none, true);
+                .compare(&plan, picture, &start, &huber, none, true);
+            self.know(&mut sums, &start);
             let valley = Valley::new(&start.pose, &self.mounts);
             let equations = equations(&sums, &valley);
             let step = first_step(&equations, &held);
@@ -86,17 +92,25 @@ impl PoseFitter {
         let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {
-            return Some(*only);
+            return vec![*only];
         }
         let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
             .filter_map(|(_, start, plan)| {
                 let none = &mut Doubts::default();
-                let (state, _) =
-                    self.settle(&self.model, &plan, image, start, &held, &huber, none, tries)?;
-                let sums =
-                    self.model
-                        .compare(&plan, &image.pixels, &state, &weighting, none, false);
+                let (state, _) = self.settle(
+                    &self.model,
+                    &plan,
+                    picture,
+                    start,
+                    &held,
+                    &huber,
+                    none,
+                    tries,
+                )?;
+                let sums = self
+                    .model
+                    .compare(&plan, picture, &state, &weighting, none, false);
                 let pixels = sums.pixels.max(1) as f64;
                 Some((sums.cost / pixels, state, pixels))
             })
@@ -104,7 +118,8 @@ impl PoseFitter {
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Several guesses may have come to the same place: the rival is the best of another one.
         if let Some((best, rest)) = tried.split_first() {
-            let elsewhere = |t: &&(f64, State, f64)| (best.1.pose.x_m - t.1.pose.x_m).abs() > 0.002;
+            let elsewhere =
+                |t: &&(f64, State, f64)| (best.1.pose.x_m - t.1.pose.x_m).abs() > ELSEWHERE_M;
             let rival = rest.iter().find(elsewhere);
             if rival
                 .is_some_and(|next| (next.0 - best.0) * best.2 * (choice.step as f64) < CLEAR_COST)
@@ -112,6 +127,13 @@ impl PoseFitter {
                 caveats.push(PoseCaveat::Ambiguous);
             }
         }
-        tried.first().map(|t| t.1)
+        let mut places: Vec<State> = Vec::new();
+        for (_, state, _) in &tried {
+            let new = |p: &State| self.shift_m(&p.pose, &state.pose) > ELSEWHERE_M;
+            if places.iter().all(new) {
+                places.push(*state);
+            }
+        }
+        places
     }
 }

@@ -1,13 +1,14 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums, Weighting,
+    Choice, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting,
 };
 use super::settle::{lit_noise, sane};
-use super::solve::covariance;
-use super::{JointPose, PoseCaveat, PoseFault, PoseFitter};
+use super::solve::{covariance, response_seen};
+use super::{
+    CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
+};
 use hydroline_calib::Pose;
-use hydroline_core::frame::GreyImage;
 use hydroline_stripe::Profile;
 
 /// Final robust cut in noise sds.
@@ -15,8 +16,14 @@ pub(super) const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
 const ITERATIONS: usize = 14;
+/// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be left straight: at an approach, and at the
+/// end.
+const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
+const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
 /// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
 const PLANS: usize = 4;
+/// The same where the camera's curve is sought too.
+const PLANS_OPEN: usize = 12;
 /// The squared way to go, in sds, from which one more step is enough without looking at it again. What a
 /// step of n sds leaves is the bend of the light over it, found to be n²/60 sds: of three sds a
 /// seventh at most, by which the estimate scatters a hundredth more. The edges' doubts and the
@@ -40,12 +47,19 @@ const TO_FINISH: Choice = Choice {
     ..Choice::ALL
 };
 
+/// Whether the camera's curve has changed by more between two states.
+fn bent(a: &State, b: &State, [tone, black]: [f64; 2]) -> bool {
+    // Without a curve the black level is one with the background, and moves nothing.
+    let curved = (1.0 - b.tone.exp()).abs();
+    (a.tone - b.tone).abs() > tone || (a.black - b.black).abs() * curved > black
+}
+
 impl PoseFitter {
     /// The whole fit from a start, with covariance.
     pub(super) fn finish(
         &self,
         model: &Photometric,
-        image: &GreyImage,
+        picture: &Picture<'_>,
         profile: &Profile,
         start: State,
         free: [bool; PARAMETERS],
@@ -55,29 +69,39 @@ impl PoseFitter {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
-            saturation: self.saturation,
+            response: self.response(picture.ceiling),
+            by_camera: self.camera.is_none(),
         };
         let (mut from, mut sums) = self
-            .approach(model, image, start, &free, &mut weighting)
+            .approach(model, picture, start, &free, &mut weighting)
             .ok_or(PoseFault::Unsettled)?;
         weighting.cut = CUT;
         weighting.redescending = true;
-        let mut again = PLANS;
+        let open = self.camera.is_none();
+        let held = self.camera.filter(CameraResponse::doubted);
+        let mut again = self.plans();
         let (state, sums, edge_doubt) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64| {
+            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, by_camera| {
+                weighting.by_camera = by_camera;
                 weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                 let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
                 let limits = (ITERATIONS, settled);
-                self.settle(model, plan, image, from, &free, &weighting, doubts, limits)
-                    .ok_or(PoseFault::Unsettled)
+                let response = weighting.response;
+                weighting.response = response.at([from.tone, from.black], picture.ceiling);
+                self.settle(
+                    model, plan, picture, from, &free, &weighting, doubts, limits,
+                )
+                .ok_or(PoseFault::Unsettled)
             };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = settle(&few, from, &sums, NEARLY)?;
-            let (state, all) = settle(&plan, near, &edges, SETTLED)?;
-            if again == 0 || self.shift_m(&from.pose, &state.pose) <= TO_FINISH.room_m {
+            let (near, edges) = settle(&few, from, &sums, NEARLY, open)?;
+            let (state, all) = settle(&plan, near, &edges, SETTLED, open || held.is_some())?;
+            let bent = bent(&near, &state, BENT_SETTLED);
+            let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
+            if again == 0 || !(moved || bent) {
                 let edge_doubt = edges.edges.doubt(weighting.noise_sd);
                 break (state, all, edge_doubt);
             }
@@ -85,24 +109,45 @@ impl PoseFitter {
         };
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
-        let chi = lit_noise(&sums).unwrap_or(0.0) / profile.noise_sd.max(1.0);
+        let dark_sd = profile.noise_sd.max(1.0)
+            * weighting
+                .response
+                .at([state.tone, state.black], picture.ceiling)
+                .light_per_grey(state.background);
+        let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
+        let light = LightSeen::of(picture, &state);
         if chi > MISFIT || !sane(&state) {
-            return Err(PoseFault::Unexplained { chi });
+            return Err(PoseFault::Unexplained { chi, light });
         }
         if rejected > 0.05 || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
-        let covariance_with_thickness = covariance(&sums, &free).ok_or(PoseFault::Unsettled)?;
+        let covariance_with_thickness =
+            covariance(&sums, &free, held.as_ref()).ok_or(PoseFault::Unsettled)?;
+        let alone = match held {
+            Some(_) => covariance(&sums, &free, None).ok_or(PoseFault::Unsettled)?,
+            None => covariance_with_thickness,
+        };
+        let response = match self.camera {
+            None => self.response_seen(model, picture, &state, &weighting, &free),
+            Some(_) => None,
+        };
         let mut measured = [false; 6];
         measured.copy_from_slice(&free[..6]);
         Ok(JointPose {
             pose: state.pose,
             covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
             covariance_with_thickness,
+            theta_sd_alone_rad: alone[(4, 4)].max(0.0).sqrt(),
             measured,
             thickness_m: state.thickness_m,
             brightness: state.brightness,
             background: state.background,
+            tone: state.tone,
+            black: state.black,
+            response,
+            light,
+            uneven: state.uneven,
             noise_sd: weighting.noise_sd,
             rejected,
             edge_doubt,
@@ -111,23 +156,45 @@ impl PoseFitter {
         })
     }
 
+    /// What a frame says of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
+    /// along the line that looks like a curve of a few hundredths of ln γ.
+    fn response_seen(
+        &self,
+        model: &Photometric,
+        picture: &Picture<'_>,
+        state: &State,
+        weighting: &Weighting,
+        free: &[bool; PARAMETERS],
+    ) -> Option<ResponseSeen> {
+        let plan = model.plan(state, TO_FINISH).uncut();
+        let none = &mut Doubts::default();
+        let mut sums = model.compare(&plan, picture, state, weighting, none, true);
+        self.know(&mut sums, state);
+        // Without edges there is no x, y and ψ.
+        let mut free = *free;
+        [free[0], free[1], free[5]] = [false; 3];
+        response_seen(&sums, state, &free)
+    }
+
     /// From a start to about the pose, on some of the pixels; these are chosen anew as long as the pose leaves the room
     /// that they were chosen for: beyond it edges cut light that the plan takes for whole.
     fn approach(
         &self,
         model: &Photometric,
-        image: &GreyImage,
+        picture: &Picture<'_>,
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &mut Weighting,
     ) -> Option<(State, Sums)> {
         let mut from = start;
-        for again in (0..PLANS).rev() {
+        for again in (0..self.plans()).rev() {
             let plan = model.plan(&from, TO_APPROACH);
             let mut settle = |from: State, settled: f64| {
                 let none = &mut Doubts::default();
                 let limits = (6, settled);
-                let found = self.settle(model, &plan, image, from, free, weighting, none, limits);
+                let response = weighting.response;
+                weighting.response = response.at([from.tone, from.black], picture.ceiling);
+                let found = self.settle(model, &plan, picture, from, free, weighting, none, limits);
                 // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is
                 // known once the fit is about there.
                 let noise_sd = found.as_ref().and_then(|(_, sums)| lit_noise(sums));
@@ -135,7 +202,8 @@ impl PoseFitter {
                 found
             };
             let in_room = |state: &State| {
-                self.shift_m(&from.pose, &state.pose) <= TO_APPROACH.room_m || again == 0
+                let moved = self.shift_m(&from.pose, &state.pose) > TO_APPROACH.room_m;
+                again == 0 || !(moved || bent(&from, state, BENT_APPROACHED))
             };
             let (rough, _) = settle(from, ROUGHLY)?;
             from = if in_room(&rough) {
@@ -149,6 +217,14 @@ impl PoseFitter {
             };
         }
         None
+    }
+
+    /// How often pixels are chosen anew, and the camera's curve is made straight, at most.
+    fn plans(&self) -> usize {
+        match self.camera {
+            Some(_) => PLANS,
+            None => PLANS_OPEN,
+        }
     }
 
     /// How far the sheet's line on the floor has moved over the target between two poses, at most \[m\].

@@ -15,7 +15,7 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
+    Choice, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, THICKNESS, Weighting,
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;
@@ -389,15 +389,17 @@ impl PoseFitter {
         }
         let mut free = self.free_of(hint);
         free[THICKNESS] &= wanted.thickness;
-        let start = self.choose(image, profile, starts.states, &free, &mut Vec::new())?;
+        let picture = &Picture::of(image, profile, self.ceiling);
+        let places = self.choose(picture, profile, starts.states, &free, &mut Vec::new());
+        let start = *places.first()?;
         let plan = self.model.plan(&start, COLUMNS);
-        let huber = self.first_weighting(profile);
+        let huber = self.first_weighting(picture, profile);
         let none = &mut Doubts::default();
         let limits = (FRAME_ITERATIONS, FRAME_SETTLED);
         let settled = self.settle(
             &self.model,
             &plan,
-            image,
+            picture,
             start,
             &free,
             &huber,
@@ -407,12 +409,13 @@ impl PoseFitter {
         Some(settled.0)
     }
 
-    fn first_weighting(&self, profile: &Profile) -> Weighting {
+    fn first_weighting(&self, picture: &Picture<'_>, profile: &Profile) -> Weighting {
         Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
-            saturation: self.saturation,
+            response: self.response(picture.ceiling),
+            by_camera: false,
         }
     }
 
@@ -438,11 +441,12 @@ impl PoseFitter {
             ..*state
         };
         let start = at(&own.state, here);
+        let picture = &Picture::of(image, profile, self.ceiling);
         let plan = model.plan(&start, COLUMNS);
-        let huber = self.first_weighting(profile);
+        let huber = self.first_weighting(picture, profile);
         let none = &mut Doubts::default();
         let free = &own.free;
-        let (near, seen) = self.frame(model, &plan, image, start, free, &huber, none)?;
+        let (near, seen) = self.frame(model, &plan, picture, start, free, &huber, none)?;
         let weighting = Weighting {
             noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
             cut: CUT,
@@ -451,7 +455,7 @@ impl PoseFitter {
         };
         let mut doubts = Doubts::found_apart(&seen.edges, weighting.noise_sd);
         let (state, first) =
-            self.frame(model, &plan, image, near, free, &weighting, &mut doubts)?;
+            self.frame(model, &plan, picture, near, free, &weighting, &mut doubts)?;
         own.state = State {
             pose: turned(&state.pose, &here.turn()),
             ..state
@@ -460,7 +464,7 @@ impl PoseFitter {
         for (geometry, model) in tried.iter().skip(1) {
             let start = at(&own.state, geometry);
             let (_, sums) =
-                self.frame(model, &plan, image, start, free, &weighting, &mut doubts)?;
+                self.frame(model, &plan, picture, start, free, &weighting, &mut doubts)?;
             costs.push(sums.cost);
         }
         Some(costs)
@@ -472,14 +476,14 @@ impl PoseFitter {
         &self,
         model: &Photometric,
         plan: &Plan,
-        image: &GreyImage,
+        picture: &Picture<'_>,
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
         doubts: &mut Doubts,
     ) -> Option<(State, Sums)> {
         let limits = (FRAME_ITERATIONS, FRAME_SETTLED);
-        self.settle(model, plan, image, start, free, weighting, doubts, limits)
+        self.settle(model, plan, picture, start, free, weighting, doubts, limits)
     }
 
     /// What of a frame over its target is free under a hint.

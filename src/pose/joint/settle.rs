@@ -1,12 +1,13 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    Column, Doubts, PARAMETERS, Photometric, Plan, State, Sums, THICKNESS, Weighting,
+    BLACK, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture, Plan, State, Sums,
+    THICKNESS, TONE, Weighting,
 };
 use super::PoseFitter;
+use super::camera::PRIOR_SD as RESPONSE_PRIOR_SD;
 use super::solve::{equations, in_si};
 use super::valley::Valley;
-use hydroline_core::frame::GreyImage;
 use hydroline_numerics::cholesky::Scaling;
 use hydroline_numerics::least_squares::{
     Damping, Ended, LeastSquares, Normal, Options, damped_step, minimise,
@@ -53,7 +54,7 @@ impl PoseFitter {
         &self,
         model: &Photometric,
         plan: &Plan,
-        image: &GreyImage,
+        picture: &Picture<'_>,
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
@@ -64,7 +65,7 @@ impl PoseFitter {
             fitter: self,
             model,
             plan,
-            image,
+            picture,
             free,
             weighting,
             doubts,
@@ -80,8 +81,21 @@ impl PoseFitter {
         solved.then_some((found.at, found.evaluated))
     }
 
-    /// Adds what the run has shown of the sheet's thickness.
-    fn know_thickness(&self, sums: &mut Sums, state: &State) {
+    /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
+    pub(super) fn know(&self, sums: &mut Sums, state: &State) {
+        for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
+            let weight = 1.0 / (sd * sd);
+            sums.information[(LOCAL + k, LOCAL + k)] += weight;
+            sums.gradient[LOCAL + k] -= weight * found;
+            sums.cost += 0.5 * weight * found * found;
+        }
+        let [of_tone, of_black] = RESPONSE_PRIOR_SD;
+        for (k, found, sd) in [(TONE, state.tone, of_tone), (BLACK, state.black, of_black)] {
+            let weight = 1.0 / (sd * sd);
+            sums.information[(k, k)] += weight;
+            sums.gradient[k] -= weight * found;
+            sums.cost += 0.5 * weight * found * found;
+        }
         let Some([thickness_m, sd_m]) = self.sheet.thickness_m else {
             return;
         };
@@ -110,7 +124,7 @@ struct Frame<'a> {
     fitter: &'a PoseFitter,
     model: &'a Photometric,
     plan: &'a Plan,
-    image: &'a GreyImage,
+    picture: &'a Picture<'a>,
     free: &'a [bool; PARAMETERS],
     weighting: &'a Weighting,
     doubts: &'a mut Doubts,
@@ -124,9 +138,9 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
     type Error = Infallible;
 
     fn cost(&mut self, state: &State, sums: &mut Sums) -> Option<f64> {
-        let (model, pixels) = (self.model, &self.image.pixels);
-        *sums = model.compare(self.plan, pixels, state, self.weighting, self.doubts, true);
-        self.fitter.know_thickness(sums, state);
+        let (model, picture) = (self.model, self.picture);
+        *sums = model.compare(self.plan, picture, state, self.weighting, self.doubts, true);
+        self.fitter.know(sums, state);
         Some(sums.cost)
     }
 

@@ -1,15 +1,29 @@
 //! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
-use super::super::photometric::{Column, PARAMETERS, Square, Sums, THICKNESS};
+use super::super::photometric::{
+    BACKGROUND, BLACK, BRIGHTNESS, Column, LOCAL, PARAMETERS, PRIOR_SD, Square, State, Sums,
+    THICKNESS, TONE, UNEVEN,
+};
 use super::Matrix7;
+use super::camera::{CameraResponse, PRIOR_SD as RESPONSE_PRIOR_SD, ResponseSeen};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
-use nalgebra::Const;
+use nalgebra::{Const, Matrix2, Vector2};
 
-/// Size of a step of each parameter: mm, mrad, a grey level, 0.1 mm of thickness. With them the equations need
-/// no other scaling.
-const SIZES: [f64; PARAMETERS] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1.0, 1e-4, 1.0];
+/// Size of a step of each parameter: mm, mrad, a grey level, 0.1 mm of thickness, a hundredth of γ, a hundredth of what
+/// uneven light may be. With them the equations need no other scaling.
+const SIZES: [f64; PARAMETERS] = {
+    let mut sizes = [1e-3; PARAMETERS];
+    (sizes[BRIGHTNESS], sizes[THICKNESS], sizes[BACKGROUND]) = (1.0, 1e-4, 1.0);
+    (sizes[TONE], sizes[BLACK]) = (0.01, 1.0);
+    let mut k = 0;
+    while k < UNEVEN {
+        sizes[LOCAL + k] = 0.01 * PRIOR_SD[k];
+        k += 1;
+    }
+    sizes
+};
 
 /// Information in units of the parameters' sizes.
 fn sized(information: &Square) -> Square {
@@ -32,10 +46,66 @@ pub(super) fn in_si(step: &Column) -> Column {
     Column::from_fn(|i, _| step[i] * SIZES[i])
 }
 
-/// Covariance of pose and thickness with brightness and background marginalised; zero where held.
-pub(super) fn covariance(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<Matrix7> {
+/// What the sums say of the camera's response at a state, all that is free following.
+pub(super) fn response_seen(
+    sums: &Sums,
+    state: &State,
+    free: &[bool; PARAMETERS],
+) -> Option<ResponseSeen> {
     let sized = sized(&sums.information);
     let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
+    let gradient = Column::from_fn(|i, _| {
+        if free[i] {
+            sums.gradient[i] * SIZES[i]
+        } else {
+            0.0
+        }
+    });
+    let at = [TONE, BLACK];
+    let step = Vector2::from(at.map(|k| (inverse.row(k) * gradient)[0] * SIZES[k]));
+    let covariance = Matrix2::from_fn(|i, j| inverse[(at[i], at[j])] * SIZES[at[i]] * SIZES[at[j]]);
+    let prior = Matrix2::from_diagonal(&Vector2::from(RESPONSE_PRIOR_SD.map(|sd| 1.0 / (sd * sd))));
+    Some(ResponseSeen {
+        mean: Vector2::new(state.tone, state.black) + step,
+        information: covariance.try_inverse()? - prior,
+    })
+}
+
+/// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
+/// what is free by what is held (Schmidt's consider parameters).
+fn considered(
+    inverse: &Square,
+    sized: &Square,
+    free: &[bool; PARAMETERS],
+    held: &CameraResponse,
+) -> Square {
+    let at = [TONE, BLACK];
+    let by = at.map(|k| {
+        let column = Column::from_fn(|i, _| if free[i] { sized[(i, k)] } else { 0.0 });
+        inverse * column / SIZES[k]
+    });
+    let mut more = Square::zeros();
+    for (i, a) in by.iter().enumerate() {
+        for (j, b) in by.iter().enumerate() {
+            more += a * b.transpose() * held.covariance[(i, j)];
+        }
+    }
+    more
+}
+
+/// Covariance of pose and thickness with all light marginalised; zero where held.
+/// What is held of the camera's response adds what is not known of it.
+pub(super) fn covariance(
+    sums: &Sums,
+    free: &[bool; PARAMETERS],
+    held: Option<&CameraResponse>,
+) -> Option<Matrix7> {
+    let sized = sized(&sums.information);
+    let mut inverse =
+        ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
+    if let Some(held) = held {
+        inverse += considered(&inverse, &sized, free, held);
+    }
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some(Matrix7::from_fn(|i, j| {
         let (i, j) = (place(i), place(j));

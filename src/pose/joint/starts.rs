@@ -1,7 +1,7 @@
 //! Where on the target a fit starts: all that a hint decides.
 
 use super::super::initial::{self, Guess};
-use super::super::photometric::State;
+use super::super::photometric::{Response, State, UNEVEN};
 use super::super::segments::{self, Caveat, Levels};
 use super::{Hint, PoseCaveat, PoseFault, PoseFitter};
 use hydroline_calib::Pose;
@@ -78,7 +78,7 @@ impl PoseFitter {
         let with_pitch = with_pitch.iter().take(GUESSES_ASSIGNED);
         let states = level
             .chain(with_pitch.map(|g| to_grid(&g.pose)))
-            .map(|pose| State { pose, ..light })
+            .map(|pose| light.at(pose))
             .collect();
         Ok(Starts {
             states,
@@ -96,12 +96,19 @@ impl PoseFitter {
         } else {
             *peaks.select_nth_unstable_by(middle, f64::total_cmp).1
         };
+        let [tone, black] = self.camera.map_or([0.0; 2], |c| c.mean.into());
+        let response = Response::new([tone, black], u8::MAX);
+        let dark = segments::background_level(image).max(0.0);
+        let background = response.between(dark);
         State {
             pose: Pose::default(),
             // The point spread lowers the line by about a tenth.
-            brightness: 1.1 * peak,
+            brightness: 1.1 * (response.between(dark + peak) - background),
             thickness_m: self.thickness_m,
-            background: segments::background_level(image).max(0.0),
+            background,
+            tone,
+            black,
+            uneven: [0.0; UNEVEN],
         }
     }
 

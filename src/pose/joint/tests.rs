@@ -229,28 +229,34 @@ fn the_last_step_leaves_little() {
             brightness: fit.brightness,
             thickness_m: fit.thickness_m,
             background: fit.background,
+            tone: fit.tone,
+            black: fit.black,
+            uneven: fit.uneven,
         };
         let weighting = Weighting {
             noise_sd: fit.noise_sd,
             cut: finish::CUT,
             redescending: true,
-            saturation: fitter.saturation,
+            response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
+            by_camera: true,
         };
         let plan = fitter.model.plan(&state, Choice::ALL);
         let none = &mut Doubts::default();
+        let picture = Picture::plain(&image.pixels, fitter.ceiling);
         let seen = fitter
             .model
-            .compare(&plan, &image.pixels, &state, &weighting, none, false);
+            .compare(&plan, &picture, &state, &weighting, none, false);
         let doubts = &mut Doubts::found(&seen.edges, fit.noise_sd);
-        let free = &[true; PARAMETERS];
+        let mut free = [true; PARAMETERS];
+        [free[photometric::TONE], free[photometric::BLACK]] = [fit.tone != 0.0; 2];
         let limits = (20, 1e-9);
         let (end, _) = fitter
             .settle(
                 &fitter.model,
                 &plan,
-                &image,
+                &picture,
                 state,
-                free,
+                &free,
                 &weighting,
                 doubts,
                 limits,
@@ -263,6 +269,8 @@ fn the_last_step_leaves_little() {
     // Of six that are 6 where the fit is as far off as its own sd.
     assert!(left[6] < 0.05 && left[11] < 0.6, "{left:?}");
 }
+
+mod light;
 
 mod hard {
     //! Frames that something is wrong with: a pose with its sd, or a reason; never another hexagon.

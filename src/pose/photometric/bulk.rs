@@ -73,10 +73,10 @@ impl Photometric {
         let eye = self.table.eye_m;
         let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
         let of_sigma = 1.0 / sigma;
-        // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1.
-        let mut products = [[0.0; 5]; 5];
-        let mut right = [0.0; 5];
-        let mut waiting = Lanes::<5>::new();
+        // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black.
+        let mut products = [[0.0; 7]; 7];
+        let mut right = [0.0; 7];
+        let mut waiting = Lanes::<7>::new();
         let sights = self.table.sights(strip.column, first, last + 1);
         let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
         for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
@@ -93,7 +93,9 @@ impl Photometric {
             let off = s * s * of_total2;
             let bare = tables.exp(0.5 * off) * (height + height_slope * u);
             let light = state.brightness * bare;
-            let Some(judged) = counter.bulk(*grey, light, state.background) else {
+            let Some(judged) =
+                counter.bulk(*grey, light, state.background + counter.of_row(first + k))
+            else {
                 continue;
             };
             if !derivatives {
@@ -106,15 +108,17 @@ impl Photometric {
                 bare * judged.share,
                 light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share,
                 judged.share,
+                judged.by_camera[0],
+                judged.by_camera[1],
             ];
             if waiting.push(&j, judged.weight, judged.residual) {
-                waiting.empty_into(&mut products, &mut right);
+                counter.of_light(&mut waiting, &mut products, &mut right);
             }
         }
         if !derivatives {
             return;
         }
-        waiting.empty_into(&mut products, &mut right);
+        counter.of_light(&mut waiting, &mut products, &mut right);
         // Of each pose parameter: ds in the middle, and what it gains per row.
         let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
         for (n, &(m, g)) in pose.iter().enumerate() {
@@ -125,12 +129,12 @@ impl Photometric {
                     + g * gk * products[1][1];
             }
             counter.gradient[BULK[n]] += m * right[0] + g * right[1];
-            for light in 2..5 {
+            for light in 2..7 {
                 counter.information[BULK[light + 1]][BULK[n]] +=
                     m * products[light][0] + g * products[light][1];
             }
         }
-        for a in 2..5 {
+        for a in 2..7 {
             counter.gradient[BULK[a + 1]] += right[a];
             for b in 2..=a {
                 counter.information[BULK[a + 1]][BULK[b + 1]] += products[a][b];

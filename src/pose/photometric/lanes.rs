@@ -56,6 +56,16 @@ impl<const N: usize> Lanes<N> {
 
     /// Adds what waits to the lower triangle of Jᵀ W J and to Jᵀ W r, and forgets it.
     pub fn empty_into(&mut self, information: &mut [[f64; N]; N], gradient: &mut [f64; N]) {
+        self.empty_first_into::<N>(information, gradient);
+    }
+
+    /// The same of the first K derivatives alone.
+    #[inline]
+    pub fn empty_first_into<const K: usize>(
+        &mut self,
+        information: &mut [[f64; N]; N],
+        gradient: &mut [f64; N],
+    ) {
         if self.len == 0 {
             return;
         }
@@ -64,7 +74,7 @@ impl<const N: usize> Lanes<N> {
         self.len = 0;
         let weight = fours(&self.weight);
         let residual = fours(&self.residual);
-        for (a, (row, slope)) in information.iter_mut().zip(gradient).enumerate() {
+        for (a, (row, slope)) in information.iter_mut().zip(gradient).enumerate().take(K) {
             let j = fours(&self.j[a]);
             let weighted: Fours = std::array::from_fn(|k| j[k] * weight[k]);
             *slope += sum_of_products(&weighted, &residual);

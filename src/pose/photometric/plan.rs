@@ -73,6 +73,8 @@ pub(crate) struct Plan {
     /// Distance from an edge beyond which a hit is wholly in or out \[m\].
     pub edge_reach_m: f64,
     room_m: f64,
+    /// Mean row of the strips.
+    pub middle_row: f64,
 }
 
 impl Strip {
@@ -94,6 +96,15 @@ impl Plan {
         });
         Plan {
             strips: kept.flatten().copied().collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The same without what edges may cut.
+    pub(crate) fn uncut(&self) -> Plan {
+        let groups = groups(&self.strips).filter(|strips| !strips.iter().any(Strip::cut));
+        Plan {
+            strips: groups.flatten().copied().collect(),
             ..self.clone()
         }
     }
@@ -175,6 +186,11 @@ impl Photometric {
             let bulk = k % choice.keep.max(1) == 0;
             self.plan_column(&setting, column, bulk, &mut found, &mut plan);
         }
+        let rows = plan
+            .strips
+            .iter()
+            .map(|s| 0.5 * (s.first_row + s.end_row) as f64);
+        plan.middle_row = rows.sum::<f64>() / plan.strips.len().max(1) as f64;
         plan
     }
 

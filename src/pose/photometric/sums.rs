@@ -3,16 +3,22 @@
 pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
-use super::{BACKGROUND, BRIGHTNESS, Column, PARAMETERS, Square, THICKNESS};
+use super::lighting::Cell;
+use super::picture::Uneven;
+use super::plan::Strip;
+use super::response::{Bends, Response};
+use super::{BACKGROUND, BLACK, BRIGHTNESS, Column, LOCAL, Square, State, THICKNESS, TONE};
 use crate::normal::Tables;
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
+/// A pixel of which less than this share is not clipped is not looked at.
+const CLIPPED: f64 = 0.1;
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
 
 /// What moves light that no edge cuts: x, y and ψ move edges only.
-pub(super) const BULK: [usize; 6] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND];
+pub(super) const BULK: [usize; 8] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND, TONE, BLACK];
 
 /// Sums over the pixels.
 #[derive(Debug, Clone, Default)]
@@ -47,8 +53,10 @@ pub(crate) struct Weighting {
     /// Beyond this many noise sds a residual counts less and less (Tukey) or linearly (Huber).
     pub cut: f64,
     pub redescending: bool,
-    /// Level from which a pixel counts as clipped.
-    pub saturation: u8,
+    /// The camera's.
+    pub response: Response,
+    /// Whether derivatives by the response are wanted: half as many sums again.
+    pub by_camera: bool,
 }
 
 impl Weighting {
@@ -84,23 +92,44 @@ pub(super) struct Judged {
     pub residual: f64,
     /// Weight over variance.
     pub weight: f64,
-    /// d expected / d light: below one where the sensor cuts off at zero.
+    /// d expected / d light: below one where the sensor cuts off at zero, other than one where the camera's response is
+    /// not yet known.
     pub share: f64,
+    /// d expected / d tone and black.
+    pub by_camera: [f64; 2],
 }
 
 /// Adds pixels up.
 pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
     tables: &'static Tables,
+    bends: Bends,
     bright: f64,
+    /// What of the camera's curve is not yet in its response.
+    tone: f64,
+    black: f64,
+    /// Light of grey level 0, below which all is cut off, and of the ceiling.
+    floor: f64,
+    top: f64,
+    /// Light nearer to either than this is cut off in part.
+    near: f64,
     /// 1 / noise².
     of_variance: f64,
     pub sums: Sums,
-    waiting: Lanes<PARAMETERS>,
-    /// Lower triangle of the information.
-    pub information: [[f64; PARAMETERS]; PARAMETERS],
-    pub gradient: [f64; PARAMETERS],
+    waiting: Lanes<LOCAL>,
+    state: &'a State,
+    /// Where the pixels at hand are.
+    cell: Option<Cell>,
+    /// Of that cell, the lower triangle of the information.
+    pub information: [[f64; LOCAL]; LOCAL],
+    pub gradient: [f64; LOCAL],
     edges: Vec<EdgeSums>,
+    /// What the background has beyond what is fitted of it.
+    pub uneven: Option<Uneven>,
+    /// Of that, in the strip at hand: its first row, what blocks have there, and what they gain per row.
+    along: (usize, f64, f64),
+    /// Sd of the cell's dark beyond all that.
+    dark_sd: f64,
     /// Share of the blur that the light was taken to get on the pixel grid.
     pub grid_share: f64,
     /// The one of them whose pixels are at hand.
@@ -108,20 +137,91 @@ pub(super) struct Counter<'a> {
 }
 
 impl<'a> Counter<'a> {
-    pub fn new(weighting: &'a Weighting, tables: &'static Tables, brightness: f64) -> Self {
+    pub fn new(weighting: &'a Weighting, tables: &'static Tables, state: &'a State) -> Self {
         Counter {
             weighting,
             tables,
-            bright: LIT * brightness,
+            bends: Bends::get(),
+            bright: LIT * state.brightness,
+            tone: state.tone - weighting.response.tone,
+            black: state.black - weighting.response.black,
+            floor: weighting.response.light(0),
+            top: weighting.response.top,
+            near: 4.0 * weighting.noise_sd,
             of_variance: 1.0 / (weighting.noise_sd * weighting.noise_sd),
             sums: Sums::default(),
             waiting: Lanes::new(),
-            information: [[0.0; PARAMETERS]; PARAMETERS],
-            gradient: [0.0; PARAMETERS],
+            state,
+            cell: None,
+            information: [[0.0; LOCAL]; LOCAL],
+            gradient: [0.0; LOCAL],
             edges: Vec::new(),
+            uneven: None,
+            along: (0, 0.0, 0.0),
+            dark_sd: 0.0,
             grid_share: 0.0,
             edge: 0,
         }
+    }
+
+    /// What comes next are the pixels of these strips.
+    pub fn strips(&mut self, strips: &[Strip]) {
+        if let (Some(uneven), Some(strip)) = (&self.uneven, strips.first()) {
+            let (first, last) = (strip.first_row, strip.end_row);
+            let (by, per_row) = uneven.along(strip.column, first, last);
+            self.along = (first, by, per_row);
+            self.dark_sd = uneven.sd((first + last) / 2);
+        }
+    }
+
+    /// Light of a row of the strips at hand beyond the background.
+    #[inline]
+    pub fn of_row(&self, row: usize) -> f64 {
+        let Some(uneven) = &self.uneven else {
+            return 0.0;
+        };
+        let (first, by, per_row) = self.along;
+        let rows = uneven.rows.level.get(row).copied().unwrap_or(0.0);
+        rows + by + per_row * (row as f64 - first as f64)
+    }
+
+    /// What comes next lies in this cell.
+    pub fn enter(&mut self, cell: &Cell) {
+        if self.cell.as_ref().is_some_and(|c| c.is(cell)) {
+            return;
+        }
+        self.leave();
+        self.cell = Some(*cell);
+    }
+
+    /// Adds the cell's sums to those by all parameters.
+    fn leave(&mut self) {
+        self.empty();
+        if let Some(cell) = self.cell.take() {
+            self.leave_dark_open();
+            let all = (&mut self.sums.information, &mut self.sums.gradient);
+            cell.spread(self.state, (&self.information, &self.gradient), all);
+            self.information = [[0.0; LOCAL]; LOCAL];
+            self.gradient = [0.0; LOCAL];
+        }
+    }
+
+    /// Where the dark is uneven each cell's own is known to its sd, and follows: its part of the sums is eliminated.
+    fn leave_dark_open(&mut self) {
+        if self.dark_sd == 0.0 {
+            return;
+        }
+        let own = self.information[BACKGROUND][BACKGROUND] + 1.0 / (self.dark_sd * self.dark_sd);
+        let by: [f64; LOCAL] =
+            std::array::from_fn(|k| self.information[k.max(BACKGROUND)][k.min(BACKGROUND)]);
+        let pull = self.gradient[BACKGROUND];
+        for a in 0..LOCAL {
+            self.gradient[a] -= by[a] * pull / own;
+            for b in 0..=a {
+                self.information[a][b] -= by[a] * by[b] / own;
+            }
+        }
+        self.sums.cost -= 0.5 * pull * pull / own;
     }
 
     /// What comes next is cut by this edge.
@@ -149,7 +249,7 @@ impl<'a> Counter<'a> {
     /// Judges a pixel that no edge cuts; `None` where it is clipped.
     #[inline]
     pub fn bulk(&mut self, grey: u8, light: f64, background: f64) -> Option<Judged> {
-        let (residual, share) = self.residual(grey, light + background)?;
+        let (residual, share, by_camera) = self.residual(grey, light + background)?;
         let (cost, weight, slope) = self.weighting.weigh(residual * residual * self.of_variance);
         self.sums.cost += cost;
         self.sums.pixels += 1;
@@ -170,6 +270,7 @@ impl<'a> Counter<'a> {
             residual,
             weight: weight * self.of_variance,
             share,
+            by_camera,
         })
     }
 
@@ -183,7 +284,7 @@ impl<'a> Counter<'a> {
         torn: Option<Torn>,
         doubt_sd: f64,
     ) -> Option<Judged> {
-        let Some((residual, share)) = self.residual(grey, light + background) else {
+        let Some((residual, share, by_camera)) = self.residual(grey, light + background) else {
             self.skip();
             return None;
         };
@@ -212,31 +313,79 @@ impl<'a> Counter<'a> {
             residual,
             weight: weight * of_variance,
             share,
+            by_camera,
         })
     }
 
     /// Residual against what a sensor that gives no negative level would show of `level`:
-    /// E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ), derivative Φ(m/σ).
-    #[inline]
-    fn residual(&self, grey: u8, level: f64) -> Option<(f64, f64)> {
-        if grey >= self.weighting.saturation {
-            return None;
+    /// E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ), derivative Φ(m/σ), with m counted from the light of grey level 0.
+    #[inline(always)]
+    fn residual(&self, grey: u8, level: f64) -> Option<(f64, f64, [f64; 2])> {
+        let seen = self.weighting.response.light(grey);
+        if !self.weighting.by_camera {
+            let (residual, share) = self.cut_off(seen, level)?;
+            return Some((residual, share, [0.0; 2]));
+        }
+        let (by_tone, slope) = self.bends.at(level);
+        let by_black = self.weighting.response.by_black(slope - 1.0);
+        let straight = 1.0 + self.tone * slope;
+        let level = level + self.tone * by_tone + self.black * by_black;
+        let (residual, share) = self.cut_off(seen, level)?;
+        Some((
+            residual,
+            share * straight,
+            [share * by_tone, share * by_black],
+        ))
+    }
+
+    /// Residual of light against what a sensor shows of it that is cut off at both ends, and the share of it that is not.
+    #[inline(always)]
+    fn cut_off(&self, seen: f64, level: f64) -> Option<(f64, f64)> {
+        let (above, room) = (level - self.floor, self.top - level);
+        if above >= self.near && room >= self.near {
+            return Some((seen - level, 1.0));
         }
         let noise_sd = self.weighting.noise_sd;
-        if level >= 4.0 * noise_sd {
-            return Some((f64::from(grey) - level, 1.0));
+        if room < self.near {
+            // E min(top, m + n), the same seen from above.
+            let (share, density) = self.tables.normal(room / noise_sd);
+            let expected = self.top - room * share - noise_sd * density;
+            return (share >= CLIPPED).then_some((seen - expected, share));
         }
-        let (share, density) = self.tables.normal(level / noise_sd);
-        let expected = level * share + noise_sd * density;
-        Some((f64::from(grey) - expected, share))
+        let (share, density) = self.tables.normal(above / noise_sd);
+        let expected = self.floor + above * share + noise_sd * density;
+        Some((seen - expected, share))
     }
 
     /// Adds one pixel to the normal equations.
     #[inline]
-    pub fn add(&mut self, j: &[f64; PARAMETERS], weight: f64, residual: f64) {
+    pub fn add(&mut self, j: &[f64; LOCAL], weight: f64, residual: f64) {
         if self.waiting.push(j, weight, residual) {
-            self.waiting
-                .empty_into(&mut self.information, &mut self.gradient);
+            self.empty();
+        }
+    }
+
+    fn empty(&mut self) {
+        let (information, gradient) = (&mut self.information, &mut self.gradient);
+        if self.weighting.by_camera {
+            self.waiting.empty_into(information, gradient);
+        } else {
+            self.waiting.empty_first_into::<TONE>(information, gradient);
+        }
+    }
+
+    /// Adds up what waits of pixels that no edge cuts, by [`BULK`]'s light.
+    #[inline]
+    pub fn of_light(
+        &self,
+        waiting: &mut Lanes<7>,
+        products: &mut [[f64; 7]; 7],
+        right: &mut [f64; 7],
+    ) {
+        if self.weighting.by_camera {
+            waiting.empty_into(products, right);
+        } else {
+            waiting.empty_first_into::<5>(products, right);
         }
     }
 
@@ -246,14 +395,24 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
+        if !self.weighting.by_camera {
+            return;
+        }
+        let [tone, black] = judged.by_camera;
+        for (k, by) in [(TONE, tone), (BLACK, black)] {
+            let weighted = judged.weight * by;
+            self.information[k][BACKGROUND] += weighted * judged.share;
+            self.information[k][TONE] += weighted * tone;
+            self.gradient[k] += weighted * judged.residual;
+        }
+        self.information[BLACK][BLACK] += judged.weight * black * black;
     }
 
     pub fn done(mut self) -> Sums {
-        self.waiting
-            .empty_into(&mut self.information, &mut self.gradient);
+        self.leave();
+        let lower = self.sums.information;
         Sums {
-            information: Square::from_fn(|a, b| self.information[a.max(b)][a.min(b)]),
-            gradient: Column::from_column_slice(&self.gradient),
+            information: Square::from_fn(|a, b| lower[(a.max(b), a.min(b))]),
             edges: EdgesSeen {
                 edges: self.edges,
                 grid_share: self.grid_share,

@@ -33,6 +33,9 @@ fn state(x_m: f64) -> State {
         brightness: 200.0,
         thickness_m: 0.002,
         background: 0.0,
+        tone: 0.0,
+        black: 0.0,
+        uneven: [0.0; UNEVEN],
     }
 }
 
@@ -159,7 +162,8 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
         noise_sd: 2.0,
         cut: 4.0,
         redescending: false,
-        saturation: 254,
+        response: Response::linear(254),
+        by_camera: true,
     };
     let mut plan = model.plan(&at, Choice::ALL);
     let alone = |g: &[Strip]| g.len() == 1 && !g[0].cut();
@@ -169,21 +173,23 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
         .collect();
     let fast = model.compare(
         &plan,
-        &picture,
+        &Picture::plain(&picture, 254),
         &at,
         &weighting,
         &mut Doubts::default(),
         true,
     );
-    let mut counter = Counter::new(&weighting, Tables::get(), at.brightness);
+    let mut counter = Counter::new(&weighting, Tables::get(), &at);
     for strips in groups(&plan.strips) {
+        counter.enter(&model.cell(&plan, strips));
         for row in strips[0].first_row..strips[0].end_row {
             let light = at_row(&model, &plan, &at, strips, row).unwrap();
             let grey = picture[row * model.table.width_px + strips[0].column];
             let judged = counter.bulk(grey, light.level, at.background).unwrap();
             let mut j = light.j;
             j[BACKGROUND] = 1.0;
-            let j = j.map(|d| d * judged.share);
+            let mut j = j.map(|d| d * judged.share);
+            [j[TONE], j[BLACK]] = judged.by_camera;
             counter.add(&j, judged.weight, judged.residual);
         }
     }
@@ -217,7 +223,8 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         noise_sd: 2.0,
         cut: 4.0,
         redescending: false,
-        saturation: 254,
+        response: Response::linear(254),
+        by_camera: true,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
     let places = [0.13, 0.1457, 0.2496, 0.243, 0.31];
@@ -237,11 +244,32 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         slow.strips.iter_mut().for_each(|s| s.simple = false);
         let sums = |plan: &Plan| {
             let none = &mut Doubts::default();
-            let seen = model.compare(plan, &picture, &at, &weighting, none, false);
+            let seen = model.compare(
+                plan,
+                &Picture::plain(&picture, 254),
+                &at,
+                &weighting,
+                none,
+                false,
+            );
             let mut doubts = Doubts::alike(&seen.edges, 0.03);
             doubts.grid_share = grid_share;
-            let once = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
-            let again = model.compare(plan, &picture, &at, &weighting, &mut doubts, true);
+            let once = model.compare(
+                plan,
+                &Picture::plain(&picture, 254),
+                &at,
+                &weighting,
+                &mut doubts,
+                true,
+            );
+            let again = model.compare(
+                plan,
+                &Picture::plain(&picture, 254),
+                &at,
+                &weighting,
+                &mut doubts,
+                true,
+            );
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
             again
         };
@@ -288,7 +316,8 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         noise_sd: 2.0,
         cut: 4.0,
         redescending: false,
-        saturation: 254,
+        response: Response::linear(254),
+        by_camera: true,
     };
     let renderer = Renderer::new(&rig).unwrap();
     for x_m in [0.1, 0.13, 0.19] {
@@ -306,11 +335,25 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         let grid: Vec<u8> = light.iter().map(|v| v.round() as u8).collect();
         let looked = |picture: &[u8]| {
             let none = &mut Doubts::default();
-            let seen = model.compare(&plan, picture, &at, &weighting, none, false);
+            let seen = model.compare(
+                &plan,
+                &Picture::plain(picture, 254),
+                &at,
+                &weighting,
+                none,
+                false,
+            );
             let share = seen.edges.grid_share(weighting.noise_sd);
             // What is found explains what the edges left over.
             let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-            let again = model.compare(&plan, picture, &at, &weighting, &mut doubts, false);
+            let again = model.compare(
+                &plan,
+                &Picture::plain(picture, 254),
+                &at,
+                &weighting,
+                &mut doubts,
+                false,
+            );
             let cost = |s: &Sums| s.cost;
             (
                 share,

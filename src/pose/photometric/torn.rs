@@ -10,7 +10,9 @@ use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
 use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
-use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, PARAMETERS, Photometric, State, THICKNESS};
+use super::{
+    BACKGROUND, BLACK, BRIGHTNESS, DARK, Doubt, LOCAL, Photometric, State, THICKNESS, TONE,
+};
 use crate::normal::{Pair, Tables};
 
 /// Value in the middle, and gain per row.
@@ -67,7 +69,7 @@ impl Passed<'_> {
 
     /// Adds what the edges move of so much light.
     #[inline]
-    fn add(&self, j: &mut [f64; PARAMETERS], light: f64, u: f64) {
+    fn add(&self, j: &mut [f64; LOCAL], light: f64, u: f64) {
         for (slope, edge) in self.by {
             if let Some(edge) = edge.filter(|_| slope != 0.0) {
                 edge.add(j, light * slope, u);
@@ -79,7 +81,7 @@ impl Passed<'_> {
 /// What passes several cuts of so much light, and what their edges move of it.
 fn passing_all(
     cuts: &[Cut<'_>],
-    j: &mut [f64; PARAMETERS],
+    j: &mut [f64; LOCAL],
     full: f64,
     u: f64,
     look: &Shading,
@@ -205,7 +207,7 @@ impl Photometric {
             let u = row as f64 - middle;
             let down = ahead + r3[1] * y + r3[2] * z;
             let mut doubt = Doubt::default();
-            let mut j = [0.0; PARAMETERS];
+            let mut j = [0.0; LOCAL];
             let mut level = 0.0;
             let mut bent = 0.0;
             for ready in &scratch.strips {
@@ -262,14 +264,15 @@ impl Photometric {
                 counter.skip();
                 continue;
             }
+            let background = state.background + counter.of_row(row);
             let judged = if cut {
                 let torn = Torn {
                     light: doubt.edge,
                     bent,
                 };
-                counter.edge(grey, level, state.background, Some(torn), doubt_sd)
+                counter.edge(grey, level, background, Some(torn), doubt_sd)
             } else {
-                counter.bulk(grey, level, state.background)
+                counter.bulk(grey, level, background)
             };
             let Some(judged) = judged.filter(|_| derivatives) else {
                 continue;
@@ -282,6 +285,7 @@ impl Photometric {
             if judged.share != 1.0 {
                 j = j.map(|d| d * judged.share);
             }
+            [j[TONE], j[BLACK]] = judged.by_camera;
             counter.add(&j, judged.weight, judged.residual);
         }
     }
@@ -449,7 +453,7 @@ impl Edge<'_> {
 
     /// Adds `gain` times the distance's derivatives.
     #[inline]
-    fn add(&self, j: &mut [f64; PARAMETERS], gain: f64, u: f64) {
+    fn add(&self, j: &mut [f64; LOCAL], gain: f64, u: f64) {
         let per_row = gain * u;
         let [middle, slope] = &self.dx;
         for i in 0..=THICKNESS {

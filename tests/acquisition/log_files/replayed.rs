@@ -104,7 +104,13 @@ fn a_profile_that_comes_out_otherwise_is_counted_and_ends_in_3() {
         .arg(&log)
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(0));
+    // That none of its frames has a pose, is.
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{stderr}");
+    assert!(
+        stderr.contains("have a pose") && !stderr.contains("came out otherwise"),
+        "{stderr}"
+    );
 }
 
 #[test]

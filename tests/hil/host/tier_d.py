@@ -49,7 +49,8 @@ def run(bench, report: Report) -> None:
     systemd_tar(work / "systemd.tar")
     report.equal("d: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-d.sh"), 0)
     result = (bench.out / "service.result").read_text().split()
-    report.equal("d: systemd's result of the service", result, ["success", "exited", "0"])
+    # 3, which the unit counts as success too: no target lies before this camera, and a frame may be late (`sound` says which).
+    report.check("d: systemd's result of the service", result, "success exited 0 or 3", result in (["success", "exited", "0"], ["success", "exited", "3"]))
     status = dict(l.split(":", 1) for l in (bench.out / "status.txt").read_text().splitlines() if ":" in l)
     of = lambda key: status.get(key, "").split()
     report.equal("d: user", of("Uid")[:1], ["990"])

@@ -400,9 +400,13 @@ fn lost_frames_are_the_doctors_finding_and_no_failure_of_what_reads_the_log() {
         assert_eq!(code("info", log, None).0, info, "info {log}");
         assert_eq!(code("doctor", log, None).0, doctor, "doctor {log}");
     }
-    // Nothing is lost by reading what is there.
+    // Nothing is lost by reading what is there. (Frames without a target have no pose, lost ones or not.)
     assert_eq!(code("export", gap, Some("tables")).0, 0);
-    assert_eq!(code("replay", gap, Some("replayed.mcap")).0, 0);
+    for (log, out) in [(whole, "whole-replayed.mcap"), (gap, "replayed.mcap")] {
+        let (code, stderr) = code("replay", log, Some(out));
+        assert_eq!(code, 3, "{log}: {stderr}");
+        assert!(stderr.contains("frames have a pose"), "{log}: {stderr}");
+    }
     // A cut log is the run's failure, and its cure is named.
     for (command, out) in [("export", "cut-tables"), ("replay", "cut-replayed.mcap")] {
         let (code, stderr) = code(command, cut, Some(out));

@@ -1,0 +1,78 @@
+//! The camera's response that a replay fits with: the recording's own, else that of the log's opening.
+
+use super::{Options, ReplayError};
+use crate::analysis::Analyst;
+use crate::response::{Found, ResponseReport};
+use hydroline_log::{Closing, LogReader, Record, Topic};
+use hydroline_pose::opening::{self, Opening};
+use hydroline_pose::run::PoseRun;
+use std::path::Path;
+
+/// The run with the camera's response in force, what is kept of it in the new log, and the account.
+pub(super) fn responding(
+    log: &Path,
+    options: &Options,
+    run: &PoseRun,
+) -> Result<(PoseRun, Found, ResponseReport), ReplayError> {
+    let (found, found_by) = match stated(log)? {
+        Some(found) => (found, "recording"),
+        None => (of_opening(log, options, run)?, "replay"),
+    };
+    Ok(under(run, found, found_by))
+}
+
+/// The same where the recording did not find it, from frames that fit now.
+pub(super) fn found_again(
+    log: &Path,
+    options: &Options,
+    run: &PoseRun,
+) -> Result<(PoseRun, Found, ResponseReport), ReplayError> {
+    Ok(under(run, of_opening(log, options, run)?, "replay"))
+}
+
+fn under(run: &PoseRun, found: Found, found_by: &'static str) -> (PoseRun, Found, ResponseReport) {
+    let run = run.with_fitter(run.fitter().with_response(found.in_force()));
+    (run, found, found.report(found_by))
+}
+
+/// What the recording says of it: in its summary, or where it has no end, in an event. (Of a recording in several parts the
+/// first has the event, the last the summary.)
+fn stated(log: &Path) -> Result<Option<Found>, ReplayError> {
+    let closing = Closing::of(log);
+    if let Some(found) = closing
+        .as_ref()
+        .and_then(|c| Found::of_metadata(&c.summary))
+    {
+        return Ok(Some(found));
+    }
+    if closing.is_some_and(|c| c.messages_of(Topic::Motion.name()) == 0) {
+        // No pose was fitted live.
+        return Ok(None);
+    }
+    for message in LogReader::open(log)? {
+        if let Record::Event(event) = message?.record
+            && let Some(found) = Found::of_event(&event)
+        {
+            return Ok(Some(found));
+        }
+    }
+    Ok(None)
+}
+
+/// What its first frames that show the target say.
+fn of_opening(log: &Path, options: &Options, run: &PoseRun) -> Result<Found, ReplayError> {
+    let mut analyst = Analyst::new(options.extractor.clone(), options.map.clone());
+    let mut opening = Opening::new(run, opening::Options::default());
+    for message in LogReader::open(log)? {
+        let Record::Frame(frame) = message?.record else {
+            continue;
+        };
+        if let (_, Some((image, profile))) = analyst.analyse_whole(&frame) {
+            opening.look(frame.meta.mid_exposure_ns, &image, &profile);
+        }
+        if opening.is_over() {
+            break;
+        }
+    }
+    Ok(Found::of(&opening))
+}

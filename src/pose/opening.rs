@@ -1,0 +1,80 @@
+//! The camera's response, found in the first frames of a run that show the target.
+
+use super::joint::{CameraResponse, ResponseSeen};
+use super::run::{PoseRun, RunPose};
+use hydroline_core::frame::GreyImage;
+use hydroline_stripe::Profile;
+
+/// How long an opening is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Frames with a pose over the target that are put together. One tells ln γ to 0.01–0.03, eight to 0.004–0.006: a camera
+    /// that leaves light as it is is then known as one, and a curve widens x, z and θ by a sixth.
+    pub frames: usize,
+    /// Frames looked at, at most: where fewer than three of them show the target the response stays unknown.
+    pub looked_at_max: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            frames: 8,
+            looked_at_max: 64,
+        }
+    }
+}
+
+/// A run's opening: its frames are fitted with the camera's response open.
+#[derive(Clone)]
+pub struct Opening {
+    run: PoseRun,
+    options: Options,
+    seen: Vec<ResponseSeen>,
+    looked_at: usize,
+}
+
+impl Opening {
+    /// Of a run that has not seen a frame yet.
+    pub fn new(run: &PoseRun, options: Options) -> Self {
+        Opening {
+            run: run.with_fitter(run.fitter().with_response_open()),
+            options,
+            seen: Vec::new(),
+            looked_at: 0,
+        }
+    }
+
+    /// Looks at the next frame, true at `stamp_ns` (UNIX): its pose while nothing is known of the camera.
+    pub fn look(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
+        let pose = self.run.pose(stamp_ns, image, profile);
+        self.looked_at += 1;
+        if let RunPose::Good(fit) = &pose
+            && fit.measured == [true; 6]
+        {
+            self.seen.extend(fit.response);
+        }
+        pose
+    }
+
+    /// Whether it is over.
+    pub fn is_over(&self) -> bool {
+        self.seen.len() >= self.options.frames || self.looked_at >= self.options.looked_at_max
+    }
+
+    /// Frames that say something of the response.
+    pub fn frames(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// What they say; `None` where they are too few.
+    pub fn response(&self) -> Option<CameraResponse> {
+        CameraResponse::of_opening(&self.seen)
+    }
+
+    /// The run as it goes on from here.
+    pub fn into_run(self) -> PoseRun {
+        let response = self.response().unwrap_or(CameraResponse::UNKNOWN);
+        let fitter = self.run.fitter().with_response(response);
+        self.run.going_on_with(fitter)
+    }
+}

@@ -1,0 +1,146 @@
+//! Light that is uneven along the line, and a background that is uneven too.
+//!
+//! A lens darkens towards its corners, a line is dimmer at its ends, a lamp lights one side: all of it is smooth. So the
+//! line's brightness and the background are low polynomials (Legendre's, of column and row), each frame's own, and
+//! fitted with its pose:
+//!
+//! brightness(u, v) = A (1 + Σ gₖ Gₖ(u, v)),  background(u, v) = B + Σ hₖ Hₖ(u, v)
+//!
+//! with u from −1 to 1 across the image, and v the row from the middle of those looked at, in eighths of the image.
+//!
+//! Within a cell (some columns of one level of the target) both are taken at the cell's middle. There all pixels share the
+//! derivatives by the coefficients, up to a factor: pixels add up nine parameters, and a cell's sums are turned into those
+//! of all once.
+
+use super::{BACKGROUND, BRIGHTNESS, Column, LOCAL, PARAMETERS, Square, State};
+
+/// Coefficients of the brightness: P₁…P₄ of the column, the row, and the row times the column. A lens' cos⁴ and a line dimmer
+/// at its ends need the fourth along the line; target and floor lie some tens of rows apart.
+pub(super) const GAINS: usize = 6;
+/// Of the background: P₁…P₃ of the column, and the row.
+pub(super) const AMBIENTS: usize = 4;
+/// All of them.
+pub const UNEVEN: usize = GAINS + AMBIENTS;
+/// What makes light uneven.
+pub type Uneven = [f64; UNEVEN];
+
+/// One of v, as a share of the image's height.
+const ROWS_SHARE: f64 = 0.125;
+/// Columns of a cell \[px\]: brightness that falls by a tenth towards the ends changes by half a hundredth within it.
+const CELL_PX: usize = 12;
+
+/// What is thought of them beforehand: none, with these standard deviations. A half of the line's brightness is more than
+/// any lens takes; of thirty grey levels of background a frame tells to a hundredth.
+pub(crate) const PRIOR_SD: [f64; UNEVEN] = {
+    let mut sd = [0.5; UNEVEN];
+    let mut k = GAINS;
+    while k < UNEVEN {
+        sd[k] = 30.0;
+        k += 1;
+    }
+    sd
+};
+
+/// Least and greatest brightness, as shares of its middle, and background along the line.
+pub(crate) fn line_range(state: &State) -> [[f64; 2]; 2] {
+    const PLACES: usize = 33;
+    let start = [f64::INFINITY, f64::NEG_INFINITY];
+    (0..PLACES).fold([start; 2], |ranges, k| {
+        // A row in the middle of those looked at, in an image of this many columns.
+        let cell = Cell::at([k * CELL_PX, 0], 0.5, 0, (PLACES * CELL_PX, 1));
+        let here = cell.of(state);
+        let values = [here.brightness / state.brightness, here.background];
+        let mut ranges = ranges;
+        for (range, value) in ranges.iter_mut().zip(values) {
+            *range = [range[0].min(value), range[1].max(value)];
+        }
+        ranges
+    })
+}
+
+/// Some columns of one level of the target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cell {
+    /// Which columns, which level.
+    key: (usize, usize),
+    /// The polynomials in its middle.
+    basis: [f64; UNEVEN],
+}
+
+impl Cell {
+    /// The cell about a pixel of a level, in an image of this size.
+    pub fn at(
+        [column, row]: [usize; 2],
+        about_row: f64,
+        level: usize,
+        (width_px, height_px): (usize, usize),
+    ) -> Self {
+        let along = column / CELL_PX;
+        let middle_px = (along as f64 + 0.5) * CELL_PX as f64;
+        let u = (2.0 * middle_px / width_px.max(1) as f64 - 1.0).clamp(-1.0, 1.0);
+        let v = (row as f64 + 0.5 - about_row) / (ROWS_SHARE * height_px.max(1) as f64);
+        let u2 = 1.5 * u * u - 0.5;
+        let u3 = (2.5 * u * u - 1.5) * u;
+        let u4 = (4.375 * u * u - 3.75) * u * u + 0.375;
+        Cell {
+            key: (along, level),
+            basis: [u, u2, u3, u4, v, u * v, u, u2, u3, v],
+        }
+    }
+
+    /// Whether this is the other one too.
+    pub fn is(&self, other: &Cell) -> bool {
+        self.key == other.key
+    }
+
+    /// Light and background in this cell.
+    pub fn of(&self, state: &State) -> State {
+        let sum = |from: usize, to: usize| -> f64 {
+            let coefficients = &state.uneven[from..to];
+            coefficients
+                .iter()
+                .zip(&self.basis[from..to])
+                .map(|(c, b)| c * b)
+                .sum()
+        };
+        State {
+            brightness: state.brightness * (1.0 + sum(0, GAINS)),
+            background: state.background + sum(GAINS, UNEVEN),
+            ..*state
+        }
+    }
+
+    /// Adds sums over pixels of this cell, by its own brightness and background, to those by all parameters.
+    pub fn spread(
+        &self,
+        state: &State,
+        (information, gradient): (&[[f64; LOCAL]; LOCAL], &[f64; LOCAL]),
+        all: (&mut Square, &mut Column),
+    ) {
+        // Of each parameter: which of the nine it moves, and by how much.
+        let mut moves = [(0, 0.0); PARAMETERS];
+        for (k, to) in moves.iter_mut().enumerate() {
+            *to = match k {
+                BRIGHTNESS => (BRIGHTNESS, self.of_gain(state)),
+                _ if k < LOCAL => (k, 1.0),
+                _ if k < LOCAL + GAINS => (BRIGHTNESS, state.brightness * self.basis[k - LOCAL]),
+                _ => (BACKGROUND, self.basis[k - LOCAL]),
+            };
+        }
+        for (a, (i, by)) in moves.iter().enumerate() {
+            all.1[a] += by * gradient[*i];
+            for (b, (j, with)) in moves.iter().enumerate().take(a + 1) {
+                // The lower triangle holds all.
+                all.0[(a, b)] += by * with * information[*i.max(j)][*i.min(j)];
+            }
+        }
+    }
+
+    fn of_gain(&self, state: &State) -> f64 {
+        1.0 + state.uneven[..GAINS]
+            .iter()
+            .zip(&self.basis)
+            .map(|(c, b)| c * b)
+            .sum::<f64>()
+    }
+}
