@@ -55,7 +55,7 @@ pub struct ResponseReport {
 
 impl Found {
     fn numbers(&self) -> [f64; 5] {
-        let CameraResponse { mean, covariance } = self.response.unwrap_or(CameraResponse::UNKNOWN);
+        let CameraResponse { mean, covariance } = self.in_force();
         [
             mean[0],
             mean[1],
@@ -167,8 +167,9 @@ impl std::fmt::Display for Found {
             return write!(
                 f,
                 "the camera's response is unknown: {} of the first frames show the target with all six degrees of \
-                 freedom, 3 are needed; x, z and pitch are known accordingly: begin at rest over the target",
-                self.frames
+                 freedom, {} are needed; x, z and pitch are known accordingly: begin at rest over the target",
+                self.frames,
+                CameraResponse::FRAMES_LEAST
             );
         };
         let gamma = response.mean[0].exp();

@@ -29,7 +29,7 @@ mod turned;
 pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
-pub(crate) use response::Response;
+pub(crate) use response::{Response, light_per_grey};
 pub(super) use sums::{Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};

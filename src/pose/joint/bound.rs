@@ -1,7 +1,7 @@
 //! What a frame of a target can tell at best: the Cramér–Rao bound.
 
 use super::super::photometric::{BLACK, Choice, PARAMETERS, State, Sums, TONE, UNEVEN};
-use super::solve::covariance;
+use super::solve::covariances;
 use super::{Matrix7, PoseFitter, THICKNESS};
 use hydroline_calib::Pose;
 
@@ -47,6 +47,6 @@ impl PoseFitter {
             ..Sums::default()
         };
         self.know(&mut sums, &state);
-        covariance(&sums, &free, None)
+        covariances(&sums, &free, None).map(|[alone, _]| alone)
     }
 }

@@ -27,6 +27,8 @@ pub struct CameraResponse {
 }
 
 impl CameraResponse {
+    /// Fewer frames cannot contradict each other: they are not believed.
+    pub const FRAMES_LEAST: usize = 3;
     /// Light as it is, known for certain.
     pub const LINEAR: CameraResponse = CameraResponse {
         mean: Vector2::new(0.0, 0.0),
@@ -57,8 +59,10 @@ impl CameraResponse {
 /// What the stripe's model leaves of ln γ, in all frames of a rest alike: runs with a curve scatter by 1.2 of what their frames'
 /// noise says.
 const MODEL_SD: f64 = 0.003;
-/// Fewer frames cannot contradict each other: they are not believed.
-const FRAMES_LEAST: usize = 3;
+/// Information of what is thought beforehand.
+pub(super) fn prior() -> Matrix2<f64> {
+    Matrix2::from_diagonal(&Vector2::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))))
+}
 
 /// What a frame with the response open says of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,14 +79,12 @@ impl CameraResponse {
     /// That the camera leaves light as it is is one hypothesis, with half of the probability beforehand; that it has a power
     /// and a black level is the other. Each has its evidence, and what comes out is the mean and covariance of the two.
     pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
-        if seen.len() < FRAMES_LEAST {
+        if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
-        let prior = Matrix2::from_diagonal(&Vector2::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))));
         // Frames that differ by more than they say know less than they say.
-        let at_first = pooled(seen, prior, 1.0)?.0;
-        let scatter = scatter(seen, &prior, at_first);
-        let (mean, mut covariance) = pooled(seen, prior, scatter)?;
+        let at_first = pooled(seen, 1.0)?.0;
+        let (mean, mut covariance) = pooled(seen, scatter(seen, at_first))?;
         covariance[(0, 0)] += MODEL_SD * MODEL_SD;
         // Evidence of a curve over that of none (Savage and Dickey): what is thought of ln γ = 0 beforehand over afterwards,
         // where the black level is one with the background and tells nothing.
@@ -100,11 +102,8 @@ impl CameraResponse {
 }
 
 /// Mean and covariance of what frames say, their covariances times a factor.
-fn pooled(
-    seen: &[ResponseSeen],
-    prior: Matrix2<f64>,
-    times: f64,
-) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+    let prior = prior();
     let (mut information, mut right) = (prior, Vector2::zeros());
     for frame in seen {
         information += frame.information / times;
@@ -116,7 +115,8 @@ fn pooled(
 }
 
 /// By how much ln γ of the frames differs from their mean, squared, over what they say of that; at least one (Birge 1932).
-fn scatter(seen: &[ResponseSeen], prior: &Matrix2<f64>, mean: Vector2<f64>) -> f64 {
+fn scatter(seen: &[ResponseSeen], mean: Vector2<f64>) -> f64 {
+    let prior = prior();
     let off = |frame: &ResponseSeen| {
         let variance = (frame.information + prior).try_inverse()?[(0, 0)];
         Some((frame.mean[0] - mean[0]).powi(2) / variance)

@@ -1,10 +1,10 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting,
+    Choice, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting, light_per_grey,
 };
 use super::settle::{lit_noise, sane};
-use super::solve::{covariance, response_seen};
+use super::solve::{covariances, response_seen};
 use super::{
     CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
 };
@@ -16,8 +16,8 @@ pub(super) const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
 const ITERATIONS: usize = 14;
-/// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be left straight: at an approach, and at the
-/// end.
+/// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be
+/// left straight: at an approach, and at the end.
 const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
 const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
 /// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
@@ -65,20 +65,20 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
+        let open = self.camera.is_none();
+        let held = self.camera.filter(CameraResponse::doubted);
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            by_camera: self.camera.is_none(),
+            by_camera: open,
         };
         let (mut from, mut sums) = self
             .approach(model, picture, start, &free, &mut weighting)
             .ok_or(PoseFault::Unsettled)?;
         weighting.cut = CUT;
         weighting.redescending = true;
-        let open = self.camera.is_none();
-        let held = self.camera.filter(CameraResponse::doubted);
         let mut again = self.plans();
         let (state, sums, edge_doubt) = loop {
             again -= 1;
@@ -88,8 +88,7 @@ impl PoseFitter {
                 weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                 let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
                 let limits = (ITERATIONS, settled);
-                let response = weighting.response;
-                weighting.response = response.at([from.tone, from.black], picture.ceiling);
+                weighting.respond(&from, picture.ceiling);
                 self.settle(
                     model, plan, picture, from, &free, &weighting, doubts, limits,
                 )
@@ -109,11 +108,7 @@ impl PoseFitter {
         };
         let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
-        let dark_sd = profile.noise_sd.max(1.0)
-            * weighting
-                .response
-                .at([state.tone, state.black], picture.ceiling)
-                .light_per_grey(state.background);
+        let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
         let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let light = LightSeen::of(picture, &state);
         if chi > MISFIT || !sane(&state) {
@@ -122,12 +117,8 @@ impl PoseFitter {
         if rejected > 0.05 || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
-        let covariance_with_thickness =
-            covariance(&sums, &free, held.as_ref()).ok_or(PoseFault::Unsettled)?;
-        let alone = match held {
-            Some(_) => covariance(&sums, &free, None).ok_or(PoseFault::Unsettled)?,
-            None => covariance_with_thickness,
-        };
+        let [alone, covariance_with_thickness] =
+            covariances(&sums, &free, held.as_ref()).ok_or(PoseFault::Unsettled)?;
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &free),
             Some(_) => None,
@@ -192,8 +183,7 @@ impl PoseFitter {
             let mut settle = |from: State, settled: f64| {
                 let none = &mut Doubts::default();
                 let limits = (6, settled);
-                let response = weighting.response;
-                weighting.response = response.at([from.tone, from.black], picture.ceiling);
+                weighting.respond(&from, picture.ceiling);
                 let found = self.settle(model, &plan, picture, from, free, weighting, none, limits);
                 // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is
                 // known once the fit is about there.

@@ -83,27 +83,21 @@ impl PoseFitter {
 
     /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
     pub(super) fn know(&self, sums: &mut Sums, state: &State) {
-        for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
-            let weight = 1.0 / (sd * sd);
-            sums.information[(LOCAL + k, LOCAL + k)] += weight;
-            sums.gradient[LOCAL + k] -= weight * found;
-            sums.cost += 0.5 * weight * found * found;
-        }
-        let [of_tone, of_black] = RESPONSE_PRIOR_SD;
-        for (k, found, sd) in [(TONE, state.tone, of_tone), (BLACK, state.black, of_black)] {
+        let mut know = |k: usize, off: f64, sd: f64| {
             let weight = 1.0 / (sd * sd);
             sums.information[(k, k)] += weight;
-            sums.gradient[k] -= weight * found;
-            sums.cost += 0.5 * weight * found * found;
-        }
-        let Some([thickness_m, sd_m]) = self.sheet.thickness_m else {
-            return;
+            sums.gradient[k] += weight * off;
+            sums.cost += 0.5 * weight * off * off;
         };
-        let weight = 1.0 / (sd_m * sd_m);
-        let off_m = thickness_m - state.thickness_m;
-        sums.information[(THICKNESS, THICKNESS)] += weight;
-        sums.gradient[THICKNESS] += weight * off_m;
-        sums.cost += 0.5 * weight * off_m * off_m;
+        for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
+            know(LOCAL + k, -found, sd);
+        }
+        let [of_tone, of_black] = RESPONSE_PRIOR_SD;
+        know(TONE, -state.tone, of_tone);
+        know(BLACK, -state.black, of_black);
+        if let Some([thickness_m, sd_m]) = self.sheet.thickness_m {
+            know(THICKNESS, thickness_m - state.thickness_m, sd_m);
+        }
     }
 }
 

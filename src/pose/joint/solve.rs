@@ -5,7 +5,7 @@ use super::super::photometric::{
     THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
-use super::camera::{CameraResponse, PRIOR_SD as RESPONSE_PRIOR_SD, ResponseSeen};
+use super::camera::{self, CameraResponse, ResponseSeen};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
@@ -54,36 +54,21 @@ pub(super) fn response_seen(
 ) -> Option<ResponseSeen> {
     let sized = sized(&sums.information);
     let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
-    let gradient = Column::from_fn(|i, _| {
-        if free[i] {
-            sums.gradient[i] * SIZES[i]
-        } else {
-            0.0
-        }
-    });
+    // The inverse is zero where nothing is free.
+    let gradient = Column::from_fn(|i, _| sums.gradient[i] * SIZES[i]);
     let at = [TONE, BLACK];
     let step = Vector2::from(at.map(|k| (inverse.row(k) * gradient)[0] * SIZES[k]));
     let covariance = Matrix2::from_fn(|i, j| inverse[(at[i], at[j])] * SIZES[at[i]] * SIZES[at[j]]);
-    let prior = Matrix2::from_diagonal(&Vector2::from(RESPONSE_PRIOR_SD.map(|sd| 1.0 / (sd * sd))));
     Some(ResponseSeen {
         mean: Vector2::new(state.tone, state.black) + step,
-        information: covariance.try_inverse()? - prior,
+        information: covariance.try_inverse()? - camera::prior(),
     })
 }
 
 /// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
-fn considered(
-    inverse: &Square,
-    sized: &Square,
-    free: &[bool; PARAMETERS],
-    held: &CameraResponse,
-) -> Square {
-    let at = [TONE, BLACK];
-    let by = at.map(|k| {
-        let column = Column::from_fn(|i, _| if free[i] { sized[(i, k)] } else { 0.0 });
-        inverse * column / SIZES[k]
-    });
+fn considered(inverse: &Square, sized: &Square, held: &CameraResponse) -> Square {
+    let by = [TONE, BLACK].map(|k| inverse * sized.column(k) / SIZES[k]);
     let mut more = Square::zeros();
     for (i, a) in by.iter().enumerate() {
         for (j, b) in by.iter().enumerate() {
@@ -93,22 +78,21 @@ fn considered(
     more
 }
 
-/// Covariance of pose and thickness with all light marginalised; zero where held.
-/// What is held of the camera's response adds what is not known of it.
-pub(super) fn covariance(
+/// Covariance of pose and thickness with all light marginalised; zero where held: what the frame's own pixels say, and the
+/// same with what is not known of the camera's response.
+pub(super) fn covariances(
     sums: &Sums,
     free: &[bool; PARAMETERS],
     held: Option<&CameraResponse>,
-) -> Option<Matrix7> {
+) -> Option<[Matrix7; 2]> {
     let sized = sized(&sums.information);
-    let mut inverse =
-        ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
-    if let Some(held) = held {
-        inverse += considered(&inverse, &sized, free, held);
-    }
+    let alone = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
+    let all = held.map_or(alone, |held| alone + considered(&alone, &sized, held));
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
-    Some(Matrix7::from_fn(|i, j| {
-        let (i, j) = (place(i), place(j));
-        0.5 * (inverse[(i, j)] + inverse[(j, i)]) * SIZES[i] * SIZES[j]
+    Some([alone, all].map(|inverse| {
+        Matrix7::from_fn(|i, j| {
+            let (i, j) = (place(i), place(j));
+            0.5 * (inverse[(i, j)] + inverse[(j, i)]) * SIZES[i] * SIZES[j]
+        })
     }))
 }

@@ -1,7 +1,7 @@
 //! Where on the target a fit starts: all that a hint decides.
 
 use super::super::initial::{self, Guess};
-use super::super::photometric::{Response, State, UNEVEN};
+use super::super::photometric::{State, UNEVEN};
 use super::super::segments::{self, Caveat, Levels};
 use super::{Hint, PoseCaveat, PoseFault, PoseFitter};
 use hydroline_calib::Pose;
@@ -96,8 +96,7 @@ impl PoseFitter {
         } else {
             *peaks.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let [tone, black] = self.camera.map_or([0.0; 2], |c| c.mean.into());
-        let response = Response::new([tone, black], u8::MAX);
+        let response = self.response(u8::MAX);
         let dark = segments::background_level(image).max(0.0);
         let background = response.between(dark);
         State {
@@ -106,8 +105,8 @@ impl PoseFitter {
             brightness: 1.1 * (response.between(dark + peak) - background),
             thickness_m: self.thickness_m,
             background,
-            tone,
-            black,
+            tone: response.tone,
+            black: response.black,
             uneven: [0.0; UNEVEN],
         }
     }

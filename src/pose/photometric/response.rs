@@ -62,15 +62,6 @@ impl Response {
         }
     }
 
-    /// For another ln γ₀ and b₀, of the same camera: a curve's levels are not computed anew where it has not moved.
-    pub fn at(&self, [tone, black]: [f64; 2], ceiling: u8) -> Response {
-        if self.tone == tone && self.black == black {
-            *self
-        } else {
-            Response::new([tone, black], ceiling)
-        }
-    }
-
     /// The light of a grey level.
     #[inline]
     pub fn light(&self, grey: u8) -> f64 {
@@ -86,22 +77,25 @@ impl Response {
 
     /// How much light a grey level more is, about a level of light.
     pub fn light_per_grey(&self, light: f64) -> f64 {
-        let share = (light / FULL).clamp(SHARE_LEAST, 4.0);
-        ((-self.tone).exp()) * share.powf(1.0 - self.tone.exp())
+        light_per_grey(self.tone, light)
     }
-}
 
-impl Response {
     /// What a black level that is one grey level higher takes of a level of light, from ln(L/255).
     #[inline]
     pub fn by_black(&self, ln_share: f64) -> f64 {
         if self.tone == 0.0 {
             1.0
         } else {
-            // [`Self::light_per_grey`]
+            // [`light_per_grey`]
             (self.bend * ln_share.max(LN_SHARE_LEAST) - self.tone).exp()
         }
     }
+}
+
+/// How much light a grey level more is under a curve of this ln γ, about a level of light.
+pub(crate) fn light_per_grey(tone: f64, light: f64) -> f64 {
+    let share = (light / FULL).clamp(SHARE_LEAST, 4.0);
+    ((-tone).exp()) * share.powf(1.0 - tone.exp())
 }
 
 /// Levels of light of the table below, and so many per level.

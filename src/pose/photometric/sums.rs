@@ -60,6 +60,14 @@ pub(crate) struct Weighting {
 }
 
 impl Weighting {
+    /// Takes the response of a state of a frame that is clipped from a level on; where its curve has not moved, what is
+    /// known of it stays.
+    pub fn respond(&mut self, state: &State, ceiling: u8) {
+        if self.response.tone != state.tone || self.response.black != state.black {
+            self.response = Response::new([state.tone, state.black], ceiling);
+        }
+    }
+
     /// Cost, weight and d(weight r)/dr of a residual, squared, in units of the noise.
     #[inline]
     fn weigh(&self, square: f64) -> (f64, f64, f64) {

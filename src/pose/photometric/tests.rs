@@ -243,33 +243,15 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         let mut slow = plan.clone();
         slow.strips.iter_mut().for_each(|s| s.simple = false);
         let sums = |plan: &Plan| {
-            let none = &mut Doubts::default();
-            let seen = model.compare(
-                plan,
-                &Picture::plain(&picture, 254),
-                &at,
-                &weighting,
-                none,
-                false,
-            );
+            let picture = &Picture::plain(&picture, 254);
+            let compare = |doubts: &mut Doubts, derivatives| {
+                model.compare(plan, picture, &at, &weighting, doubts, derivatives)
+            };
+            let seen = compare(&mut Doubts::default(), false);
             let mut doubts = Doubts::alike(&seen.edges, 0.03);
             doubts.grid_share = grid_share;
-            let once = model.compare(
-                plan,
-                &Picture::plain(&picture, 254),
-                &at,
-                &weighting,
-                &mut doubts,
-                true,
-            );
-            let again = model.compare(
-                plan,
-                &Picture::plain(&picture, 254),
-                &at,
-                &weighting,
-                &mut doubts,
-                true,
-            );
+            let once = compare(&mut doubts, true);
+            let again = compare(&mut doubts, true);
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
             again
         };
@@ -334,26 +316,14 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         let light = renderer.render_clean(&Pose6::from(at.pose.to_array()));
         let grid: Vec<u8> = light.iter().map(|v| v.round() as u8).collect();
         let looked = |picture: &[u8]| {
-            let none = &mut Doubts::default();
-            let seen = model.compare(
-                &plan,
-                &Picture::plain(picture, 254),
-                &at,
-                &weighting,
-                none,
-                false,
-            );
+            let picture = &Picture::plain(picture, 254);
+            let compare =
+                |doubts: &mut Doubts| model.compare(&plan, picture, &at, &weighting, doubts, false);
+            let seen = compare(&mut Doubts::default());
             let share = seen.edges.grid_share(weighting.noise_sd);
             // What is found explains what the edges left over.
             let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-            let again = model.compare(
-                &plan,
-                &Picture::plain(picture, 254),
-                &at,
-                &weighting,
-                &mut doubts,
-                false,
-            );
+            let again = compare(&mut doubts);
             let cost = |s: &Sums| s.cost;
             (
                 share,
