@@ -30,7 +30,7 @@ pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{Sums, Weighting};
+pub(super) use sums::{Curve, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
@@ -285,7 +285,7 @@ impl Photometric {
             cut: f64::INFINITY,
             redescending: false,
             response: Response::linear(u8::MAX),
-            by_camera: false,
+            curve: Curve::Known,
         };
         let mut counter = Counter::new(&weighting, Tables::get(), state);
         for strips in groups(&plan.strips) {

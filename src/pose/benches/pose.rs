@@ -8,11 +8,12 @@ use hydroline_calib::IdealMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_pose::Pose;
 use hydroline_pose::estimators::{self, Chain, Crossing};
-use hydroline_pose::joint::{Hint, PoseFitter};
+use hydroline_pose::joint::{CameraResponse, Hint, PoseFitter};
 use hydroline_pose::segments::Levels;
 use hydroline_rigs::Rig;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile};
+use nalgebra::Matrix2;
 use std::sync::Arc;
 
 fn main() {
@@ -64,6 +65,26 @@ fn joint_pose(bencher: Bencher<'_, '_>, x_m: f64) {
     };
     bencher.bench_local(|| {
         case.fitter
+            .fit(black_box(&case.image), &case.profile, &hint)
+            .unwrap()
+    });
+}
+
+/// With a camera's response as a run's opening leaves it where it shows no curve: known to a few thousandths.
+#[divan::bench(args = PLACES_M)]
+fn joint_pose_of_a_run(bencher: Bencher<'_, '_>, x_m: f64) {
+    let case = case(x_m);
+    let hint = Hint {
+        x_m: Some(case.x_m),
+        ..Hint::default()
+    };
+    let response = CameraResponse {
+        covariance: Matrix2::new(9e-6, 0.0, 0.0, 0.25),
+        ..CameraResponse::LINEAR
+    };
+    let fitter = case.fitter.with_response(response);
+    bencher.bench_local(|| {
+        fitter
             .fit(black_box(&case.image), &case.profile, &hint)
             .unwrap()
     });

@@ -1,7 +1,7 @@
 //! Which of several places on the target a frame shows.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
+    Choice, Curve, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
 };
 use super::settle::{first_step, sane};
 use super::solve::{equations, in_si};
@@ -46,7 +46,7 @@ impl PoseFitter {
             cut: 8.0,
             redescending: true,
             response: self.response(picture.ceiling),
-            by_camera: false,
+            curve: Curve::Known,
         };
         // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
         // height that a degree moves their edges by millimetres against each other.

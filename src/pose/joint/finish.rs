@@ -1,7 +1,8 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting, light_per_grey,
+    Choice, Curve, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting,
+    light_per_grey,
 };
 use super::settle::{lit_noise, sane};
 use super::solve::{covariances, response_seen};
@@ -65,14 +66,18 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
-        let open = self.camera.is_none();
         let held = self.camera.filter(CameraResponse::doubted);
+        let [curve, curve_at_last] = match (self.camera, held) {
+            (None, _) => [Curve::Sought; 2],
+            (_, Some(_)) => [Curve::Known, Curve::Doubted],
+            _ => [Curve::Known; 2],
+        };
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            by_camera: open,
+            curve,
         };
         let (mut from, mut sums) = self
             .approach(model, picture, start, &free, &mut weighting)
@@ -83,8 +88,8 @@ impl PoseFitter {
         let (state, sums, edge_doubt) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, by_camera| {
-                weighting.by_camera = by_camera;
+            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, curve| {
+                weighting.curve = curve;
                 weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                 let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
                 let limits = (ITERATIONS, settled);
@@ -96,8 +101,8 @@ impl PoseFitter {
             };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = settle(&few, from, &sums, NEARLY, open)?;
-            let (state, all) = settle(&plan, near, &edges, SETTLED, open || held.is_some())?;
+            let (near, edges) = settle(&few, from, &sums, NEARLY, curve)?;
+            let (state, all) = settle(&plan, near, &edges, SETTLED, curve_at_last)?;
             let bent = bent(&near, &state, BENT_SETTLED);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
             if again == 0 || !(moved || bent) {

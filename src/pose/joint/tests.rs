@@ -208,7 +208,7 @@ fn the_bound_is_that_of_an_independent_study() {
 /// The last step of a fit is taken without a look at where it leads: what was left after it.
 #[test]
 fn the_last_step_leaves_little() {
-    use super::super::photometric::{Choice, Doubts, State, Weighting};
+    use super::super::photometric::{Choice, Curve, Doubts, State, Weighting};
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let mut left = Vec::new();
@@ -238,7 +238,7 @@ fn the_last_step_leaves_little() {
             cut: finish::CUT,
             redescending: true,
             response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
-            by_camera: true,
+            curve: Curve::Sought,
         };
         let plan = fitter.model.plan(&state, Choice::ALL);
         let none = &mut Doubts::default();

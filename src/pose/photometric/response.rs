@@ -22,6 +22,8 @@ pub(crate) struct Response {
     /// b₀ \[grey levels\].
     pub black: f64,
     light: [f32; 256],
+    /// Of each level of light, what ln γ and b move it by.
+    moved_by: [[f32; 2]; 256],
     /// 1 − γ₀.
     bend: f64,
     /// Light from which on it is clipped.
@@ -53,13 +55,28 @@ impl Response {
         for (grey, light) in (0..=u8::MAX).zip(&mut light) {
             *light = of(grey.min(ceiling)) as f32;
         }
-        Response {
+        let mut response = Response {
             tone,
             black,
             light,
+            moved_by: [[0.0; 2]; 256],
             bend: 1.0 - tone.exp(),
             top: of(ceiling),
-        }
+        };
+        let bends = Bends::get();
+        response.moved_by = std::array::from_fn(|level| {
+            let (by_tone, slope) = bends.at(level as f64);
+            [by_tone as f32, response.by_black(slope - 1.0) as f32]
+        });
+        response
+    }
+
+    /// What ln γ and b move a level of light by, to the nearest whole level: enough for how much they are to be doubted.
+    #[inline]
+    pub fn moved_by(&self, light: f64) -> [f64; 2] {
+        // Casts saturate: what is darker than none counts as none.
+        let level = (light + 0.5) as u8;
+        self.moved_by[usize::from(level)].map(f64::from)
     }
 
     /// The light of a grey level.

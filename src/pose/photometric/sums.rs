@@ -55,8 +55,18 @@ pub(crate) struct Weighting {
     pub redescending: bool,
     /// The camera's.
     pub response: Response,
-    /// Whether derivatives by the response are wanted: half as many sums again.
-    pub by_camera: bool,
+    pub curve: Curve,
+}
+
+/// What a comparison is to say of the camera's response.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Curve {
+    /// Nothing.
+    Known,
+    /// How much its doubt makes of all else: a quarter as many sums again.
+    Doubted,
+    /// Where it lies.
+    Sought,
 }
 
 impl Weighting {
@@ -329,11 +339,28 @@ impl<'a> Counter<'a> {
     /// E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ), derivative Φ(m/σ), with m counted from the light of grey level 0.
     #[inline(always)]
     fn residual(&self, grey: u8, level: f64) -> Option<(f64, f64, [f64; 2])> {
-        let seen = self.weighting.response.light(grey);
-        if !self.weighting.by_camera {
-            let (residual, share) = self.cut_off(seen, level)?;
-            return Some((residual, share, [0.0; 2]));
+        let response = &self.weighting.response;
+        let seen = response.light(grey);
+        match self.weighting.curve {
+            Curve::Known => {
+                let (residual, share) = self.cut_off(seen, level)?;
+                Some((residual, share, [0.0; 2]))
+            }
+            Curve::Doubted => {
+                let (residual, share) = self.cut_off(seen, level)?;
+                Some((
+                    residual,
+                    share,
+                    response.moved_by(level).map(|by| share * by),
+                ))
+            }
+            Curve::Sought => self.residual_and_curve(seen, level),
         }
+    }
+
+    /// The same with what is left of the camera's curve.
+    #[inline(never)]
+    fn residual_and_curve(&self, seen: f64, level: f64) -> Option<(f64, f64, [f64; 2])> {
         let (by_tone, slope) = self.bends.at(level);
         let by_black = self.weighting.response.by_black(slope - 1.0);
         let straight = 1.0 + self.tone * slope;
@@ -375,10 +402,10 @@ impl<'a> Counter<'a> {
 
     fn empty(&mut self) {
         let (information, gradient) = (&mut self.information, &mut self.gradient);
-        if self.weighting.by_camera {
-            self.waiting.empty_into(information, gradient);
-        } else {
+        if self.weighting.curve == Curve::Known {
             self.waiting.empty_first_into::<TONE>(information, gradient);
+        } else {
+            self.waiting.empty_into(information, gradient);
         }
     }
 
@@ -390,10 +417,10 @@ impl<'a> Counter<'a> {
         products: &mut [[f64; 7]; 7],
         right: &mut [f64; 7],
     ) {
-        if self.weighting.by_camera {
-            waiting.empty_into(products, right);
-        } else {
+        if self.weighting.curve == Curve::Known {
             waiting.empty_first_into::<5>(products, right);
+        } else {
+            waiting.empty_into(products, right);
         }
     }
 
@@ -403,7 +430,7 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if !self.weighting.by_camera {
+        if self.weighting.curve == Curve::Known {
             return;
         }
         let [tone, black] = judged.by_camera;

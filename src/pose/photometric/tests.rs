@@ -163,7 +163,7 @@ fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        by_camera: true,
+        curve: Curve::Sought,
     };
     let mut plan = model.plan(&at, Choice::ALL);
     let alone = |g: &[Strip]| g.len() == 1 && !g[0].cut();
@@ -224,7 +224,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        by_camera: true,
+        curve: Curve::Sought,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
     let places = [0.13, 0.1457, 0.2496, 0.243, 0.31];
@@ -299,7 +299,7 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        by_camera: true,
+        curve: Curve::Sought,
     };
     let renderer = Renderer::new(&rig).unwrap();
     for x_m in [0.1, 0.13, 0.19] {
