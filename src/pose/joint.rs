@@ -287,7 +287,7 @@ impl PoseFitter {
 
     /// The camera's response as far as it is known, for a frame that is clipped from a level on.
     fn response(&self, ceiling: u8) -> Response {
-        let known = self.camera.map_or([0.0; 2], |c| c.mean.into());
+        let known = self.camera.map_or([0.0; 2], |c| [c.mean[0], c.mean[1]]);
         Response::new(known, ceiling)
     }
 
@@ -295,7 +295,7 @@ impl PoseFitter {
         let mut free = [true; PARAMETERS];
         free[..6].copy_from_slice(&pose);
         free[THICKNESS] = !hint.held.thickness;
-        [free[photometric::TONE], free[photometric::BLACK]] = [self.camera.is_none(); 2];
+        free[photometric::TONE..photometric::LOCAL].fill(self.camera.is_none());
         free
     }
 }
@@ -308,8 +308,7 @@ fn edges_held(mut fitted: JointPose) -> JointPose {
     fitted
 }
 
-const _: () =
-    assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8 && photometric::LOCAL == 11);
+const _: () = assert!(BRIGHTNESS == 6 && THICKNESS == 7 && BACKGROUND == 8);
 
 #[cfg(test)]
 mod tests;

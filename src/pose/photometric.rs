@@ -12,6 +12,7 @@
 //! perspective within one point spread; no sampling, so derivatives along the weak direction
 //! (δz = l δθ, δx = −H δθ) are those of the image and not of a lattice.
 
+mod across;
 mod bulk;
 mod doubts;
 mod flicker;
@@ -26,6 +27,7 @@ mod sums;
 mod torn;
 mod turned;
 
+pub(crate) use across::ACROSS;
 pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
@@ -35,6 +37,7 @@ pub(super) use sums::{Curve, Sums, Weighting};
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
 use super::sheet::SheetTable;
+use across::Across;
 use grid::Grid;
 use hydroline_calib::Pose;
 use lighting::Cell;
@@ -48,8 +51,9 @@ use sums::{Counter, Torn};
 use torn::{Scratch, lit};
 use turned::{Ray, Turned};
 
-/// x, y, z, φ, θ, ψ, brightness, thickness, background, tone, black: what moves a pixel's level.
-pub(super) const LOCAL: usize = 11;
+/// x, y, z, φ, θ, ψ, brightness, thickness, background, tone, black, and what the line has [`across`]: what moves a pixel's
+/// level.
+pub(super) const LOCAL: usize = 11 + ACROSS;
 /// The same, and what makes brightness and background [`lighting`] uneven.
 pub(super) const PARAMETERS: usize = LOCAL + UNEVEN;
 pub(super) const BRIGHTNESS: usize = 6;
@@ -59,6 +63,10 @@ pub(super) const BACKGROUND: usize = 8;
 pub(super) const TONE: usize = 9;
 /// Its black level \[grey levels\].
 pub(super) const BLACK: usize = 10;
+/// The first of what the line has across it.
+pub(super) const LINE: usize = 11;
+/// What is the run's and not a frame's: the camera's response and what the line has across it.
+pub(super) const OF_RUN: usize = LOCAL - TONE;
 
 /// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
 const DARK: f64 = 12.5;
@@ -81,6 +89,8 @@ pub(super) struct State {
     pub tone: f64,
     /// Grey level of no light at all.
     pub black: f64,
+    /// What the line has across it: cₙ of [`across`].
+    pub across: [f64; ACROSS],
     /// How brightness and background change over the image: coefficients of [`lighting`].
     pub uneven: Uneven,
 }
@@ -105,6 +115,7 @@ impl State {
             background: self.background + step[BACKGROUND],
             tone: self.tone + step[TONE],
             black: self.black + step[BLACK],
+            across: std::array::from_fn(|k| self.across[k] + step[LINE + k]),
             uneven: std::array::from_fn(|k| self.uneven[k] + step[LOCAL + k]),
         }
     }
@@ -403,8 +414,11 @@ impl Photometric {
             if exponent > DARK {
                 continue;
             }
-            let bare =
-                self.albedo(strip.level) * sigma * of_total2.sqrt() * look.tables.exp(exponent);
+            let of_total = of_total2.sqrt();
+            let across = Across::new(&state.across, sigma, 1.0 / of_total);
+            let line = across.at(s, of_total2, true);
+            let round = self.albedo(strip.level) * sigma * of_total * look.tables.exp(exponent);
+            let bare = round * line.light;
             let mut share = 1.0;
             let full = state.brightness * bare;
             if strip.cut() {
@@ -425,11 +439,17 @@ impl Photometric {
             }
             let light = full * share;
             out.level += light;
+            let of_line = state.brightness * round * share;
+            let by_s = of_line * line.slope - light * s * of_total2;
             for (k, ds) in stripe.ds.iter().enumerate() {
-                out.j[2 + k] -= light * s * of_total2 * ds;
+                out.j[2 + k] += by_s * ds;
             }
             out.j[BRIGHTNESS] += bare * share;
-            out.j[THICKNESS] += light * (1.0 / sigma - sigma * of_total2 * (1.0 - 2.0 * exponent));
+            out.j[THICKNESS] += light * (1.0 / sigma - sigma * of_total2 * (1.0 - 2.0 * exponent))
+                + of_line * line.by_sigma;
+            for (j, by) in out.j[LINE..].iter_mut().zip(&line.by) {
+                *j += of_line * by;
+            }
         }
         Some(out)
     }

@@ -1,6 +1,6 @@
 //! What a frame says of the pose, or why it says nothing.
 
-use super::super::photometric::UNEVEN;
+use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
 use super::{LightSeen, Matrix7, ResponseSeen};
 use hydroline_calib::Pose;
@@ -62,6 +62,8 @@ pub struct JointPose {
     pub tone: f64,
     /// Its black level as fitted \[grey levels\]; 0 where the response leaves light as it is, and the background holds it.
     pub black: f64,
+    /// What the line has across it beyond a Gaussian, as fitted: Hermite coefficients of orders 3 to 6.
+    pub across: [f64; ACROSS],
     /// What the frame says of the response, where it is open ([`super::PoseFitter::with_response_open`]).
     pub response: Option<ResponseSeen>,
     /// Coefficients of uneven light as fitted: of the brightness as a share of it, of the background \[grey levels\].

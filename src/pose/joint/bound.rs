@@ -1,6 +1,6 @@
 //! What a frame of a target can tell at best: the Cramér–Rao bound.
 
-use super::super::photometric::{BLACK, Choice, PARAMETERS, State, Sums, TONE, UNEVEN};
+use super::super::photometric::{ACROSS, Choice, LOCAL, PARAMETERS, State, Sums, TONE, UNEVEN};
 use super::solve::covariances;
 use super::{Matrix7, PoseFitter, THICKNESS};
 use hydroline_calib::Pose;
@@ -33,6 +33,7 @@ impl PoseFitter {
             background: light.background,
             tone: 0.0,
             black: 0.0,
+            across: [0.0; ACROSS],
             uneven: [0.0; UNEVEN],
         };
         let plan = self.model.plan(&state, Choice::ALL);
@@ -41,7 +42,7 @@ impl PoseFitter {
         let information = self.model.information(&plan, &state, noise_sd);
         let mut free = [true; PARAMETERS];
         free[THICKNESS] = !thickness_known;
-        [free[TONE], free[BLACK]] = [false; 2];
+        free[TONE..LOCAL].fill(false);
         let mut sums = Sums {
             information,
             ..Sums::default()

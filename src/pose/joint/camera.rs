@@ -5,54 +5,90 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{BLACK, LOCAL, TONE};
-use nalgebra::{Matrix2, Vector2};
+use super::super::photometric::{ACROSS, BLACK, LINE, OF_RUN, State, TONE};
+use nalgebra::{SMatrix, SVector};
 
-const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LOCAL);
+const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
-/// What is thought of (ln γ, b) beforehand where the response is not one that leaves light as it is: cameras for people have
+/// ln γ, b \[grey levels\], and the line's c₃…c₆.
+pub type OfRun = SVector<f64, OF_RUN>;
+/// Of these, squared.
+pub type OfRun2 = SMatrix<f64, OF_RUN, OF_RUN>;
+
+/// What is thought of them beforehand where the response is not one that leaves light as it is: cameras for people have
 /// γ = 0.42–0.5, which is ln γ = −0.8; black is 16 in video, and sRGB's and BT.709's are a power with black levels of −14
-/// and −25 \[1, grey levels\].
-pub(super) const PRIOR_SD: [f64; 2] = [0.6, 16.0];
+/// and −25 \[1, grey levels\]. A line with a flat top has c₄ of −0.03, one with wings of a tenth to a fifth of its light up to
+/// 0.05, one with a side lobe c₃ of as much; the rest are smaller.
+pub(super) const PRIOR_SD: [f64; OF_RUN] = [0.6, 16.0, 0.05, 0.05, 0.02, 0.02, 0.002, 0.001, 2e-4, 1e-4];
 /// Probability beforehand that a camera leaves light as it is: machine vision does, cameras for people do not.
 const LINEAR_PROBABILITY: f64 = 0.5;
 
-/// A camera's response g = b + 255 (L/255)^γ, known to its covariance.
+/// A camera's response g = b + 255 (L/255)^γ and what the line has across it, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraResponse {
-    /// ln γ, and b \[grey levels\].
-    pub mean: Vector2<f64>,
-    /// Of these.
-    pub covariance: Matrix2<f64>,
+    /// What is held.
+    pub mean: OfRun,
+    /// Of that.
+    pub covariance: OfRun2,
+}
+
+/// Those of a state.
+pub(super) fn of_run(state: &State) -> OfRun {
+    OfRun::from_fn(|k, _| match k {
+        0 => state.tone,
+        1 => state.black,
+        _ => state.across[k - 2],
+    })
 }
 
 impl CameraResponse {
     /// Fewer frames cannot contradict each other: they are not believed.
     pub const FRAMES_LEAST: usize = 3;
-    /// Light as it is, known for certain.
+    /// Light as it is and a Gaussian line, known for certain.
     pub const LINEAR: CameraResponse = CameraResponse {
-        mean: Vector2::new(0.0, 0.0),
-        covariance: Matrix2::new(0.0, 0.0, 0.0, 0.0),
+        mean: of_constants([0.0; OF_RUN]),
+        covariance: diagonal([0.0; OF_RUN]),
     };
     /// Nothing but what is thought beforehand: the weak direction of each pose is as wide as that makes it.
     pub const UNKNOWN: CameraResponse = {
         let curve = 1.0 - LINEAR_PROBABILITY;
-        let [tone, black] = PRIOR_SD;
+        let mut variances = [0.0; OF_RUN];
+        let mut k = 0;
+        while k < OF_RUN {
+            let sd = PRIOR_SD[k];
+            variances[k] = if k < 2 { curve * sd * sd } else { sd * sd };
+            k += 1;
+        }
         CameraResponse {
-            mean: Vector2::new(0.0, 0.0),
-            covariance: Matrix2::new(curve * tone * tone, 0.0, 0.0, curve * black * black),
+            mean: of_constants([0.0; OF_RUN]),
+            covariance: diagonal(variances),
         }
     };
+
+    /// What the line has across it.
+    pub(super) fn across(&self) -> [f64; ACROSS] {
+        std::array::from_fn(|k| self.mean[2 + k])
+    }
 }
 
-/// Known better than this ln γ moves nothing: a frame alone tells it to 0.01, and it adds half a hundredth to the sds that it
-/// moves most.
-const NEGLIGIBLE_SD: f64 = 1e-3;
+const fn of_constants(values: [f64; OF_RUN]) -> OfRun {
+    OfRun::from_array_storage(nalgebra::ArrayStorage([values]))
+}
+
+const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
+    let mut rows = [[0.0; OF_RUN]; OF_RUN];
+    let mut k = 0;
+    while k < OF_RUN {
+        rows[k][k] = values[k];
+        k += 1;
+    }
+    OfRun2::from_array_storage(nalgebra::ArrayStorage(rows))
+}
 
 impl CameraResponse {
     /// Whether what is not known of it counts.
     pub(super) fn doubted(&self) -> bool {
-        self.covariance[(0, 0)] > NEGLIGIBLE_SD * NEGLIGIBLE_SD
+        self.covariance.diagonal() != OfRun::zeros()
     }
 }
 
@@ -60,17 +96,17 @@ impl CameraResponse {
 /// noise says.
 const MODEL_SD: f64 = 0.003;
 /// Information of what is thought beforehand.
-pub(super) fn prior() -> Matrix2<f64> {
-    Matrix2::from_diagonal(&Vector2::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))))
+pub(super) fn prior() -> OfRun2 {
+    OfRun2::from_diagonal(&OfRun::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))))
 }
 
 /// What a frame with the response open says of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseSeen {
-    /// ln γ, and b \[grey levels\].
-    pub mean: Vector2<f64>,
+    /// Where it lies.
+    pub mean: OfRun,
     /// Information of the frame alone, all else free.
-    pub information: Matrix2<f64>,
+    pub information: OfRun2,
 }
 
 impl CameraResponse {
@@ -88,23 +124,33 @@ impl CameraResponse {
         covariance[(0, 0)] += MODEL_SD * MODEL_SD;
         // Evidence of a curve over that of none (Savage and Dickey): what is thought of ln γ = 0 beforehand over afterwards,
         // where the black level is one with the background and tells nothing.
+        let tone2 = covariance[(0, 0)];
         let density = |off: f64, sd: f64| (-0.5 * (off / sd).powi(2)).exp() / sd;
-        let of_none = density(mean[0], covariance[(0, 0)].sqrt());
+        let of_none = density(mean[0], tone2.sqrt());
         let beforehand = (1.0 - LINEAR_PROBABILITY) / LINEAR_PROBABILITY;
         let odds = beforehand * density(0.0, PRIOR_SD[0]) / of_none.max(f64::MIN_POSITIVE);
         let curve = odds.min(1e9) / (1.0 + odds.min(1e9));
-        let spread = mean * mean.transpose() * (curve * (1.0 - curve));
+        // Where there is none, the line is what goes with that: what is known given ln γ = 0. The black level is none then.
+        let with_tone = covariance.column(0) / tone2;
+        let mut straight = mean - with_tone * mean[0];
+        let mut of_straight = covariance - with_tone * covariance.row(0);
+        straight[1] = 0.0;
+        of_straight.row_mut(1).fill(0.0);
+        of_straight.column_mut(1).fill(0.0);
+        let apart = mean - straight;
         Some(CameraResponse {
-            mean: mean * curve,
-            covariance: covariance * curve + spread,
+            mean: straight + apart * curve,
+            covariance: covariance * curve
+                + of_straight * (1.0 - curve)
+                + apart * apart.transpose() * (curve * (1.0 - curve)),
         })
     }
 }
 
 /// Mean and covariance of what frames say, their covariances times a factor.
-fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(OfRun, OfRun2)> {
     let prior = prior();
-    let (mut information, mut right) = (prior, Vector2::zeros());
+    let (mut information, mut right) = (prior, OfRun::zeros());
     for frame in seen {
         information += frame.information / times;
         // The frame's own fit knew the prior too.
@@ -115,7 +161,7 @@ fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(Vector2<f64>, Matrix2<f6
 }
 
 /// By how much ln γ of the frames differs from their mean, squared, over what they say of that; at least one (Birge 1932).
-fn scatter(seen: &[ResponseSeen], mean: Vector2<f64>) -> f64 {
+fn scatter(seen: &[ResponseSeen], mean: OfRun) -> f64 {
     let prior = prior();
     let off = |frame: &ResponseSeen| {
         let variance = (frame.information + prior).try_inverse()?[(0, 0)];
@@ -130,9 +176,14 @@ mod tests {
     use super::*;
 
     fn frames(tones: &[f64], sd: f64, black: f64) -> Vec<ResponseSeen> {
+        let of = |tone: f64, black: f64| {
+            let mut all = OfRun::zeros();
+            [all[0], all[1]] = [tone, black];
+            all
+        };
         let seen = |tone: &f64| ResponseSeen {
-            mean: Vector2::new(*tone, black),
-            information: Matrix2::new(1.0 / (sd * sd), 0.0, 0.0, 1.0),
+            mean: of(*tone, black),
+            information: OfRun2::from_diagonal(&of(1.0 / (sd * sd), 1.0)),
         };
         tones.iter().map(seen).collect()
     }

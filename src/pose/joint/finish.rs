@@ -141,6 +141,7 @@ impl PoseFitter {
             background: state.background,
             tone: state.tone,
             black: state.black,
+            across: state.across,
             response,
             light,
             uneven: state.uneven,

@@ -1,11 +1,11 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    BLACK, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture, Plan, State, Sums,
+    Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture, Plan, State, Sums,
     THICKNESS, TONE, Weighting,
 };
 use super::PoseFitter;
-use super::camera::PRIOR_SD as RESPONSE_PRIOR_SD;
+use super::camera;
 use super::solve::{equations, in_si};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::Scaling;
@@ -92,9 +92,10 @@ impl PoseFitter {
         for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
             know(LOCAL + k, -found, sd);
         }
-        let [of_tone, of_black] = RESPONSE_PRIOR_SD;
-        know(TONE, -state.tone, of_tone);
-        know(BLACK, -state.black, of_black);
+        let of_run = camera::of_run(state);
+        for (k, (found, sd)) in of_run.iter().zip(camera::PRIOR_SD).enumerate() {
+            know(TONE + k, -found, sd);
+        }
         if let Some([thickness_m, sd_m]) = self.sheet.thickness_m {
             know(THICKNESS, thickness_m - state.thickness_m, sd_m);
         }

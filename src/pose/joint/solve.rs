@@ -1,23 +1,28 @@
 //! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
 use super::super::photometric::{
-    BACKGROUND, BLACK, BRIGHTNESS, Column, LOCAL, PARAMETERS, PRIOR_SD, Square, State, Sums,
-    THICKNESS, TONE, UNEVEN,
+    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, PRIOR_SD,
+    Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
-use super::camera::{self, CameraResponse, ResponseSeen};
+use super::camera::{self, CameraResponse, OfRun, OfRun2, ResponseSeen};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
-use nalgebra::{Const, Matrix2, Vector2};
+use nalgebra::Const;
 
-/// Size of a step of each parameter: mm, mrad, a grey level, 0.1 mm of thickness, a hundredth of γ, a hundredth of what
-/// uneven light may be. With them the equations need no other scaling.
+/// Size of a step of each parameter: mm, mrad, a grey level, 0.1 mm of thickness, a hundredth of γ, a thousandth of what the
+/// line has across, a hundredth of what uneven light may be. With them the equations need no other scaling.
 const SIZES: [f64; PARAMETERS] = {
     let mut sizes = [1e-3; PARAMETERS];
     (sizes[BRIGHTNESS], sizes[THICKNESS], sizes[BACKGROUND]) = (1.0, 1e-4, 1.0);
     (sizes[TONE], sizes[BLACK]) = (0.01, 1.0);
     let mut k = 0;
+    while k < ACROSS {
+        sizes[LINE + k] = 0.02 * camera::PRIOR_SD[2 + k];
+        k += 1;
+    }
+    k = 0;
     while k < UNEVEN {
         sizes[LOCAL + k] = 0.01 * PRIOR_SD[k];
         k += 1;
@@ -56,11 +61,11 @@ pub(super) fn response_seen(
     let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
     // The inverse is zero where nothing is free.
     let gradient = Column::from_fn(|i, _| sums.gradient[i] * SIZES[i]);
-    let at = [TONE, BLACK];
-    let step = Vector2::from(at.map(|k| (inverse.row(k) * gradient)[0] * SIZES[k]));
-    let covariance = Matrix2::from_fn(|i, j| inverse[(at[i], at[j])] * SIZES[at[i]] * SIZES[at[j]]);
+    let at = |k: usize| TONE + k;
+    let step = OfRun::from_fn(|k, _| (inverse.row(at(k)) * gradient)[0] * SIZES[at(k)]);
+    let covariance = OfRun2::from_fn(|i, j| inverse[(at(i), at(j))] * SIZES[at(i)] * SIZES[at(j)]);
     Some(ResponseSeen {
-        mean: Vector2::new(state.tone, state.black) + step,
+        mean: camera::of_run(state) + step,
         information: covariance.try_inverse()? - camera::prior(),
     })
 }
@@ -68,7 +73,8 @@ pub(super) fn response_seen(
 /// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
 fn considered(inverse: &Square, sized: &Square, held: &CameraResponse) -> Square {
-    let by = [TONE, BLACK].map(|k| inverse * sized.column(k) / SIZES[k]);
+    let by: [Column; OF_RUN] =
+        std::array::from_fn(|k| inverse * sized.column(TONE + k) / SIZES[TONE + k]);
     let mut more = Square::zeros();
     for (i, a) in by.iter().enumerate() {
         for (j, b) in by.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Where on the target a fit starts: all that a hint decides.
 
 use super::super::initial::{self, Guess};
-use super::super::photometric::{State, UNEVEN};
+use super::super::photometric::{ACROSS, State, UNEVEN};
 use super::super::segments::{self, Caveat, Levels};
 use super::{Hint, PoseCaveat, PoseFault, PoseFitter};
 use hydroline_calib::Pose;
@@ -107,8 +107,14 @@ impl PoseFitter {
             background,
             tone: response.tone,
             black: response.black,
+            across: self.across(),
             uneven: [0.0; UNEVEN],
         }
+    }
+
+    /// What the line has across it as far as it is known.
+    fn across(&self) -> [f64; ACROSS] {
+        self.camera.map_or([0.0; ACROSS], |c| c.across())
     }
 
     /// Guesses among which the frame may decide: near the hint, or the first repetition.

@@ -231,6 +231,7 @@ fn the_last_step_leaves_little() {
             background: fit.background,
             tone: fit.tone,
             black: fit.black,
+            across: fit.across,
             uneven: fit.uneven,
         };
         let weighting = Weighting {
@@ -248,7 +249,7 @@ fn the_last_step_leaves_little() {
             .compare(&plan, &picture, &state, &weighting, none, false);
         let doubts = &mut Doubts::found(&seen.edges, fit.noise_sd);
         let mut free = [true; PARAMETERS];
-        [free[photometric::TONE], free[photometric::BLACK]] = [fit.tone != 0.0; 2];
+        free[photometric::TONE..photometric::LOCAL].fill(fit.tone != 0.0);
         let limits = (20, 1e-9);
         let (end, _) = fitter
             .settle(

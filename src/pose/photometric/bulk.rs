@@ -4,12 +4,16 @@
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 
+use super::across::{ACROSS, Across};
 use super::lanes::Lanes;
 use super::plan::Strip;
 use super::sums::{BULK, Counter};
 use super::turned::{Ray, Turned, dot};
 use super::{Photometric, State};
 use crate::normal::Tables;
+
+/// Of a strip's pixels: d light/ds, the same times the row, and all light.
+pub(super) const BULKS: usize = 7 + ACROSS;
 
 /// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
 struct End {
@@ -73,10 +77,13 @@ impl Photometric {
         let eye = self.table.eye_m;
         let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
         let of_sigma = 1.0 / sigma;
-        // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black.
-        let mut products = [[0.0; 7]; 7];
-        let mut right = [0.0; 7];
-        let mut waiting = Lanes::<7>::new();
+        let across = Across::new(&state.across, sigma, total2.sqrt());
+        let by_line = derivatives && counter.of_run();
+        // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black, and
+        // by what the line has across.
+        let mut products = [[0.0; BULKS]; BULKS];
+        let mut right = [0.0; BULKS];
+        let mut waiting = Lanes::<BULKS>::new();
         let sights = self.table.sights(strip.column, first, last + 1);
         let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
         for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
@@ -91,7 +98,9 @@ impl Photometric {
             let of_total2 = both * down;
             let s = lever * (over - down) * (both * total2);
             let off = s * s * of_total2;
-            let bare = tables.exp(0.5 * off) * (height + height_slope * u);
+            let round = tables.exp(0.5 * off) * (height + height_slope * u);
+            let line = across.at(s, of_total2, by_line);
+            let bare = round * line.light;
             let light = state.brightness * bare;
             let Some(judged) =
                 counter.bulk(*grey, light, state.background + counter.of_row(first + k))
@@ -101,16 +110,18 @@ impl Photometric {
             if !derivatives {
                 continue;
             }
-            let by_s = -light * s * of_total2 * judged.share;
-            let j = [
-                by_s,
-                by_s * u,
-                bare * judged.share,
-                light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share,
-                judged.share,
-                judged.by_camera[0],
-                judged.by_camera[1],
-            ];
+            let of_line = state.brightness * round * judged.share;
+            let by_s = of_line * line.slope - light * s * of_total2 * judged.share;
+            let mut j = [0.0; BULKS];
+            [j[0], j[1]] = [by_s, by_s * u];
+            j[2] = bare * judged.share;
+            j[3] = light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share
+                + of_line * line.by_sigma;
+            j[4] = judged.share;
+            [j[5], j[6]] = judged.by_camera;
+            for (j, by) in j[7..].iter_mut().zip(&line.by) {
+                *j = of_line * by;
+            }
             if waiting.push(&j, judged.weight, judged.residual) {
                 counter.of_light(&mut waiting, &mut products, &mut right);
             }
@@ -129,12 +140,12 @@ impl Photometric {
                     + g * gk * products[1][1];
             }
             counter.gradient[BULK[n]] += m * right[0] + g * right[1];
-            for light in 2..7 {
+            for light in 2..BULKS {
                 counter.information[BULK[light + 1]][BULK[n]] +=
                     m * products[light][0] + g * products[light][1];
             }
         }
-        for a in 2..7 {
+        for a in 2..BULKS {
             counter.gradient[BULK[a + 1]] += right[a];
             for b in 2..=a {
                 counter.information[BULK[a + 1]][BULK[b + 1]] += products[a][b];

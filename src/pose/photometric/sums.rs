@@ -1,5 +1,7 @@
 //! What a comparison adds up, and how a residual counts.
 
+use super::across::ACROSS;
+use super::bulk::BULKS;
 pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
@@ -7,7 +9,7 @@ use super::lighting::Cell;
 use super::picture::Uneven;
 use super::plan::Strip;
 use super::response::{Bends, Response};
-use super::{BACKGROUND, BLACK, BRIGHTNESS, Column, LOCAL, Square, State, THICKNESS, TONE};
+use super::{BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, Square, State, THICKNESS, TONE};
 use crate::normal::Tables;
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
@@ -18,7 +20,18 @@ const CLIPPED: f64 = 0.1;
 const LIT: f64 = 0.15;
 
 /// What moves light that no edge cuts: x, y and ψ move edges only.
-pub(super) const BULK: [usize; 8] = [2, 3, 4, BRIGHTNESS, THICKNESS, BACKGROUND, TONE, BLACK];
+pub(super) const BULK: [usize; 8 + ACROSS] = {
+    let mut bulk = [0; 8 + ACROSS];
+    [bulk[0], bulk[1], bulk[2]] = [2, 3, 4];
+    [bulk[3], bulk[4], bulk[5]] = [BRIGHTNESS, THICKNESS, BACKGROUND];
+    [bulk[6], bulk[7]] = [TONE, BLACK];
+    let mut k = 0;
+    while k < ACROSS {
+        bulk[8 + k] = LINE + k;
+        k += 1;
+    }
+    bulk
+};
 
 /// Sums over the pixels.
 #[derive(Debug, Clone, Default)]
@@ -180,6 +193,11 @@ impl<'a> Counter<'a> {
             grid_share: 0.0,
             edge: 0,
         }
+    }
+
+    /// Whether what is the run's is asked for.
+    pub fn of_run(&self) -> bool {
+        self.weighting.curve != Curve::Known
     }
 
     /// What comes next are the pixels of these strips.
@@ -413,11 +431,11 @@ impl<'a> Counter<'a> {
     #[inline]
     pub fn of_light(
         &self,
-        waiting: &mut Lanes<7>,
-        products: &mut [[f64; 7]; 7],
-        right: &mut [f64; 7],
+        waiting: &mut Lanes<BULKS>,
+        products: &mut [[f64; BULKS]; BULKS],
+        right: &mut [f64; BULKS],
     ) {
-        if self.weighting.curve == Curve::Known {
+        if !self.of_run() {
             waiting.empty_first_into::<5>(products, right);
         } else {
             waiting.empty_into(products, right);
@@ -430,7 +448,7 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if self.weighting.curve == Curve::Known {
+        if !self.of_run() {
             return;
         }
         let [tone, black] = judged.by_camera;

@@ -5,13 +5,14 @@
 //! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
 //! per pixel, and [`Photometric::light`] is left for upright corners.
 
+use super::across::Across;
 use super::grid::Bend;
 use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
 use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
 use super::{
-    BACKGROUND, BLACK, BRIGHTNESS, DARK, Doubt, LOCAL, Photometric, State, THICKNESS, TONE,
+    BACKGROUND, BLACK, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS, TONE,
 };
 use crate::normal::{Pair, Tables};
 
@@ -130,6 +131,8 @@ struct Ready {
     /// Albedo times σ/S.
     height: Line,
     total2: Line,
+    /// Of the line across, faded as in the middle.
+    across: Across,
     ds: [Line; 3],
     /// First and last place about the middle that it lights.
     lit: [f64; 2],
@@ -201,6 +204,7 @@ impl Photometric {
         let ahead = r3[0] * lever;
         let sigma = state.thickness_m;
         let of_sigma = 1.0 / sigma;
+        let by_line = derivatives && counter.of_run();
         let middle = 0.5 * (from + to) as f64;
         let sights = self.table.sights(strip.column, first, end);
         for (row, [y, z]) in (first..end).zip(sights) {
@@ -219,10 +223,12 @@ impl Photometric {
                 let of_total2 = both * down;
                 let s = lever * (ready.over - down) * (both * total2);
                 let off = s * s * of_total2;
-                let bare = tables.exp(0.5 * off) * at(&ready.height, u);
-                if bare == 0.0 {
+                let round = tables.exp(0.5 * off) * at(&ready.height, u);
+                if round == 0.0 {
                     continue;
                 }
+                let line = ready.across.at(s, of_total2, by_line);
+                let bare = round * line.light;
                 let full = state.brightness * bare;
                 let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
                 let share = match cuts {
@@ -248,12 +254,17 @@ impl Photometric {
                 level += light;
                 doubt.edge += light * 4.0 * (1.0 - share);
                 if derivatives {
-                    let by_s = -light * s * of_total2;
+                    let of_line = state.brightness * round * share;
+                    let by_s = of_line * line.slope - light * s * of_total2;
                     for (j, ds) in j[2..5].iter_mut().zip(&ready.ds) {
                         *j += by_s * at(ds, u);
                     }
                     j[BRIGHTNESS] += bare * share;
-                    j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off));
+                    j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off))
+                        + of_line * line.by_sigma;
+                    for (j, by) in j[LINE..].iter_mut().zip(&line.by) {
+                        *j += of_line * by;
+                    }
                 }
             }
             let doubt_sd = if cut { doubt_sd(&doubt) } else { 0.0 };
@@ -339,6 +350,11 @@ impl Photometric {
                 over: -own_m - fallen,
                 height: line(full / a.total2.sqrt(), full / c.total2.sqrt(), count),
                 total2: line(a.total2, c.total2, count),
+                across: Across::new(
+                    &state.across,
+                    state.thickness_m,
+                    (0.5 * (a.total2 + c.total2)).sqrt(),
+                ),
                 ds: std::array::from_fn(|i| line(a.ds[i], c.ds[i], count)),
                 lit,
                 cuts: (first_cut, scratch.cuts.len()),

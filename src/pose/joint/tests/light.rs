@@ -170,7 +170,11 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
     let mut extractor = Extractor::new(ExtractorConfig::default());
     let mut sums = [[0.0; 2]; 7];
     let (mut given, mut wrong) = (0, Vec::new());
+    let only: Option<usize> = std::env::var("ONLY").ok().and_then(|v| v.parse().ok());
     for k in 0..runs {
+        if only.is_some_and(|o| o != k) {
+            continue;
+        }
         let drawn = |rng: &mut StdRng| Pose {
             x_m: rng.random_range(-0.15..0.6),
             y_m: rng.random_range(-0.01..0.01),
@@ -211,7 +215,17 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
                 fit.ok().filter(|fit| !fit.doubtful())?.response
             })
             .collect();
+        if only.is_some() {
+            println!("{light:?} {line:?}");
+            for s in &said {
+                let cov = (s.information + crate::joint::camera::prior()).try_inverse().unwrap();
+                println!("said {:.4?} sd {:.4?}", s.mean.as_slice(), cov.diagonal().map(f64::sqrt).as_slice());
+            }
+        }
         let response = CameraResponse::of_opening(&said).unwrap_or(CameraResponse::UNKNOWN);
+        if only.is_some() {
+            println!("found {:.4?} sd {:.4?}", response.mean.as_slice(), response.covariance.diagonal().map(f64::sqrt).as_slice());
+        }
         let fitter = fitter.with_response(response);
         for _ in 0..AFTER {
             let truth = drawn(&mut rng);
@@ -234,6 +248,18 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
                     (fit.pose.to_array()[i] - truth.to_array()[i]) / fit.covariance[(i, i)].sqrt()
                 })
                 .collect();
+            if only.is_some() {
+                println!("{in_sds:.1?} noise {:.2} rejected {:.3} thick {:.5} edge {:.3} bright {:.1} sdx {:.5}", fit.noise_sd, fit.rejected, fit.thickness_m, fit.edge_doubt, fit.brightness, fit.covariance[(0,0)].sqrt());
+                for tone in [0.0, light.tone] {
+                    let mut known = CameraResponse::LINEAR;
+                    known.mean = response.mean;
+                    known.mean[0] = tone;
+                    let f2 = fitter.with_response(known).fit(&image, &extractor.extract(&image), &hint(&truth));
+                    if let Ok(f2) = f2 {
+                        println!("   tone {tone}: {:.1?} noise {:.2}", (0..6).map(|i| (f2.pose.to_array()[i] - truth.to_array()[i]) / f2.covariance[(i, i)].sqrt()).collect::<Vec<_>>(), f2.noise_sd);
+                    }
+                }
+            }
             let worst = in_sds.iter().fold(0.0, |w: f64, v| w.max(v.abs()));
             let sum = &mut sums[k % 7];
             *sum = [
