@@ -1,5 +1,7 @@
 //! What happened to the daemon itself: goes to `/daemon/event`, never dropped.
 
+use std::borrow::Cow;
+
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
@@ -25,7 +27,7 @@ pub struct Event {
     /// One sentence for a person, with the numbers in it.
     pub message: String,
     /// Numbers for a machine, e.g. ("lost", 3.0), ("gap_s", 0.12).
-    pub values: Vec<(&'static str, f64)>,
+    pub values: Vec<(Cow<'static, str>, f64)>,
 }
 
 impl Event {
@@ -47,8 +49,8 @@ impl Event {
 
     /// Adds a number.
     #[must_use]
-    pub fn with(mut self, name: &'static str, value: f64) -> Self {
-        self.values.push((name, value));
+    pub fn with(mut self, name: impl Into<Cow<'static, str>>, value: f64) -> Self {
+        self.values.push((name.into(), value));
         self
     }
 }

@@ -6,28 +6,55 @@
 use hydroline_core::event::{Event, Severity};
 use hydroline_log::MetadataMap;
 use hydroline_log::messages::pb;
-use hydroline_pose::joint::CameraResponse;
+use hydroline_pose::joint::{CameraResponse, OF_RUN};
 use hydroline_pose::opening::Opening;
-use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 /// Kind of the event.
 pub const KIND: &str = "camera.response";
 
-/// Names of the numbers: of the event's values, and behind `camera.response.` of the summary's.
-const NAMES: [&str; 5] = [
+/// What is held: names of the event's values, and behind `camera.response.` of the summary's; their variances and covariances
+/// go by the names of both.
+const NAMES: [&str; OF_RUN] = [
     "ln_gamma",
     "black_levels",
-    "ln_gamma_variance",
-    "ln_gamma_black_covariance",
-    "black_variance",
+    "line_he3",
+    "line_he4",
+    "line_he5",
+    "line_he6",
+    "line_he7",
+    "line_he8",
+    "line_he9",
+    "line_he10",
 ];
 const FRAMES: &str = "frames";
-/// No camera has a curve or a black level beyond these: a log that states one is damaged \[1, grey levels\].
+/// No camera has a curve or a black level, and no line has more across it, beyond these: a log that states one is damaged
+/// \[1, grey levels, 1\].
 const LN_GAMMA_MOST: f64 = 3.0;
 const BLACK_MOST_LEVELS: f64 = 255.0;
+const LINE_MOST: f64 = 1.0;
 /// What a covariance's determinant may be below zero by, as a share of its diagonal.
 const ROUNDING: f64 = 1e-9;
+
+/// The numbers of what is held and of the lower triangle of its covariance, by name.
+fn named(response: &CameraResponse) -> Vec<(String, f64)> {
+    let mut all = Vec::new();
+    for (i, of) in NAMES.iter().enumerate() {
+        all.push(((*of).to_owned(), response.mean[i]));
+        for (j, with) in NAMES.iter().enumerate().take(i + 1) {
+            all.push((covariance_name(of, with), response.covariance[(i, j)]));
+        }
+    }
+    all
+}
+
+fn covariance_name(of: &str, with: &str) -> String {
+    if of == with {
+        format!("{of}_variance")
+    } else {
+        format!("{of}_{with}_covariance")
+    }
+}
 
 /// A response, and the number of frames that it was found in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +72,8 @@ pub struct ResponseReport {
     pub gamma: [f64; 2],
     /// b and its sd \[grey levels\]; without a curve it is one with the background.
     pub black_levels: [f64; 2],
+    /// What the line has across it beyond a Gaussian: Hermite coefficients of orders 3 to 10 and their sds.
+    pub line: [[f64; 2]; OF_RUN - 2],
     /// Whether it was found: else it is as wide as what is thought of cameras beforehand.
     pub known: bool,
     /// Frames that it was found in.
@@ -54,28 +83,6 @@ pub struct ResponseReport {
 }
 
 impl Found {
-    fn numbers(&self) -> [f64; 5] {
-        let CameraResponse { mean, covariance } = self.in_force();
-        [
-            mean[0],
-            mean[1],
-            covariance[(0, 0)],
-            covariance[(0, 1)],
-            covariance[(1, 1)],
-        ]
-    }
-
-    fn of_numbers([tone, black, tone2, both, black2]: [f64; 5], frames: f64) -> Found {
-        let response = CameraResponse {
-            mean: Vector2::new(tone, black),
-            covariance: Matrix2::new(tone2, both, both, black2),
-        };
-        Found {
-            response: (response != CameraResponse::UNKNOWN).then_some(response),
-            frames: frames as usize,
-        }
-    }
-
     /// What to fit with.
     pub fn in_force(&self) -> CameraResponse {
         self.response.unwrap_or(CameraResponse::UNKNOWN)
@@ -83,10 +90,8 @@ impl Found {
 
     /// For a log's summary.
     pub fn metadata(&self) -> Vec<(String, String)> {
-        let numbers = NAMES.into_iter().zip(self.numbers());
-        let with_frames = numbers.chain([(FRAMES, self.frames as f64)]);
-        let entry = |(name, value): (&str, f64)| (format!("{KIND}.{name}"), value.to_string());
-        with_frames.map(entry).collect()
+        let entry = |(name, value): (String, f64)| (format!("{KIND}.{name}"), value.to_string());
+        self.numbers().map(entry).collect()
     }
 
     /// What an opening found.
@@ -102,21 +107,40 @@ impl Found {
         Found::of_named(|name| summary.get(&format!("{KIND}.{name}"))?.parse().ok())
     }
 
+    fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
+        let frames = (FRAMES.to_owned(), self.frames as f64);
+        named(&self.in_force()).into_iter().chain([frames])
+    }
+
     /// From numbers by name; `None` where one is missing, or where no camera and no covariance is like that.
     fn of_named(number: impl Fn(&str) -> Option<f64>) -> Option<Found> {
-        let mut numbers = [0.0; 5];
-        for (to, name) in numbers.iter_mut().zip(NAMES) {
-            *to = number(name)?;
+        let mut response = CameraResponse::LINEAR;
+        for (i, of) in NAMES.iter().enumerate() {
+            let most = match i {
+                0 => LN_GAMMA_MOST,
+                1 => BLACK_MOST_LEVELS,
+                _ => LINE_MOST,
+            };
+            response.mean[i] = number(of).filter(|n| n.abs() < most)?;
+            for (j, with) in NAMES.iter().enumerate().take(i + 1) {
+                let found = number(&covariance_name(of, with)).filter(|n| n.is_finite())?;
+                response.covariance[(i, j)] = found;
+                response.covariance[(j, i)] = found;
+            }
         }
-        let [tone, black, tone2, both, black2] = numbers;
-        let sound = numbers.iter().all(|n| n.is_finite())
-            && tone.abs() < LN_GAMMA_MOST
-            && black.abs() < BLACK_MOST_LEVELS
-            && tone2 >= 0.0
-            && black2 >= 0.0
-            && both * both <= tone2 * black2 * (1.0 + ROUNDING);
+        let covariance = &response.covariance;
+        let sound = (0..OF_RUN).all(|i| {
+            covariance[(i, i)] >= 0.0
+                && (0..i).all(|j| {
+                    let most = covariance[(i, i)] * covariance[(j, j)] * (1.0 + ROUNDING);
+                    covariance[(i, j)] * covariance[(i, j)] <= most
+                })
+        });
         let frames = number(FRAMES).filter(|n| (0.0..1e6).contains(n))?;
-        sound.then(|| Found::of_numbers(numbers, frames))
+        sound.then(|| Found {
+            response: (response != CameraResponse::UNKNOWN).then_some(response),
+            frames: frames as usize,
+        })
     }
 
     /// The event that says it.
@@ -126,10 +150,7 @@ impl Found {
             None => Severity::Warning,
         };
         let event = Event::new(stamp_ns, severity, KIND, self.to_string());
-        NAMES
-            .into_iter()
-            .zip(self.numbers())
-            .chain([(FRAMES, self.frames as f64)])
+        self.numbers()
             .fold(event, |event, (name, value)| event.with(name, value))
     }
 
@@ -143,11 +164,13 @@ impl Found {
 
     /// For a person and for JSON.
     pub fn report(&self, found_by: &'static str) -> ResponseReport {
-        let [tone, black, tone2, _, black2] = self.numbers();
-        let gamma = tone.exp();
+        let response = self.in_force();
+        let sd = |k: usize| response.covariance[(k, k)].sqrt();
+        let gamma = response.mean[0].exp();
         ResponseReport {
-            gamma: [gamma, gamma * tone2.sqrt()],
-            black_levels: [black, black2.sqrt()],
+            gamma: [gamma, gamma * sd(0)],
+            black_levels: [response.mean[1], sd(1)],
+            line: std::array::from_fn(|k| [response.mean[2 + k], sd(2 + k)]),
             known: self.response.is_some(),
             frames: self.frames,
             found_by,
@@ -190,10 +213,12 @@ mod tests {
 
     #[test]
     fn what_a_log_keeps_of_it_has_the_same_bits() {
-        let response = CameraResponse {
-            mean: Vector2::new(-0.1f64.sqrt(), 1.0 / 3.0),
-            covariance: Matrix2::new(2e-5 / 3.0, -1e-7, -1e-7, 0.7),
-        };
+        let mut response = CameraResponse::UNKNOWN;
+        for k in 0..OF_RUN {
+            response.mean[k] = 0.1 / (k as f64 - 7.3);
+            response.covariance[(k, k)] /= 3.0;
+        }
+        (response.covariance[(0, 3)], response.covariance[(3, 0)]) = (-1e-4 / 7.0, -1e-4 / 7.0);
         for found in [
             Found {
                 response: Some(response),

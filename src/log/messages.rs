@@ -96,7 +96,7 @@ pub fn event_message(event: &Event) -> pb::Event {
         values: event
             .values
             .iter()
-            .map(|(k, v)| ((*k).to_owned(), *v))
+            .map(|(name, value)| (name.to_string(), *value))
             .collect(),
     }
 }

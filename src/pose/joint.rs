@@ -32,6 +32,7 @@ mod solve;
 mod starts;
 mod valley;
 
+pub use super::photometric::OF_RUN;
 pub use ahead::Ahead;
 pub use answer::{JointPose, PoseCaveat, PoseFault};
 pub use bound::Light;

@@ -8,9 +8,10 @@ use hydroline_stripe::Profile;
 /// How long an opening is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Frames with a pose over the target that are put together. One tells ln γ to 0.01–0.03, eight to 0.004–0.006: a camera
-    /// that leaves light as it is is then known as one, and a curve widens x, z and θ by a sixth.
+    /// Frames with a pose over the target that are put together, at least. One tells ln γ to 0.05–0.25.
     pub frames: usize,
+    /// At most, where those leave it open ([`CameraResponse::is_enough`]).
+    pub frames_max: usize,
     /// Frames looked at, at most: where fewer than three of them show the target the response stays unknown.
     pub looked_at_max: usize,
 }
@@ -19,6 +20,7 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             frames: 8,
+            frames_max: 24,
             looked_at_max: 64,
         }
     }
@@ -58,7 +60,14 @@ impl Opening {
 
     /// Whether it is over.
     pub fn is_over(&self) -> bool {
-        self.seen.len() >= self.options.frames || self.looked_at >= self.options.looked_at_max
+        let Options {
+            frames,
+            frames_max,
+            looked_at_max,
+        } = self.options;
+        self.looked_at >= looked_at_max
+            || self.seen.len() >= frames_max
+            || self.seen.len() >= frames && CameraResponse::is_enough(&self.seen)
     }
 
     /// Frames that say something of the response.

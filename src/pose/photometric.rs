@@ -32,7 +32,7 @@ pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{Curve, Sums, Weighting};
+pub(super) use sums::{Curve, DOUBTS, RunDoubts, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
@@ -66,7 +66,7 @@ pub(super) const BLACK: usize = 10;
 /// The first of what the line has across it.
 pub(super) const LINE: usize = 11;
 /// What is the run's and not a frame's: the camera's response and what the line has across it.
-pub(super) const OF_RUN: usize = LOCAL - TONE;
+pub const OF_RUN: usize = LOCAL - TONE;
 
 /// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
 const DARK: f64 = 12.5;
@@ -278,7 +278,7 @@ impl Photometric {
                 if judged.share != 1.0 {
                     j = j.map(|d| d * judged.share);
                 }
-                [j[TONE], j[BLACK]] = judged.by_camera;
+                counter.put_run(&mut j, judged.by_camera);
                 counter.add(&j, judged.weight, judged.residual);
             });
         }
@@ -401,6 +401,7 @@ impl Photometric {
         strips: impl Iterator<Item = &'a Strip>,
     ) -> Option<Light> {
         let sigma = state.thickness_m;
+        let across = Across::new(&state.across, sigma);
         let mut out = Light::default();
         for strip in strips {
             let hit = self.hit(look.turned, look.ray, self.height(strip.level))?;
@@ -415,7 +416,6 @@ impl Photometric {
                 continue;
             }
             let of_total = of_total2.sqrt();
-            let across = Across::new(&state.across, sigma, 1.0 / of_total);
             let line = across.at(s, of_total2, true);
             let round = self.albedo(strip.level) * sigma * of_total * look.tables.exp(exponent);
             let bare = round * line.light;

@@ -13,7 +13,6 @@ use hydroline_pose::segments::Levels;
 use hydroline_rigs::Rig;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile};
-use nalgebra::Matrix2;
 use std::sync::Arc;
 
 fn main() {
@@ -78,10 +77,11 @@ fn joint_pose_of_a_run(bencher: Bencher<'_, '_>, x_m: f64) {
         x_m: Some(case.x_m),
         ..Hint::default()
     };
-    let response = CameraResponse {
-        covariance: Matrix2::new(9e-6, 0.0, 0.0, 0.25),
-        ..CameraResponse::LINEAR
-    };
+    let sds = [0.003, 0.5, 3e-4, 1e-3, 1e-4, 2e-4, 2e-5, 2e-5, 2e-6, 2e-6];
+    let mut response = CameraResponse::LINEAR;
+    for (k, sd) in sds.into_iter().enumerate() {
+        response.covariance[(k, k)] = sd * sd;
+    }
     let fitter = case.fitter.with_response(response);
     bencher.bench_local(|| {
         fitter

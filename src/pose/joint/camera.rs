@@ -5,7 +5,7 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{ACROSS, BLACK, LINE, OF_RUN, State, TONE};
+use super::super::photometric::{ACROSS, BLACK, LINE, OF_RUN, RunDoubts, State, TONE};
 use nalgebra::{SMatrix, SVector};
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
@@ -19,9 +19,16 @@ pub type OfRun2 = SMatrix<f64, OF_RUN, OF_RUN>;
 /// γ = 0.42–0.5, which is ln γ = −0.8; black is 16 in video, and sRGB's and BT.709's are a power with black levels of −14
 /// and −25 \[1, grey levels\]. A line with a flat top has c₄ of −0.03, one with wings of a tenth to a fifth of its light up to
 /// 0.05, one with a side lobe c₃ of as much; the rest are smaller.
-pub(super) const PRIOR_SD: [f64; OF_RUN] = [0.6, 16.0, 0.05, 0.05, 0.02, 0.02, 0.002, 0.001, 2e-4, 1e-4];
+pub(super) const PRIOR_SD: [f64; OF_RUN] =
+    [0.6, 16.0, 0.05, 0.05, 0.02, 0.02, 0.002, 0.001, 2e-4, 1e-4];
 /// Probability beforehand that a camera leaves light as it is: machine vision does, cameras for people do not.
 const LINEAR_PROBABILITY: f64 = 0.5;
+/// Where it does not, ln γ is one of these beforehand: shares and sds. Half are cameras for people, half leave light nearly as
+/// it is: sensors that bend a little, and pictures that a curve was taken off.
+const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
+/// Sd of ln γ from which on more frames of an opening add nothing: it moves x by 0.06 m per unit, a third of what a frame
+/// itself leaves open.
+const ENOUGH_SD: f64 = 0.005;
 
 /// A camera's response g = b + 255 (L/255)^γ and what the line has across it, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,9 +93,22 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 }
 
 impl CameraResponse {
-    /// Whether what is not known of it counts.
-    pub(super) fn doubted(&self) -> bool {
-        self.covariance.diagonal() != OfRun::zeros()
+    /// The moves in which it is doubted most, an sd each: its covariance's principal axes, in units of what is thought
+    /// beforehand. `None` where it is known for certain.
+    pub(super) fn doubts(&self) -> Option<RunDoubts> {
+        let scale = OfRun::from(PRIOR_SD);
+        let own = self
+            .covariance
+            .map_with_location(|i, j, v| v / (scale[i] * scale[j]));
+        let axes = own.symmetric_eigen();
+        let mut order: Vec<usize> = (0..OF_RUN).collect();
+        order.sort_by(|a, b| axes.eigenvalues[*b].total_cmp(&axes.eigenvalues[*a]));
+        (axes.eigenvalues[order[0]] > 0.0).then(|| {
+            RunDoubts::from_fn(|i, k| {
+                let axis = order[k];
+                scale[i] * axes.eigenvectors[(i, axis)] * axes.eigenvalues[axis].max(0.0).sqrt()
+            })
+        })
     }
 }
 
@@ -110,6 +130,12 @@ pub struct ResponseSeen {
 }
 
 impl CameraResponse {
+    /// Whether frames say as much as is needed.
+    pub fn is_enough(seen: &[ResponseSeen]) -> bool {
+        let known = |c: CameraResponse| c.covariance[(0, 0)] < ENOUGH_SD * ENOUGH_SD;
+        Self::of_opening(seen).is_some_and(known)
+    }
+
     /// What some frames say together; `None` where they are fewer than three.
     ///
     /// That the camera leaves light as it is is one hypothesis, with half of the probability beforehand; that it has a power
@@ -122,13 +148,17 @@ impl CameraResponse {
         let at_first = pooled(seen, 1.0)?.0;
         let (mean, mut covariance) = pooled(seen, scatter(seen, at_first))?;
         covariance[(0, 0)] += MODEL_SD * MODEL_SD;
-        // Evidence of a curve over that of none (Savage and Dickey): what is thought of ln γ = 0 beforehand over afterwards,
-        // where the black level is one with the background and tells nothing.
+        // Evidence of a curve over that of none, where the black level is one with the background and tells nothing: how likely
+        // ln γ is to be found where it is.
         let tone2 = covariance[(0, 0)];
-        let density = |off: f64, sd: f64| (-0.5 * (off / sd).powi(2)).exp() / sd;
-        let of_none = density(mean[0], tone2.sqrt());
+        let density = |sd2: f64| (-0.5 * mean[0] * mean[0] / sd2).exp() / sd2.sqrt();
+        let of_none = density(tone2).max(f64::MIN_POSITIVE);
+        let of_curve = CURVES
+            .iter()
+            .map(|[share, sd]| share * density(tone2 + sd * sd))
+            .sum::<f64>();
         let beforehand = (1.0 - LINEAR_PROBABILITY) / LINEAR_PROBABILITY;
-        let odds = beforehand * density(0.0, PRIOR_SD[0]) / of_none.max(f64::MIN_POSITIVE);
+        let odds = beforehand * of_curve / of_none;
         let curve = odds.min(1e9) / (1.0 + odds.min(1e9));
         // Where there is none, the line is what goes with that: what is known given ln γ = 0. The black level is none then.
         let with_tone = covariance.column(0) / tone2;

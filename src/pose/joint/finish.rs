@@ -6,9 +6,7 @@ use super::super::photometric::{
 };
 use super::settle::{lit_noise, sane};
 use super::solve::{covariances, response_seen};
-use super::{
-    CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
-};
+use super::{JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen};
 use hydroline_calib::Pose;
 use hydroline_stripe::Profile;
 
@@ -66,10 +64,10 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
-        let held = self.camera.filter(CameraResponse::doubted);
-        let [curve, curve_at_last] = match (self.camera, held) {
+        let doubts = self.camera.and_then(|held| held.doubts());
+        let [curve, curve_at_last] = match (self.camera, doubts) {
             (None, _) => [Curve::Sought; 2],
-            (_, Some(_)) => [Curve::Known, Curve::Doubted],
+            (_, Some(doubts)) => [Curve::Known, Curve::Doubted(doubts)],
             _ => [Curve::Known; 2],
         };
         let mut weighting = Weighting {
@@ -123,7 +121,7 @@ impl PoseFitter {
             caveats.push(PoseCaveat::Misfit);
         }
         let [alone, covariance_with_thickness] =
-            covariances(&sums, &free, held.as_ref()).ok_or(PoseFault::Unsettled)?;
+            covariances(&sums, &free, doubts.is_some()).ok_or(PoseFault::Unsettled)?;
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &free),
             Some(_) => None,

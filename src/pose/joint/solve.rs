@@ -1,11 +1,11 @@
 //! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
 use super::super::photometric::{
-    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, PRIOR_SD,
+    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, DOUBTS, LINE, LOCAL, PARAMETERS, PRIOR_SD,
     Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
-use super::camera::{self, CameraResponse, OfRun, OfRun2, ResponseSeen};
+use super::camera::{self, OfRun, OfRun2, ResponseSeen};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
@@ -72,16 +72,11 @@ pub(super) fn response_seen(
 
 /// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
-fn considered(inverse: &Square, sized: &Square, held: &CameraResponse) -> Square {
-    let by: [Column; OF_RUN] =
-        std::array::from_fn(|k| inverse * sized.column(TONE + k) / SIZES[TONE + k]);
-    let mut more = Square::zeros();
-    for (i, a) in by.iter().enumerate() {
-        for (j, b) in by.iter().enumerate() {
-            more += a * b.transpose() * held.covariance[(i, j)];
-        }
-    }
-    more
+fn considered(inverse: &Square, sized: &Square) -> Square {
+    (0..DOUBTS).fold(Square::zeros(), |sum, k| {
+        let by = inverse * sized.column(TONE + k) / SIZES[TONE + k];
+        sum + by * by.transpose()
+    })
 }
 
 /// Covariance of pose and thickness with all light marginalised; zero where held: what the frame's own pixels say, and the
@@ -89,11 +84,15 @@ fn considered(inverse: &Square, sized: &Square, held: &CameraResponse) -> Square
 pub(super) fn covariances(
     sums: &Sums,
     free: &[bool; PARAMETERS],
-    held: Option<&CameraResponse>,
+    doubted: bool,
 ) -> Option<[Matrix7; 2]> {
     let sized = sized(&sums.information);
     let alone = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
-    let all = held.map_or(alone, |held| alone + considered(&alone, &sized, held));
+    let all = if doubted {
+        alone + considered(&alone, &sized)
+    } else {
+        alone
+    };
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some([alone, all].map(|inverse| {
         Matrix7::from_fn(|i, j| {

@@ -1,6 +1,6 @@
 //! Coordinates in which the weak direction of a frame is straight.
 
-use super::super::photometric::{Column, Square, State, Sums};
+use super::super::photometric::{Column, PARAMETERS, Square, State, Sums};
 use hydroline_calib::Pose;
 use hydroline_numerics::cholesky::ScaledCholesky;
 use hydroline_rigs::Mounts;
@@ -14,8 +14,8 @@ pub(super) struct Valley {
     contact_m: [f64; 2],
     range_m: f64,
     lever_m: f64,
-    /// d pose / d coordinates.
-    slopes: Square,
+    /// d pose / d coordinates; all else stays as it is.
+    slopes: Matrix6<f64>,
 }
 
 impl Valley {
@@ -25,7 +25,7 @@ impl Valley {
         // Height 0: z + r31 l + r33 ρ = 0.
         let range_m = -(pose.z_m + r[(2, 0)] * lever_m) / r[(2, 2)];
         let arm = Self::arm(pose, lever_m, range_m);
-        let mut slopes = Square::identity();
+        let mut slopes = Matrix6::identity();
         let mut put = |column: usize, d: Vector3<f64>| {
             for row in 0..3 {
                 slopes[(row, column)] = d[row];
@@ -55,10 +55,22 @@ impl Valley {
 
     /// Information and gradient in these coordinates.
     pub fn turn(&self, sums: &Sums) -> (Square, Column) {
-        (
-            self.slopes.transpose() * sums.information * self.slopes,
-            self.slopes.transpose() * sums.gradient,
-        )
+        let turned = self.slopes.transpose();
+        let (mut information, mut gradient) = (sums.information, sums.gradient);
+        let pose = sums.information.fixed_view::<6, 6>(0, 0);
+        let with_light = turned * sums.information.fixed_view::<6, { PARAMETERS - 6 }>(0, 6);
+        information
+            .fixed_view_mut::<6, 6>(0, 0)
+            .copy_from(&(turned * pose * self.slopes));
+        information
+            .fixed_view_mut::<6, { PARAMETERS - 6 }>(0, 6)
+            .copy_from(&with_light);
+        information
+            .fixed_view_mut::<{ PARAMETERS - 6 }, 6>(6, 0)
+            .copy_from(&with_light.transpose());
+        let of_pose = turned * sums.gradient.fixed_rows::<6>(0);
+        gradient.fixed_rows_mut::<6>(0).copy_from(&of_pose);
+        (information, gradient)
     }
 
     /// The state a step on, exactly along the valley.

@@ -14,19 +14,13 @@ pub(crate) const ACROSS: usize = 8;
 /// Order of the first.
 const FIRST: usize = 3;
 
-/// The series where blur fades it to a degree.
+/// The series of a line of a thickness.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Across {
-    /// κⁿ.
-    fading: [f64; ACROSS],
-    /// cₙ κⁿ.
-    terms: [f64; ACROSS],
+    coefficients: [f64; ACROSS],
     /// Whether there are any.
     gaussian: bool,
-    /// d ln κ/dσ = (1 − κ²)/σ.
-    of_sigma: f64,
-    /// σ/S².
-    sigma_of_total2: f64,
+    sigma_m: f64,
 }
 
 /// At one place across the line.
@@ -52,19 +46,11 @@ impl At {
 }
 
 impl Across {
-    /// Of these coefficients, for a line of thickness σ that the point spread makes S thick \[m\].
-    pub fn new(coefficients: &[f64; ACROSS], sigma_m: f64, total_m: f64) -> Across {
-        let kappa = sigma_m / total_m;
-        let mut fading = [kappa * kappa * kappa; ACROSS];
-        for n in 1..ACROSS {
-            fading[n] = fading[n - 1] * kappa;
-        }
+    pub fn new(coefficients: &[f64; ACROSS], sigma_m: f64) -> Across {
         Across {
-            fading,
-            terms: std::array::from_fn(|n| coefficients[n] * fading[n]),
+            coefficients: *coefficients,
             gaussian: coefficients.iter().all(|c| *c == 0.0),
-            of_sigma: (1.0 - kappa * kappa) / sigma_m,
-            sigma_of_total2: kappa / total_m,
+            sigma_m,
         }
     }
 
@@ -79,22 +65,26 @@ impl Across {
 
     fn series(&self, s: f64, of_total: f64) -> At {
         let x = s * of_total;
+        let kappa = self.sigma_m * of_total;
         let (mut by_x, mut by_fading) = (0.0, 0.0);
         let mut out = At::GAUSSIAN;
-        // He₁, He₂.
-        let (mut before, mut here) = (x, x * x - 1.0);
-        for n in 0..ACROSS {
+        // He₁, He₂, κ².
+        let (mut before, mut here, mut fading) = (x, x * x - 1.0, kappa * kappa);
+        for (n, c) in self.coefficients.iter().enumerate() {
             let order = (FIRST + n) as f64;
             // Heₙ₊₁ = x Heₙ − n Heₙ₋₁, Heₙ' = n Heₙ₋₁.
             (before, here) = (here, x * here - (order - 1.0) * before);
-            out.light += self.terms[n] * here;
-            by_x += self.terms[n] * order * before;
-            by_fading += self.terms[n] * order * here;
-            out.by[n] = self.fading[n] * here;
+            fading *= kappa;
+            let term = c * fading;
+            out.by[n] = fading * here;
+            out.light += term * here;
+            by_x += order * term * before;
+            by_fading += order * term * here;
         }
         out.slope = by_x * of_total;
-        // dx/dσ = −x σ/S².
-        out.by_sigma = by_fading * self.of_sigma - by_x * x * self.sigma_of_total2;
+        // d ln κ/dσ = (1 − κ²)/σ, dx/dσ = −x σ/S².
+        out.by_sigma =
+            by_fading * (1.0 - kappa * kappa) / self.sigma_m - by_x * x * kappa * of_total;
         out
     }
 }
@@ -109,13 +99,12 @@ mod tests {
     #[test]
     fn blur_fades_the_terms() {
         let (sigma, blur) = (2.0f64, 1.1f64);
-        let sharp = Across::new(&LINE, sigma, sigma);
+        let sharp = Across::new(&LINE, sigma);
         let total = sigma.hypot(blur);
-        let blurred = Across::new(&LINE, sigma, total);
         for s in [-5.0, -1.7, 0.0, 0.4, 2.5, 6.0f64] {
             let closed = sigma / total
                 * (-0.5 * (s / total).powi(2)).exp()
-                * blurred.at(s, total.powi(-2), false).light;
+                * sharp.at(s, total.powi(-2), false).light;
             let (mut sum, step) = (0.0, 0.01);
             for k in -2000..=2000 {
                 let by = f64::from(k) * step;
@@ -133,12 +122,10 @@ mod tests {
         let (sigma, blur, s, h) = (2.0f64, 1.1f64, 1.3f64, 1e-5);
         let q = |c: &[f64; ACROSS], sigma: f64, s: f64| {
             let total = sigma.hypot(blur);
-            Across::new(c, sigma, total)
-                .at(s, total.powi(-2), true)
-                .light
+            Across::new(c, sigma).at(s, total.powi(-2), true).light
         };
         let total = sigma.hypot(blur);
-        let across = Across::new(&LINE, sigma, total);
+        let across = Across::new(&LINE, sigma);
         let at = across.at(s, total.powi(-2), true);
         let by_s = (q(&LINE, sigma, s + h) - q(&LINE, sigma, s - h)) / (2.0 * h);
         assert!((by_s - at.slope).abs() < 1e-8, "{by_s}");

@@ -4,16 +4,16 @@
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 
-use super::across::{ACROSS, Across};
+use super::across::Across;
 use super::lanes::Lanes;
 use super::plan::Strip;
-use super::sums::{BULK, Counter};
+use super::sums::{BULK, Counter, DOUBTS};
 use super::turned::{Ray, Turned, dot};
-use super::{Photometric, State};
+use super::{OF_RUN, Photometric, State};
 use crate::normal::Tables;
 
-/// Of a strip's pixels: d light/ds, the same times the row, and all light.
-pub(super) const BULKS: usize = 7 + ACROSS;
+/// Of a strip's pixels: d light/ds, the same times the row, brightness, thickness, background.
+const FRAME: usize = 5;
 
 /// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
 struct End {
@@ -50,6 +50,21 @@ impl Photometric {
         derivatives: bool,
         counter: &mut Counter<'_>,
     ) {
+        let all = (turned, strip, pixels, state, derivatives);
+        match counter.of_run() {
+            0 => self.compare_bulk_by::<FRAME>(all, counter),
+            DOUBTS => self.compare_bulk_by::<{ FRAME + DOUBTS }>(all, counter),
+            _ => self.compare_bulk_by::<{ FRAME + OF_RUN }>(all, counter),
+        }
+    }
+
+    /// The same with so many of [`FRAME`] and what is the run's.
+    #[inline]
+    fn compare_bulk_by<const N: usize>(
+        &self,
+        (turned, strip, pixels, state, derivatives): (&Turned, &Strip, &[u8], &State, bool),
+        counter: &mut Counter<'_>,
+    ) {
         let Some([first, last]) =
             self.table
                 .sound_rows(strip.column, strip.first_row, strip.end_row)
@@ -77,13 +92,13 @@ impl Photometric {
         let eye = self.table.eye_m;
         let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
         let of_sigma = 1.0 / sigma;
-        let across = Across::new(&state.across, sigma, total2.sqrt());
-        let by_line = derivatives && counter.of_run();
+        let across = Across::new(&state.across, sigma);
+        let by_line = derivatives && N > FRAME;
         // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black, and
         // by what the line has across.
-        let mut products = [[0.0; BULKS]; BULKS];
-        let mut right = [0.0; BULKS];
-        let mut waiting = Lanes::<BULKS>::new();
+        let mut products = [[0.0; N]; N];
+        let mut right = [0.0; N];
+        let mut waiting = Lanes::<N>::new();
         let sights = self.table.sights(strip.column, first, last + 1);
         let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
         for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
@@ -112,24 +127,26 @@ impl Photometric {
             }
             let of_line = state.brightness * round * judged.share;
             let by_s = of_line * line.slope - light * s * of_total2 * judged.share;
-            let mut j = [0.0; BULKS];
+            let mut j = [0.0; N];
             [j[0], j[1]] = [by_s, by_s * u];
             j[2] = bare * judged.share;
             j[3] = light * (of_sigma - sigma * of_total2 * (1.0 - off)) * judged.share
                 + of_line * line.by_sigma;
             j[4] = judged.share;
-            [j[5], j[6]] = judged.by_camera;
-            for (j, by) in j[7..].iter_mut().zip(&line.by) {
-                *j = of_line * by;
+            if N > FRAME {
+                let by_run = counter.by_run(judged.by_camera, line.by.map(|by| of_line * by));
+                for (j, by) in j[FRAME..].iter_mut().zip(by_run) {
+                    *j = by;
+                }
             }
             if waiting.push(&j, judged.weight, judged.residual) {
-                counter.of_light(&mut waiting, &mut products, &mut right);
+                waiting.empty_into(&mut products, &mut right);
             }
         }
         if !derivatives {
             return;
         }
-        counter.of_light(&mut waiting, &mut products, &mut right);
+        waiting.empty_into(&mut products, &mut right);
         // Of each pose parameter: ds in the middle, and what it gains per row.
         let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
         for (n, &(m, g)) in pose.iter().enumerate() {
@@ -140,12 +157,12 @@ impl Photometric {
                     + g * gk * products[1][1];
             }
             counter.gradient[BULK[n]] += m * right[0] + g * right[1];
-            for light in 2..BULKS {
+            for light in 2..N {
                 counter.information[BULK[light + 1]][BULK[n]] +=
                     m * products[light][0] + g * products[light][1];
             }
         }
-        for a in 2..BULKS {
+        for a in 2..N {
             counter.gradient[BULK[a + 1]] += right[a];
             for b in 2..=a {
                 counter.information[BULK[a + 1]][BULK[b + 1]] += products[a][b];

@@ -44,8 +44,14 @@ impl<const N: usize> Lanes<N> {
     /// Takes a pixel; true where none more fits.
     #[inline]
     pub fn push(&mut self, j: &[f64; N], weight: f64, residual: f64) -> bool {
+        self.push_first::<N>(j, weight, residual)
+    }
+
+    /// The same of the first K derivatives alone.
+    #[inline]
+    pub fn push_first<const K: usize>(&mut self, j: &[f64; N], weight: f64, residual: f64) -> bool {
         let at = self.len % LANES;
-        for (lanes, j) in self.j.iter_mut().zip(j) {
+        for (lanes, j) in self.j.iter_mut().zip(j).take(K) {
             lanes[at] = *j;
         }
         self.weight[at] = weight;

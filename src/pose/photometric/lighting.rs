@@ -110,28 +110,33 @@ impl Cell {
         }
     }
 
-    /// Adds sums over pixels of this cell, by its own brightness and background, to those by all parameters.
+    /// Adds sums over pixels of this cell, by its own brightness and background, to those by all parameters; of the cell's the first `used`
+    /// are there.
     pub fn spread(
         &self,
         state: &State,
+        used: usize,
         (information, gradient): (&[[f64; LOCAL]; LOCAL], &[f64; LOCAL]),
         all: (&mut Square, &mut Column),
     ) {
-        // Of each parameter: which of the nine it moves, and by how much.
-        let mut moves = [(0, 0.0); PARAMETERS];
-        for (k, to) in moves.iter_mut().enumerate() {
+        // Of each parameter that is: which of those of a pixel it moves, and by how much.
+        let mut moves = [(0, 0, 0.0); PARAMETERS];
+        let places = (0..used).chain(LOCAL..PARAMETERS);
+        let mut count = 0;
+        for (k, to) in places.zip(&mut moves) {
             *to = match k {
-                BRIGHTNESS => (BRIGHTNESS, self.of_gain(state)),
-                _ if k < LOCAL => (k, 1.0),
-                _ if k < LOCAL + GAINS => (BRIGHTNESS, state.brightness * self.basis[k - LOCAL]),
-                _ => (BACKGROUND, self.basis[k - LOCAL]),
+                BRIGHTNESS => (k, BRIGHTNESS, self.of_gain(state)),
+                _ if k < LOCAL => (k, k, 1.0),
+                _ if k < LOCAL + GAINS => (k, BRIGHTNESS, state.brightness * self.basis[k - LOCAL]),
+                _ => (k, BACKGROUND, self.basis[k - LOCAL]),
             };
+            count += 1;
         }
-        for (a, (i, by)) in moves.iter().enumerate() {
-            all.1[a] += by * gradient[*i];
-            for (b, (j, with)) in moves.iter().enumerate().take(a + 1) {
+        for (n, &(a, i, by)) in moves[..count].iter().enumerate() {
+            all.1[a] += by * gradient[i];
+            for &(b, j, with) in &moves[..=n] {
                 // The lower triangle holds all.
-                all.0[(a, b)] += by * with * information[*i.max(j)][*i.min(j)];
+                all.0[(a, b)] += by * with * information[i.max(j)][i.min(j)];
             }
         }
     }

@@ -1,7 +1,6 @@
 //! What a comparison adds up, and how a residual counts.
 
 use super::across::ACROSS;
-use super::bulk::BULKS;
 pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
@@ -9,8 +8,11 @@ use super::lighting::Cell;
 use super::picture::Uneven;
 use super::plan::Strip;
 use super::response::{Bends, Response};
-use super::{BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, Square, State, THICKNESS, TONE};
+use super::{
+    BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, Square, State, THICKNESS, TONE,
+};
 use crate::normal::Tables;
+use nalgebra::SMatrix;
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
@@ -71,15 +73,32 @@ pub(crate) struct Weighting {
     pub curve: Curve,
 }
 
-/// What a comparison is to say of the camera's response.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Directions in which what is the run's is doubted: that of the curve, which the line's terms follow, and two more.
+pub(crate) const DOUBTS: usize = 3;
+/// Moves of what is the run's, an sd each.
+pub(crate) type RunDoubts = SMatrix<f64, OF_RUN, DOUBTS>;
+
+/// What a comparison is to say of what is the run's: the camera's response, and the line across.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // One per fit, and copied with it.
 pub(crate) enum Curve {
     /// Nothing.
     Known,
-    /// How much its doubt makes of all else: a quarter as many sums again.
-    Doubted,
+    /// How much its doubt makes of all else. Its derivatives are those by these moves of it; the rest are zero.
+    Doubted(RunDoubts),
     /// Where it lies.
     Sought,
+}
+
+impl Curve {
+    /// How many of a pixel's derivatives there are.
+    fn used(&self) -> usize {
+        match self {
+            Curve::Known => TONE,
+            Curve::Doubted(_) => TONE + DOUBTS,
+            Curve::Sought => LOCAL,
+        }
+    }
 }
 
 impl Weighting {
@@ -133,6 +152,8 @@ pub(super) struct Judged {
 /// Adds pixels up.
 pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
+    /// How many of a pixel's derivatives there are.
+    used: usize,
     tables: &'static Tables,
     bends: Bends,
     bright: f64,
@@ -171,6 +192,7 @@ impl<'a> Counter<'a> {
     pub fn new(weighting: &'a Weighting, tables: &'static Tables, state: &'a State) -> Self {
         Counter {
             weighting,
+            used: weighting.curve.used(),
             tables,
             bends: Bends::get(),
             bright: LIT * state.brightness,
@@ -195,9 +217,36 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Whether what is the run's is asked for.
-    pub fn of_run(&self) -> bool {
-        self.weighting.curve != Curve::Known
+    /// By how much of what is the run's derivatives are asked for.
+    pub fn of_run(&self) -> usize {
+        self.used - TONE
+    }
+
+    /// Those, from the derivatives by camera and line.
+    #[inline]
+    pub fn by_run(&self, by_camera: [f64; 2], by_line: [f64; ACROSS]) -> [f64; OF_RUN] {
+        let mut by = [0.0; OF_RUN];
+        [by[0], by[1]] = by_camera;
+        by[2..].copy_from_slice(&by_line);
+        if let Curve::Doubted(moves) = &self.weighting.curve {
+            let one_by_one = by;
+            by = [0.0; OF_RUN];
+            for (k, d) in one_by_one.iter().enumerate() {
+                for (by, moved) in by.iter_mut().zip(moves.row(k).iter()) {
+                    *by += d * moved;
+                }
+            }
+        }
+        by
+    }
+
+    /// Puts them into a pixel's derivatives, in which those by the line are.
+    #[inline]
+    pub fn put_run(&self, j: &mut [f64; LOCAL], by_camera: [f64; 2]) {
+        if self.of_run() > 0 {
+            let by_line = std::array::from_fn(|k| j[LINE + k]);
+            j[TONE..].copy_from_slice(&self.by_run(by_camera, by_line));
+        }
     }
 
     /// What comes next are the pixels of these strips.
@@ -236,9 +285,16 @@ impl<'a> Counter<'a> {
         if let Some(cell) = self.cell.take() {
             self.leave_dark_open();
             let all = (&mut self.sums.information, &mut self.sums.gradient);
-            cell.spread(self.state, (&self.information, &self.gradient), all);
-            self.information = [[0.0; LOCAL]; LOCAL];
-            self.gradient = [0.0; LOCAL];
+            cell.spread(
+                self.state,
+                self.used,
+                (&self.information, &self.gradient),
+                all,
+            );
+            for row in &mut self.information[..self.used] {
+                row[..self.used].fill(0.0);
+            }
+            self.gradient[..self.used].fill(0.0);
         }
     }
 
@@ -251,7 +307,7 @@ impl<'a> Counter<'a> {
         let by: [f64; LOCAL] =
             std::array::from_fn(|k| self.information[k.max(BACKGROUND)][k.min(BACKGROUND)]);
         let pull = self.gradient[BACKGROUND];
-        for a in 0..LOCAL {
+        for a in 0..self.used {
             self.gradient[a] -= by[a] * pull / own;
             for b in 0..=a {
                 self.information[a][b] -= by[a] * by[b] / own;
@@ -364,7 +420,7 @@ impl<'a> Counter<'a> {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((residual, share, [0.0; 2]))
             }
-            Curve::Doubted => {
+            Curve::Doubted(_) => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((
                     residual,
@@ -413,32 +469,27 @@ impl<'a> Counter<'a> {
     /// Adds one pixel to the normal equations.
     #[inline]
     pub fn add(&mut self, j: &[f64; LOCAL], weight: f64, residual: f64) {
-        if self.waiting.push(j, weight, residual) {
+        let full = match self.weighting.curve {
+            Curve::Known => self.waiting.push_first::<TONE>(j, weight, residual),
+            Curve::Doubted(_) => self
+                .waiting
+                .push_first::<{ TONE + DOUBTS }>(j, weight, residual),
+            Curve::Sought => self.waiting.push(j, weight, residual),
+        };
+        if full {
             self.empty();
         }
     }
 
     fn empty(&mut self) {
         let (information, gradient) = (&mut self.information, &mut self.gradient);
-        if self.weighting.curve == Curve::Known {
-            self.waiting.empty_first_into::<TONE>(information, gradient);
-        } else {
-            self.waiting.empty_into(information, gradient);
-        }
-    }
-
-    /// Adds up what waits of pixels that no edge cuts, by [`BULK`]'s light.
-    #[inline]
-    pub fn of_light(
-        &self,
-        waiting: &mut Lanes<BULKS>,
-        products: &mut [[f64; BULKS]; BULKS],
-        right: &mut [f64; BULKS],
-    ) {
-        if !self.of_run() {
-            waiting.empty_first_into::<5>(products, right);
-        } else {
-            waiting.empty_into(products, right);
+        match self.weighting.curve {
+            Curve::Known => self.waiting.empty_first_into::<TONE>(information, gradient),
+            Curve::Doubted(_) => {
+                self.waiting
+                    .empty_first_into::<{ TONE + DOUBTS }>(information, gradient);
+            }
+            Curve::Sought => self.waiting.empty_into(information, gradient),
         }
     }
 
@@ -448,17 +499,19 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if !self.of_run() {
+        if self.of_run() == 0 {
             return;
         }
-        let [tone, black] = judged.by_camera;
-        for (k, by) in [(TONE, tone), (BLACK, black)] {
+        let of_run = self.by_run(judged.by_camera, [0.0; ACROSS]);
+        for (k, by) in of_run.iter().enumerate().take(self.used - TONE) {
             let weighted = judged.weight * by;
-            self.information[k][BACKGROUND] += weighted * judged.share;
-            self.information[k][TONE] += weighted * tone;
-            self.gradient[k] += weighted * judged.residual;
+            let row = &mut self.information[TONE + k];
+            row[BACKGROUND] += weighted * judged.share;
+            for (sum, with) in row[TONE..].iter_mut().zip(&of_run[..=k]) {
+                *sum += weighted * with;
+            }
+            self.gradient[TONE + k] += weighted * judged.residual;
         }
-        self.information[BLACK][BLACK] += judged.weight * black * black;
     }
 
     pub fn done(mut self) -> Sums {

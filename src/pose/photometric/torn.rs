@@ -11,9 +11,7 @@ use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
 use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
-use super::{
-    BACKGROUND, BLACK, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS, TONE,
-};
+use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS};
 use crate::normal::{Pair, Tables};
 
 /// Value in the middle, and gain per row.
@@ -131,8 +129,6 @@ struct Ready {
     /// Albedo times σ/S.
     height: Line,
     total2: Line,
-    /// Of the line across, faded as in the middle.
-    across: Across,
     ds: [Line; 3],
     /// First and last place about the middle that it lights.
     lit: [f64; 2],
@@ -204,7 +200,8 @@ impl Photometric {
         let ahead = r3[0] * lever;
         let sigma = state.thickness_m;
         let of_sigma = 1.0 / sigma;
-        let by_line = derivatives && counter.of_run();
+        let across = Across::new(&state.across, sigma);
+        let by_line = derivatives && counter.of_run() > 0;
         let middle = 0.5 * (from + to) as f64;
         let sights = self.table.sights(strip.column, first, end);
         for (row, [y, z]) in (first..end).zip(sights) {
@@ -227,7 +224,7 @@ impl Photometric {
                 if round == 0.0 {
                     continue;
                 }
-                let line = ready.across.at(s, of_total2, by_line);
+                let line = across.at(s, of_total2, by_line);
                 let bare = round * line.light;
                 let full = state.brightness * bare;
                 let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
@@ -296,7 +293,7 @@ impl Photometric {
             if judged.share != 1.0 {
                 j = j.map(|d| d * judged.share);
             }
-            [j[TONE], j[BLACK]] = judged.by_camera;
+            counter.put_run(&mut j, judged.by_camera);
             counter.add(&j, judged.weight, judged.residual);
         }
     }
@@ -350,11 +347,6 @@ impl Photometric {
                 over: -own_m - fallen,
                 height: line(full / a.total2.sqrt(), full / c.total2.sqrt(), count),
                 total2: line(a.total2, c.total2, count),
-                across: Across::new(
-                    &state.across,
-                    state.thickness_m,
-                    (0.5 * (a.total2 + c.total2)).sqrt(),
-                ),
                 ds: std::array::from_fn(|i| line(a.ds[i], c.ds[i], count)),
                 lit,
                 cuts: (first_cut, scratch.cuts.len()),

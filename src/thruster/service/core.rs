@@ -315,7 +315,9 @@ impl Core {
         values: &[(&'static str, f64)],
     ) {
         let mut event = Event::new(self.clock.triple().realtime_ns, severity, kind, message);
-        event.values.extend_from_slice(values);
+        event
+            .values
+            .extend(values.iter().map(|(name, value)| ((*name).into(), *value)));
         (self.sink)(LinkRecord::Event(event));
     }
 

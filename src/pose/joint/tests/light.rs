@@ -154,8 +154,7 @@ impl Lines {
     }
 }
 
-/// Frames at rest in which a run shows its camera's response, and frames after that.
-const OPENING: usize = 8;
+/// Frames after a run's opening.
 const AFTER: usize = 2;
 
 /// Runs under random light, each frame after the opening judged: how many have a pose, and which are wrong.
@@ -208,23 +207,40 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
         };
         let clean = lines.render(&line, &rest);
         let open = fitter.with_response_open();
-        let said: Vec<ResponseSeen> = (0..OPENING)
-            .filter_map(|_| {
-                let image = seen(&clean, &mut rng);
-                let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
-                fit.ok().filter(|fit| !fit.doubtful())?.response
-            })
-            .collect();
+        let options = crate::opening::Options::default();
+        let mut said: Vec<ResponseSeen> = Vec::new();
+        for looked_at in 0..options.frames_max {
+            if looked_at >= options.frames && CameraResponse::is_enough(&said) {
+                break;
+            }
+            let image = seen(&clean, &mut rng);
+            let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
+            said.extend(
+                fit.ok()
+                    .filter(|fit| !fit.doubtful())
+                    .and_then(|f| f.response),
+            );
+        }
         if only.is_some() {
             println!("{light:?} {line:?}");
             for s in &said {
-                let cov = (s.information + crate::joint::camera::prior()).try_inverse().unwrap();
-                println!("said {:.4?} sd {:.4?}", s.mean.as_slice(), cov.diagonal().map(f64::sqrt).as_slice());
+                let cov = (s.information + crate::joint::camera::prior())
+                    .try_inverse()
+                    .unwrap();
+                println!(
+                    "said {:.4?} sd {:.4?}",
+                    s.mean.as_slice(),
+                    cov.diagonal().map(f64::sqrt).as_slice()
+                );
             }
         }
         let response = CameraResponse::of_opening(&said).unwrap_or(CameraResponse::UNKNOWN);
         if only.is_some() {
-            println!("found {:.4?} sd {:.4?}", response.mean.as_slice(), response.covariance.diagonal().map(f64::sqrt).as_slice());
+            println!(
+                "found {:.4?} sd {:.4?}",
+                response.mean.as_slice(),
+                response.covariance.diagonal().map(f64::sqrt).as_slice()
+            );
         }
         let fitter = fitter.with_response(response);
         for _ in 0..AFTER {
@@ -249,14 +265,33 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
                 })
                 .collect();
             if only.is_some() {
-                println!("{in_sds:.1?} noise {:.2} rejected {:.3} thick {:.5} edge {:.3} bright {:.1} sdx {:.5}", fit.noise_sd, fit.rejected, fit.thickness_m, fit.edge_doubt, fit.brightness, fit.covariance[(0,0)].sqrt());
+                println!(
+                    "{in_sds:.1?} noise {:.2} rejected {:.3} thick {:.5} edge {:.3} bright {:.1} sdx {:.5}",
+                    fit.noise_sd,
+                    fit.rejected,
+                    fit.thickness_m,
+                    fit.edge_doubt,
+                    fit.brightness,
+                    fit.covariance[(0, 0)].sqrt()
+                );
                 for tone in [0.0, light.tone] {
                     let mut known = CameraResponse::LINEAR;
                     known.mean = response.mean;
                     known.mean[0] = tone;
-                    let f2 = fitter.with_response(known).fit(&image, &extractor.extract(&image), &hint(&truth));
+                    let f2 = fitter.with_response(known).fit(
+                        &image,
+                        &extractor.extract(&image),
+                        &hint(&truth),
+                    );
                     if let Ok(f2) = f2 {
-                        println!("   tone {tone}: {:.1?} noise {:.2}", (0..6).map(|i| (f2.pose.to_array()[i] - truth.to_array()[i]) / f2.covariance[(i, i)].sqrt()).collect::<Vec<_>>(), f2.noise_sd);
+                        println!(
+                            "   tone {tone}: {:.1?} noise {:.2}",
+                            (0..6)
+                                .map(|i| (f2.pose.to_array()[i] - truth.to_array()[i])
+                                    / f2.covariance[(i, i)].sqrt())
+                                .collect::<Vec<_>>(),
+                            f2.noise_sd
+                        );
                     }
                 }
             }
