@@ -28,6 +28,7 @@ mod torn;
 mod turned;
 
 pub(crate) use across::ACROSS;
+pub use across::Left;
 pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};

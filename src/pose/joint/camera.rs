@@ -5,7 +5,7 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{ACROSS, BLACK, LINE, OF_RUN, RunDoubts, State, TONE};
+use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, RunDoubts, State, TONE};
 use nalgebra::{SMatrix, SVector};
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
@@ -112,9 +112,6 @@ impl CameraResponse {
     }
 }
 
-/// What the stripe's model leaves of ln γ, in all frames of a rest alike: runs with a curve scatter by 1.2 of what their frames'
-/// noise says.
-const MODEL_SD: f64 = 0.003;
 /// Information of what is thought beforehand.
 pub(super) fn prior() -> OfRun2 {
     OfRun2::from_diagonal(&OfRun::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))))
@@ -127,6 +124,8 @@ pub struct ResponseSeen {
     pub mean: OfRun,
     /// Information of the frame alone, all else free.
     pub information: OfRun2,
+    /// What it leaves across the line.
+    pub left: Left,
 }
 
 impl CameraResponse {
@@ -144,10 +143,14 @@ impl CameraResponse {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
-        // Frames that differ by more than they say know less than they say.
+        // Frames that differ by more than they say know less than they say (Birge 1932), and so does a line that the series
+        // does not hold: what it leaves looks like a curve.
         let at_first = pooled(seen, 1.0)?.0;
-        let (mean, mut covariance) = pooled(seen, scatter(seen, at_first))?;
-        covariance[(0, 0)] += MODEL_SD * MODEL_SD;
+        let left = seen
+            .iter()
+            .fold(Left::default(), |left, frame| left.and(&frame.left));
+        let times = scatter(seen, at_first).max(left.in_noise());
+        let (mean, covariance) = pooled(seen, times)?;
         // Evidence of a curve over that of none, where the black level is one with the background and tells nothing: how likely
         // ln γ is to be found where it is.
         let tone2 = covariance[(0, 0)];
@@ -214,6 +217,7 @@ mod tests {
         let seen = |tone: &f64| ResponseSeen {
             mean: of(*tone, black),
             information: OfRun2::from_diagonal(&of(1.0 / (sd * sd), 1.0)),
+            left: Left::default(),
         };
         tones.iter().map(seen).collect()
     }
@@ -233,7 +237,7 @@ mod tests {
         let found = CameraResponse::of_opening(&seen).unwrap();
         assert!((found.mean[0] + 0.8).abs() < 0.002, "{found:?}");
         assert!(
-            (found.covariance[(0, 0)].sqrt() - 0.005f64.hypot(MODEL_SD)).abs() < 1e-4,
+            (found.covariance[(0, 0)].sqrt() - 0.005).abs() < 1e-4,
             "{found:?}"
         );
     }

@@ -67,6 +67,7 @@ pub(super) fn response_seen(
     Some(ResponseSeen {
         mean: camera::of_run(state) + step,
         information: covariance.try_inverse()? - camera::prior(),
+        left: sums.left,
     })
 }
 

@@ -14,6 +14,51 @@ pub(crate) const ACROSS: usize = 8;
 /// Order of the first.
 const FIRST: usize = 3;
 
+/// Bins across the line, and their width \[S\], in which it is seen what the series leaves.
+pub(crate) const BINS: usize = 40;
+const BIN: f64 = 0.25;
+
+/// Of each bin: Σ weight × residual, Σ weight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Left([[f64; 2]; BINS]);
+
+impl Default for Left {
+    fn default() -> Self {
+        Left([[0.0; 2]; BINS])
+    }
+}
+
+impl Left {
+    /// A pixel at x = s/S.
+    #[inline]
+    pub(super) fn see(&mut self, x: f64, weight: f64, residual: f64) {
+        let place = x / BIN + 0.5 * BINS as f64;
+        if (0.0..BINS as f64).contains(&place) {
+            let [sum, weights] = &mut self.0[place as usize];
+            *sum += weight * residual;
+            *weights += weight;
+        }
+    }
+
+    /// Those of another frame too.
+    pub fn and(mut self, other: &Left) -> Left {
+        for (own, of) in self.0.iter_mut().zip(&other.0) {
+            *own = [own[0] + of[0], own[1] + of[1]];
+        }
+        self
+    }
+
+    /// Mean squared residual of bins in units of their noise, what the fit takes of it given back: one where nothing is left.
+    pub fn in_noise(&self) -> f64 {
+        let seen = self.0.iter().filter(|[_, weights]| *weights > 0.0);
+        let (square, n) = seen.fold((0.0, 0.0), |(square, n), [sum, weights]| {
+            (square + sum * sum / weights, n + 1.0)
+        });
+        // Brightness, place, thickness, background and the series.
+        square / (n - (4 + ACROSS) as f64).max(1.0)
+    }
+}
+
 /// The series of a line of a thickness.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Across {

@@ -139,6 +139,10 @@ impl Photometric {
                     *j = by;
                 }
             }
+            if N == FRAME + OF_RUN {
+                let x = s * of_total2.sqrt();
+                counter.sums.left.see(x, judged.weight, judged.residual);
+            }
             if waiting.push(&j, judged.weight, judged.residual) {
                 waiting.empty_into(&mut products, &mut right);
             }

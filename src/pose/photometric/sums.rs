@@ -1,6 +1,6 @@
 //! What a comparison adds up, and how a residual counts.
 
-use super::across::ACROSS;
+use super::across::{ACROSS, Left};
 pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
@@ -58,6 +58,8 @@ pub(crate) struct Sums {
     pub rejected: usize,
     /// The edges met.
     pub edges: EdgesSeen,
+    /// Where what is the run's is sought: what is left across the line.
+    pub left: Left,
 }
 
 /// How residuals count.

@@ -235,6 +235,11 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
             }
         }
         let response = CameraResponse::of_opening(&said).unwrap_or(CameraResponse::UNKNOWN);
+        let left = said
+            .iter()
+            .fold(photometric::Left::default(), |l, f| l.and(&f.left));
+        println!("{k}: left {:.2}, tone {:.3} (sd {:.4}) of {} frames, is {:.3}", left.in_noise(), response.mean[0], response.covariance[(0, 0)].sqrt(), said.len(), light.tone);
+
         if only.is_some() {
             println!(
                 "found {:.4?} sd {:.4?}",
@@ -335,7 +340,7 @@ fn no_pose_is_wrong_under_a_rooms_light() {
 #[test]
 #[ignore = "300 runs take minutes"]
 fn no_pose_is_wrong_under_300_lights() {
-    let (given, wrong) = judge(301, 0x0051_1e57, false);
+    let (given, wrong) = judge(std::env::var("RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(301), 0x0051_1e57, false);
     println!(
         "{given} of 602 frames have a pose, {} are off by more than 4.5 sd",
         wrong.len()
