@@ -26,6 +26,9 @@ mod report;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod robustness;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod room;
 mod segments;
 pub mod synthetic;
 mod trace;
