@@ -3,7 +3,8 @@
 /// Settings of the extractor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtractorConfig {
-    /// Grey level from which a pixel counts as saturated (clipped) \[grey levels\].
+    /// Grey level from which a pixel counts as saturated (clipped) \[grey levels\]. A camera's lower
+    /// ceiling (limited range: 235) is found from each frame.
     pub saturation_level: u8,
     /// Points below this height are not reported \[grey levels above background\].
     pub min_peak: f64,

@@ -23,6 +23,8 @@ pub struct Extractor {
     pub(super) coarse: CoarseScratch,
     pub(super) spots: Spots,
     pub(super) path: PathScratch,
+    /// Level from which this frame's pixels are clipped \[grey levels\].
+    pub(super) ceiling: u8,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,
     /// Width and height pooled over each column's neighbours.
@@ -54,6 +56,7 @@ impl Extractor {
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
+            ceiling: u8::MAX,
             tracks: Vec::new(),
             stretches: Vec::new(),
             pooled_shape: Vec::new(),

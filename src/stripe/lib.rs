@@ -12,12 +12,15 @@
 #[cfg(test)]
 mod accuracy;
 mod band;
+mod ceiling;
+mod chains;
 mod clipped;
 mod coarse;
 mod config;
 mod extractor;
 mod fit;
 mod haze;
+mod hypothesis;
 mod kernel;
 mod noise;
 mod output;

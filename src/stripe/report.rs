@@ -97,7 +97,7 @@ impl Extractor {
         variance: f64,
         out: &mut Vec<StripePoint>,
     ) -> bool {
-        let known = Known::clipping_at(self.config.saturation_level);
+        let known = Known::clipping_at(self.ceiling);
         let index = self.kernels.index(sigma_px);
         let kernel = self.kernels.get(index);
         let mut window = Window::new();
