@@ -1,9 +1,10 @@
 //! The whole way from a grey frame to its profile.
 
 use super::band::{Band, MIN_SHARE_FOUND};
+use super::banding::{self, Banding};
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::Fit;
-use super::haze::HazeTable;
+use super::haze::{Haze, HazeTable};
 use super::kernel::KernelTable;
 use super::path::PathScratch;
 use super::{ExtractorConfig, Profile, ProfileFault, noise};
@@ -25,6 +26,8 @@ pub struct Extractor {
     pub(super) path: PathScratch,
     /// Level from which this frame's pixels are clipped \[grey levels\].
     pub(super) ceiling: u8,
+    /// What is not known of the rows' common levels \[grey levels\].
+    pub(super) row_level_sd: f64,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,
     /// Width and height pooled over each column's neighbours.
@@ -57,6 +60,7 @@ impl Extractor {
             spots: Spots::default(),
             path: PathScratch::default(),
             ceiling: u8::MAX,
+            row_level_sd: 0.0,
             tracks: Vec::new(),
             stretches: Vec::new(),
             pooled_shape: Vec::new(),
@@ -143,7 +147,17 @@ impl Extractor {
                 )
             };
         }
-        let haze = self.follow(image, noise_sd);
+        let (mut haze, restless) = self.follow(image, noise_sd);
+        self.row_level_sd = 0.0;
+        let mut levelled = None;
+        if restless && let Some(banding) = self.find_banding(image, haze, noise_sd) {
+            let image = banding.taken_off(image, self.ceiling);
+            self.find_spots(&image, band, noise_sd);
+            (haze, _) = self.follow(&image, noise_sd);
+            self.row_level_sd = banding.left_sd;
+            levelled = Some(image);
+        }
+        let image = levelled.as_ref().unwrap_or(image);
         let mut profile = Profile {
             noise_sd,
             size_px: (image.width_px, image.height_px),
@@ -164,6 +178,17 @@ impl Extractor {
             });
         }
         profile
+    }
+
+    fn find_banding(
+        &self,
+        image: &GreyImage,
+        haze: Option<Haze>,
+        noise_sd: f64,
+    ) -> Option<Banding> {
+        let widths = self.pooled_shape.iter().map(|s| s[0]);
+        let sigma_px = widths.fold(0.0, f64::max);
+        banding::find(image, &self.tracks, sigma_px, haze, noise_sd)
     }
 
     /// Candidates of all columns; returns the number of columns that have one.

@@ -12,6 +12,7 @@
 #[cfg(test)]
 mod accuracy;
 mod band;
+mod banding;
 mod ceiling;
 mod chains;
 mod clipped;

@@ -24,14 +24,17 @@ const POOLED_WIDTH_SD: f64 = 0.03;
 const FIRST_WIDTH_SD: f64 = 0.15;
 const CLIPPED_PEAK: f64 = 400.0;
 
+/// Distance from which another line leaves the surroundings of the stripe alone \[px\].
+const FAR_PX: f64 = 80.0;
 /// By how much of the ceiling, and by how many sds, the flanks must rise above it where the pile
 /// alone proves nothing: a lens bends a Gaussian's flanks by a hundredth.
 const CEILING_EXCESS: f64 = 0.02;
 const CEILING_SIGNIFICANCE: f64 = 4.0;
 
 impl Extractor {
-    /// Path, first fit, haze and second fit. Leaves the columns in `tracks`.
-    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
+    /// Path, first fit, haze and second fit. Leaves the columns in `tracks`; says what haze there is
+    /// and whether the light beside the stripe is restless.
+    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
         let step_cost = self.config.step_cost_columns as f32;
         self.rule_out_other_lines(image, noise_sd);
         self.tracks.clear();
@@ -106,9 +109,9 @@ impl Extractor {
         }
         self.cut_into_stretches(image.width_px);
         self.pool_widths(width);
-        let haze = self.find_haze(image, noise_sd);
+        let (haze, restless) = self.find_haze(image, noise_sd);
         self.refit(image, haze, &mut window, noise_sd, first_sigma_px);
-        haze
+        (haze, restless)
     }
 
     /// The level at which this frame clips, left in `ceiling`, and the first idea of the width \[px\].
@@ -286,17 +289,25 @@ impl Extractor {
         );
     }
 
-    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
-        if !self.config.correct_haze {
-            return None;
-        }
+    /// The haze, and whether the light beside the stripe is more restless than noise and haze.
+    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
+        let alone = |t: &&Track| {
+            // What is ruled out and far away leaves the stripe's surroundings alone.
+            let spots = self.spots.column(t.column);
+            let others = spots
+                .iter()
+                .filter(|s| s.contrast > 0 || (f64::from(s.row_px) - t.fit.row_px).abs() < FAR_PX);
+            spots.len() == 1 || others.count() <= 1
+        };
         let clean: Vec<(usize, &Fit)> = self
             .tracks
             .iter()
-            .filter(|t| !t.near_step && self.spots.column(t.column).len() == 1)
+            .filter(|t| !t.near_step)
+            .filter(alone)
             .map(|t| (t.column, &t.fit))
             .collect();
-        self.haze.estimate(image, &clean, noise_sd)
+        let (haze, restless) = self.haze.estimate(image, &clean, noise_sd);
+        (haze.filter(|_| self.config.correct_haze), restless)
     }
 
     /// Second fit with each region's own width and the haze taken out.
