@@ -35,6 +35,11 @@ const MIN_WAVE: f64 = 0.2;
 const MIN_RATIO: f64 = 14.0;
 /// Smallest wave beside haze, as a fraction of that: what a wrong decay length leaves is less.
 const MIN_OF_HAZE: f64 = 0.1;
+/// Longest waves, which are looked at in any case, and peaks of the search that are.
+const LONG_WAVES: usize = 5;
+const PEAKS: usize = 8;
+/// Blocks looked at first.
+const QUICK_BLOCKS: usize = 9;
 /// Sd of a median over that of a mean.
 const MEDIAN_SD: f64 = 1.2533;
 
@@ -60,6 +65,38 @@ struct Block {
 impl Block {
     fn middle(&self) -> f64 {
         0.5 * (self.low + self.high)
+    }
+}
+
+/// Haze per unit of level, by whole pixels below the stripe.
+struct HazeByRow {
+    reach: i64,
+    light: Vec<f32>,
+}
+
+impl HazeByRow {
+    fn new(length_px: f64, reach: usize) -> Self {
+        let mut light = vec![0.0; 2 * reach + 1];
+        let per_px = (-1.0 / length_px.abs().max(1e-9)).exp();
+        let mut here = haze_over_pixel(-length_px.signum(), length_px);
+        light[reach] = haze_over_pixel(0.0, length_px) as f32;
+        for k in 1..=reach {
+            let at = if length_px > 0.0 {
+                reach - k
+            } else {
+                reach + k
+            };
+            light[at] = here as f32;
+            here *= per_px;
+        }
+        let reach = reach as i64;
+        Self { reach, light }
+    }
+
+    fn at(&self, distance_px: f64) -> f32 {
+        let place = (distance_px + 0.5).floor() as i64 + self.reach;
+        let place = usize::try_from(place).unwrap_or(usize::MAX);
+        self.light.get(place).copied().unwrap_or(0.0)
     }
 }
 
@@ -89,16 +126,23 @@ pub(super) fn find(
     }
     let first_row = (low.max(0.0) as usize).saturating_sub(REACH_ROWS);
     let last_row = (high.max(0.0) as usize + REACH_ROWS).min(image.height_px.checked_sub(1)?);
-    let samples = row_levels(image, tracks, sigma_px, haze, first_row..last_row + 1);
-    if samples.len() < MIN_ROWS {
-        return None;
-    }
-    let blocks = (image.width_px / BLOCK_COLUMNS).max(1) as f64;
-    let noise = MEDIAN_SD * noise_sd / (BLOCK_COLUMNS as f64 * blocks).sqrt();
-    let mut fit = Waves::new(&samples);
+    let rows = first_row..last_row + 1;
     let peak = tracks.iter().map(|t| t.fit.peak).sum::<f64>() / tracks.len().max(1) as f64;
     let hazy = haze.map_or(0.0, |h| h.fraction * peak);
     let smallest = MIN_WAVE.max(MIN_OF_HAZE * hazy);
+    // A quick look first: most frames that are restless are hazy.
+    let few = blocks(image, tracks, haze, QUICK_BLOCKS);
+    let samples = row_levels(image, &few, sigma_px, haze, rows.clone());
+    if samples.len() < MIN_ROWS || !Waves::new(&samples).any(smallest) {
+        return None;
+    }
+    let all = blocks(image, tracks, haze, usize::MAX);
+    let samples = row_levels(image, &all, sigma_px, haze, rows);
+    if samples.len() < MIN_ROWS {
+        return None;
+    }
+    let noise = MEDIAN_SD * noise_sd / ((BLOCK_COLUMNS * all.len()) as f64).sqrt();
+    let mut fit = Waves::new(&samples);
     while fit.waves.len() < MAX_WAVES && fit.add(noise, smallest) {}
     if fit.waves.is_empty() {
         return None;
@@ -123,20 +167,14 @@ pub(super) fn find(
     })
 }
 
-/// Levels of the rows where enough columns have the stripe elsewhere.
-fn row_levels(
-    image: &GreyImage,
-    tracks: &[Track],
-    sigma_px: f64,
-    haze: Option<Haze>,
-    rows: std::ops::Range<usize>,
-) -> Vec<Sample> {
-    // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
-    let guard = 4.5 * sigma_px + 2.0;
+/// Blocks of columns with their stripe, `most` at most, evenly from all over.
+fn blocks(image: &GreyImage, tracks: &[Track], haze: Option<Haze>, most: usize) -> Vec<Block> {
+    let every = (image.width_px / BLOCK_COLUMNS).div_ceil(most).max(1);
     let mut blocks: Vec<Block> = Vec::new();
     for track in tracks {
-        let start = track.column / BLOCK_COLUMNS * BLOCK_COLUMNS;
-        if start + BLOCK_COLUMNS > image.width_px {
+        let number = track.column / BLOCK_COLUMNS;
+        let start = number * BLOCK_COLUMNS;
+        if start + BLOCK_COLUMNS > image.width_px || number % every != every / 2 {
             continue;
         }
         let row = track.fit.row_px;
@@ -152,10 +190,24 @@ fn row_levels(
             }),
         }
     }
+    blocks
+}
+
+/// Levels of the rows where enough columns have the stripe elsewhere.
+fn row_levels(
+    image: &GreyImage,
+    blocks: &[Block],
+    sigma_px: f64,
+    haze: Option<Haze>,
+    rows: std::ops::Range<usize>,
+) -> Vec<Sample> {
+    // Beyond 4.5 sigma nothing of the stripe is left (4e-5 of its peak).
+    let guard = 4.5 * sigma_px + 2.0;
+    let haze = haze.map(|h| HazeByRow::new(h.length_px, rows.len()));
     let count = blocks.len();
     let mut light = vec![f32::NAN; count * rows.len()];
     for (line, row) in light.chunks_exact_mut(count.max(1)).zip(rows.clone()) {
-        for (value, block) in line.iter_mut().zip(&blocks) {
+        for (value, block) in line.iter_mut().zip(blocks) {
             let beside = (row as f64) < block.low - guard || row as f64 > block.high + guard;
             let from = row * image.width_px + block.start;
             if let Some(pixels) = image
@@ -164,15 +216,15 @@ fn row_levels(
                 .filter(|_| beside)
             {
                 let sum: u32 = pixels.iter().map(|p| u32::from(*p)).sum();
-                let hazy = haze.map_or(0.0, |h| {
-                    block.haze * haze_over_pixel(row as f64 - block.middle(), h.length_px)
+                let hazy = haze.as_ref().map_or(0.0, |h| {
+                    block.haze as f32 * h.at(row as f64 - block.middle())
                 });
-                *value = sum as f32 / BLOCK_COLUMNS as f32 - hazy as f32;
+                *value = sum as f32 / BLOCK_COLUMNS as f32 - hazy;
             }
         }
     }
     // A block's own level first, then rows against it; again, with rows known.
-    let least = ((MIN_SHARE * count as f64) as usize).max(4);
+    let least = ((MIN_SHARE * count as f64) as usize).max(2);
     let mut levels = vec![f32::NAN; rows.len()];
     let mut order = Vec::with_capacity(count);
     let mut own = vec![0.0f32; count];
@@ -216,13 +268,11 @@ fn row_levels(
         .map(|(level, row)| Sample {
             row: row as f64,
             level: f64::from(*level) - centre,
-            haze: haze.map_or(0.0, |h| {
+            haze: haze.as_ref().map_or(0.0, |h| {
                 let every = spread.len().div_ceil(8).max(1);
                 let seen = spread.iter().step_by(every);
                 let n = seen.clone().count().max(1) as f64;
-                seen.map(|at| haze_over_pixel(row as f64 - at, h.length_px))
-                    .sum::<f64>()
-                    / n
+                seen.map(|at| f64::from(h.at(row as f64 - at))).sum::<f64>() / n
             }),
         })
         .collect()
@@ -298,8 +348,25 @@ impl Waves {
     }
 
     fn columns(&self, frequency: f64) -> [Vec<f64>; 2] {
-        let angle = |r: &f64| (std::f64::consts::TAU * frequency * (r - self.middle)).sin_cos();
-        let (sines, cosines) = self.rows.iter().map(angle).unzip();
+        let angle = |r: f64| std::f64::consts::TAU * frequency * (r - self.middle);
+        let turn = angle(self.middle + 1.0).sin_cos();
+        let (mut cosines, mut sines) = (
+            Vec::with_capacity(self.rows.len()),
+            Vec::with_capacity(self.rows.len()),
+        );
+        let mut last = f64::NAN;
+        let (mut s, mut c) = (0.0, 1.0);
+        for &row in &self.rows {
+            // One turn per row; afresh behind a gap.
+            (s, c) = if row == last + 1.0 {
+                (s * turn.1 + c * turn.0, c * turn.1 - s * turn.0)
+            } else {
+                angle(row).sin_cos()
+            };
+            last = row;
+            cosines.push(c);
+            sines.push(s);
+        }
         [cosines, sines]
     }
 
@@ -317,6 +384,55 @@ impl Waves {
         (cy * cy * ss - 2.0 * cy * sy * cs + sy * sy * cc) / determinant
     }
 
+    /// Power of the rest at `places` frequencies from `lowest` on, `step` apart.
+    fn power(&self, lowest: f64, step: f64, places: usize) -> Vec<f32> {
+        const LANES: usize = 8;
+        // Every row between the first and the last; nothing where the stripe lies.
+        let first = self.rows.first().copied().unwrap_or(0.0);
+        let last = self.rows.last().copied().unwrap_or(0.0);
+        let mut rest = vec![0.0f32; (last - first) as usize + 1];
+        for (row, value) in self.rows.iter().zip(&self.rest) {
+            rest[(row - first) as usize] = *value as f32;
+        }
+        let mut power = Vec::with_capacity(places + LANES);
+        for start in (0..places).step_by(LANES) {
+            let turn: [(f64, f64); LANES] = std::array::from_fn(|i| {
+                (std::f64::consts::TAU * (lowest + (start + i) as f64 * step)).sin_cos()
+            });
+            let (sine, cosine) = (turn.map(|t| t.0 as f32), turn.map(|t| t.1 as f32));
+            let (mut c, mut s) = ([1.0f32; LANES], [0.0f32; LANES]);
+            let (mut along_c, mut along_s) = ([0.0f32; LANES], [0.0f32; LANES]);
+            for value in &rest {
+                for i in 0..LANES {
+                    along_c[i] += c[i] * value;
+                    along_s[i] += s[i] * value;
+                    let next = c[i] * cosine[i] - s[i] * sine[i];
+                    s[i] = s[i] * cosine[i] + c[i] * sine[i];
+                    c[i] = next;
+                }
+            }
+            power.extend(along_c.iter().zip(&along_s).map(|(c, s)| c * c + s * s));
+        }
+        power.truncate(places);
+        power
+    }
+
+    /// Whether any wave stands out, at a first look.
+    fn any(&self, smallest: f64) -> bool {
+        let (Some(first), Some(last)) = (self.rows.first(), self.rows.last()) else {
+            return false;
+        };
+        let span = (last - first).max(1.0);
+        let step = 0.5 / span;
+        let (lowest, highest) = (1.0 / LONGEST_PX.min(1.2 * span), 1.0 / SHORTEST_PX);
+        let power = self.power(lowest, step, ((highest - lowest) / step) as usize + 1);
+        let count = self.rows.len() as f64;
+        let gain = 2.0 * f64::from(power.into_iter().fold(0.0, f32::max)) / count;
+        let left = (dot(&self.rest, &self.rest) - gain).max(0.0) / count;
+        // Half of what is asked later: the wave may lie between two places.
+        gain > 0.5 * 0.5 * count * smallest * smallest && gain > MIN_RATIO * left
+    }
+
     /// Takes in the wave that explains most; whether it is worth it.
     fn add(&mut self, noise_sd: f64, smallest: f64) -> bool {
         let span = match (self.rows.first(), self.rows.last()) {
@@ -326,9 +442,17 @@ impl Waves {
         // Four places per cycle over the span: no wave falls between two of them.
         let step = 0.25 / span;
         let (lowest, highest) = (1.0 / LONGEST_PX.min(1.2 * span), 1.0 / SHORTEST_PX);
-        let places = ((highest - lowest) / step) as usize;
+        let places = ((highest - lowest) / step) as usize + 1;
+        // Cheap first, as if waves were at right angles to all else; long ones are not.
+        let power = self.power(lowest, step, places);
+        let peaks = (0..places).filter(|&k| {
+            let at = |k: usize| power.get(k).copied().unwrap_or(0.0);
+            k < LONG_WAVES || (at(k) >= at(k - 1) && at(k) >= at(k + 1))
+        });
+        let mut peaks: Vec<usize> = peaks.collect();
+        peaks.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
         let mut best = (0.0, lowest);
-        for k in 0..=places {
+        for k in peaks.into_iter().take(PEAKS) {
             let frequency = lowest + k as f64 * step;
             let gain = self.explained(frequency);
             if gain > best.0 {
