@@ -7,7 +7,7 @@ use super::fit::Fit;
 use super::haze::{Haze, HazeTable};
 use super::kernel::KernelTable;
 use super::path::PathScratch;
-use super::{ExtractorConfig, Profile, ProfileFault, noise};
+use super::{ExtractorConfig, Profile, ProfileFault, noise, scatter};
 use hydroline_core::frame::GreyImage;
 use std::ops::Range;
 
@@ -168,6 +168,12 @@ impl Extractor {
             profile.haze_length_px = haze.length_px;
         }
         self.report(image, haze, &mut profile);
+        let variance = self.typical_variance();
+        if let Some(scale) = scatter::sd_scale(image, &profile.points, noise_sd, variance) {
+            for point in profile.points.iter_mut().chain(&mut profile.candidates) {
+                point.sd_px *= scale;
+            }
+        }
         let found = profile.points.len();
         if found < self.config.min_columns.max(1) {
             profile.points.clear();
@@ -178,6 +184,18 @@ impl Extractor {
             });
         }
         profile
+    }
+
+    /// Median of what the fits leave \[grey levels²\].
+    fn typical_variance(&mut self) -> f64 {
+        self.order.clear();
+        self.order
+            .extend(self.tracks.iter().step_by(4).map(|t| t.fit.variance));
+        let middle = self.order.len() / 2;
+        if self.order.is_empty() {
+            return 0.0;
+        }
+        *self.order.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     fn find_banding(

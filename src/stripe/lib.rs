@@ -33,6 +33,8 @@ mod robustness;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod room;
+#[cfg_attr(test, allow(clippy::unwrap_used))]
+mod scatter;
 mod segments;
 pub mod synthetic;
 mod trace;
