@@ -7,7 +7,7 @@ use super::fit::Fit;
 use super::haze::{Haze, HazeTable};
 use super::kernel::KernelTable;
 use super::path::PathScratch;
-use super::{ExtractorConfig, Profile, ProfileFault, noise, scatter};
+use super::{ExtractorConfig, Orientation, Profile, ProfileFault, noise, scatter, transpose};
 use hydroline_core::frame::GreyImage;
 use std::ops::Range;
 
@@ -79,9 +79,15 @@ impl Extractor {
 
     /// Extracts the stripe of a frame about which nothing is known.
     pub fn extract(&mut self, image: &GreyImage) -> Profile {
-        match self.check(image) {
-            Some(fault) => faulty(image, fault),
-            None => self.extract_tiles(image, None),
+        if let Some(fault) = self.check(image) {
+            return faulty(image, fault);
+        }
+        match self.config.orientation {
+            Orientation::Horizontal => self.extract_tiles(image, None),
+            Orientation::Vertical => {
+                let lying = transpose::image(image);
+                transpose::profile(self.extract_tiles(&lying, None))
+            }
         }
     }
 
@@ -89,10 +95,14 @@ impl Extractor {
     /// sooner. Where that cannot be promised — the band is of another image size, fewer than
     /// 90 % of its points are found again, or a point lies within 24 px of its border — the
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
-    /// that lies outside the band as a whole and would win over the one inside is not seen.
+    /// that lies outside the band as a whole and would win over the one inside is not seen. Bands are
+    /// for horizontal stripes: a vertical one is sought in the whole frame.
     pub fn extract_in_band(&mut self, image: &GreyImage, band: &Band) -> Profile {
         if let Some(fault) = self.check(image) {
             return faulty(image, fault);
+        }
+        if self.config.orientation == Orientation::Vertical {
+            return self.extract(image);
         }
         if band.size_px() == (image.width_px, image.height_px) {
             let profile = self.extract_tiles(image, Some(band));
@@ -121,12 +131,15 @@ impl Extractor {
                 got,
             });
         }
-        let min_columns = self.config.min_columns.max(1);
-        (width_px < min_columns || height_px < MIN_ROWS).then_some(ProfileFault::TooSmall {
+        let (mut min_columns, mut min_rows) = (self.config.min_columns.max(1), MIN_ROWS);
+        if self.config.orientation == Orientation::Vertical {
+            (min_columns, min_rows) = (min_rows, min_columns);
+        }
+        (width_px < min_columns || height_px < min_rows).then_some(ProfileFault::TooSmall {
             width_px,
             height_px,
             min_columns,
-            min_rows: MIN_ROWS,
+            min_rows,
         })
     }
 

@@ -165,3 +165,63 @@ fn whole_table() {
         }
     }
 }
+
+/// Frames of each kind in the everyday tests; seeds apart from those of the printed table.
+const EVERYDAY: std::ops::Range<u64> = 500..502;
+
+#[test]
+fn lamps_bars_windows_and_reflections_do_not_hide_the_stripe() {
+    for kind in [
+        Kind::BarThin,
+        Kind::BarWide,
+        Kind::BarSoft,
+        Kind::Bars,
+        Kind::Lamp,
+        Kind::WindowHard,
+        Kind::WindowSoft,
+        Kind::ReflectionShort,
+        Kind::ReflectionDim,
+        Kind::JpegBar,
+        Kind::Everything,
+    ] {
+        let tally = measure(kind, EVERYDAY);
+        assert!(tally.found() > 0.97, "{kind:?}: found {}", tally.found());
+        let elsewhere = tally.elsewhere / tally.columns;
+        assert!(elsewhere < 0.005, "{kind:?}: {elsewhere} elsewhere");
+    }
+}
+
+#[test]
+fn clipping_at_any_ceiling_is_flagged() {
+    for kind in [Kind::Ceiling, Kind::Ceiling235, Kind::Ceiling240] {
+        let tally = measure(kind, EVERYDAY);
+        assert!(tally.clipped > 1000.0, "{kind:?}: nothing is clipped");
+        let flagged = tally.flagged();
+        assert!(flagged >= 0.99, "{kind:?}: {flagged} flagged");
+        let honesty = tally.honesty();
+        assert!((0.9..1.1).contains(&honesty), "{kind:?}: {honesty}");
+    }
+    let clean = measure(Kind::Clean, EVERYDAY);
+    assert_eq!(clean.whole_flagged, 0.0);
+}
+
+#[test]
+fn banding_neither_shifts_the_rows_nor_passes_for_haze() {
+    for kind in [Kind::BandingFlat, Kind::BandingTilted, Kind::BandingFine] {
+        let tally = measure(kind, EVERYDAY);
+        assert!(tally.worst_bias <= 0.03, "{kind:?}: {}", tally.worst_bias);
+        assert_eq!(tally.hazed, 0.0, "{kind:?}");
+        let honesty = tally.honesty();
+        assert!((0.9..1.1).contains(&honesty), "{kind:?}: {honesty}");
+    }
+}
+
+#[test]
+fn sds_hold_through_jpeg() {
+    let kinds = [Kind::Jpeg90, Kind::Jpeg75, Kind::Jpeg60];
+    let tallies = kinds.map(|kind| measure(kind, EVERYDAY.start..EVERYDAY.start + 4));
+    let sum = |f: fn(&Tally) -> f64| tallies.iter().map(f).sum::<f64>();
+    // Frames differ by 0.2: all twelve together.
+    let honesty = (sum(|t| t.over_sd) / sum(|t| t.count)).sqrt();
+    assert!((0.85..1.15).contains(&honesty), "{honesty}");
+}
