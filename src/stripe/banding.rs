@@ -502,8 +502,8 @@ impl Waves {
         let mut x = vec![0.0; n];
         for i in (0..n).rev() {
             let mut value = dot(&self.basis[i], &self.levels);
-            for j in i + 1..n {
-                value -= dot(&self.basis[i], &self.plain[j]) * x[j];
+            for (plain, x) in self.plain.iter().zip(&x).skip(i + 1) {
+                value -= dot(&self.basis[i], plain) * x;
             }
             x[i] = value / dot(&self.basis[i], &self.plain[i]);
         }

@@ -157,7 +157,10 @@ impl Extractor {
             width = median(fitted);
         }
         let peak = median(peaks.clone());
-        if !(peak >= self.config.min_peak) || !(SIGMA_MIN_PX * 0.5..SIGMA_MAX_PX).contains(&width) {
+        if peak.is_nan()
+            || peak < self.config.min_peak
+            || !(SIGMA_MIN_PX * 0.5..SIGMA_MAX_PX).contains(&width)
+        {
             return None;
         }
         let share = peaks.len() as f64 / tried.max(1) as f64;
