@@ -4,7 +4,9 @@ use super::output::Output;
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::frame::GreyImage;
-use hydroline_stripe::{Extractor, ExtractorConfig, Profile, StripePoint, annotate, write_csv};
+use hydroline_stripe::{
+    Extractor, ExtractorConfig, Orientation, Profile, StripePoint, annotate, write_csv,
+};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -33,8 +35,18 @@ pub struct Args {
     /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
     #[arg(long)]
     whole_pixel: bool,
+    /// Which way the line runs: horizontal = one point per column, row_px at sub-pixel; vertical = one
+    /// point per row, column_px at sub-pixel (sd_px is of the one at sub-pixel)
+    #[arg(long, value_enum, default_value = "horizontal")]
+    orientation: LineOrientation,
     #[command(flatten)]
     output: Output,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum LineOrientation {
+    Horizontal,
+    Vertical,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -51,6 +63,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     let config = ExtractorConfig {
         whole_pixel: args.whole_pixel,
+        orientation: match args.orientation {
+            LineOrientation::Horizontal => Orientation::Horizontal,
+            LineOrientation::Vertical => Orientation::Vertical,
+        },
         ..ExtractorConfig::default()
     };
     let mut extractor = Extractor::new(config);
@@ -71,7 +87,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         } else if args.csv {
             csv(args, path, &profile).map_err(CliError::run)?;
         } else {
-            summary(path, &profile);
+            summary(path, &profile, args.orientation);
         }
         if let Some(fault) = &profile.fault {
             errln!("hydroline: {}: {fault}", path.display());
@@ -139,16 +155,19 @@ fn object(path: &Path, profile: &Profile) -> serde_json::Value {
     })
 }
 
-fn summary(path: &Path, profile: &Profile) {
+fn summary(path: &Path, profile: &Profile, orientation: LineOrientation) {
+    let (columns, across, along) = match orientation {
+        LineOrientation::Horizontal => ("columns", "row", profile.size_px.0),
+        LineOrientation::Vertical => ("rows", "column", profile.size_px.1),
+    };
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
     };
     outln!(
-        "{}: {} points in {} columns, peak {:.0}, width {:.2} px sd, row sd {:.3} px, noise {:.1}, haze {:.1} %",
+        "{}: {} points in {along} {columns}, peak {:.0}, width {:.2} px sd, {across} sd {:.3} px, noise {:.1}, haze {:.1} %",
         path.display(),
         profile.points.len(),
-        profile.size_px.0,
         median(profile.points.iter().map(|p| p.peak).collect()),
         median(profile.points.iter().map(|p| p.sigma_px).collect()),
         median(profile.points.iter().map(|p| p.sd_px).collect()),

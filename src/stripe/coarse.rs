@@ -11,7 +11,7 @@ use wide::u8x16;
 /// Rows per block.
 pub(super) const BLOCK_ROWS: usize = 4;
 /// Most candidates kept in a column: the strongest.
-pub(super) const MAX_PER_COLUMN: usize = 6;
+pub(super) const MAX_PER_COLUMN: usize = 12;
 /// Columns handled together when searching a band.
 pub(super) const TILE_COLUMNS: usize = 32;
 /// Columns compared at once; lines of the search are padded to a multiple of it.
@@ -22,7 +22,8 @@ const CHUNK: usize = 16;
 pub(super) struct Spot {
     /// Row, good to about 1 px.
     pub row_px: f32,
-    /// Contrast: half the block pair's excess over its surroundings \[grey levels\].
+    /// Contrast: half the block pair's excess over its surroundings \[grey levels\]; 0 = ruled
+    /// out, not on the stripe.
     pub contrast: u8,
 }
 
@@ -52,7 +53,7 @@ impl Spots {
     /// Adds a spot below all earlier ones of its column; of spots closer than two blocks
     /// (one stripe seen twice) and of too many, the weaker goes.
     #[inline(always)]
-    fn push(&mut self, column: usize, spot: Spot) {
+    pub(super) fn push(&mut self, column: usize, spot: Spot) {
         if let (Some(slots), Some(count @ 0)) =
             (self.slots.get_mut(column), self.counts.get_mut(column))
         {
@@ -60,6 +61,13 @@ impl Spots {
             *count = 1;
         } else {
             self.push_another(column, spot);
+        }
+    }
+
+    /// Marks a candidate as not on the stripe.
+    pub fn rule_out(&mut self, column: usize, spot: usize) {
+        if let Some(spot) = self.slots.get_mut(column).and_then(|s| s.get_mut(spot)) {
+            spot.contrast = 0;
         }
     }
 
@@ -343,7 +351,10 @@ mod tests {
     fn too_many_spots_keep_the_strongest_in_order() {
         let mut spots = Spots::default();
         spots.clear(1);
-        for (i, contrast) in [10, 5, 20, 30, 40, 50, 60, 70].into_iter().enumerate() {
+        let all: Vec<u8> = (0..MAX_PER_COLUMN as u8 + 2).map(|i| 10 * i + 20).collect();
+        let mut given = all.clone();
+        given.swap(0, 3);
+        for (i, contrast) in given.into_iter().enumerate() {
             spots.push(
                 0,
                 Spot {
@@ -353,6 +364,10 @@ mod tests {
             );
         }
         let kept: Vec<u8> = spots.column(0).iter().map(|s| s.contrast).collect();
-        assert_eq!(kept, [20, 30, 40, 50, 60, 70]);
+        let mut strongest = all[2..].to_vec();
+        // The fourth strongest came first.
+        strongest.remove(1);
+        strongest.insert(0, 50);
+        assert_eq!(kept, strongest);
     }
 }

@@ -1,9 +1,23 @@
 //! What the extractor can be told; the defaults suit the paper's rig and most cameras.
 
+/// Which way the stripe runs through the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Orientation {
+    /// Along the rows: one point per column, its row at sub-pixel.
+    #[default]
+    Horizontal,
+    /// Along the columns: one point per row, its column at sub-pixel.
+    Vertical,
+}
+
 /// Settings of the extractor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtractorConfig {
-    /// Grey level from which a pixel counts as saturated (clipped) \[grey levels\].
+    /// Which way the stripe runs. Where it is vertical, every "column" below is a row and every
+    /// "row" a column.
+    pub orientation: Orientation,
+    /// Grey level from which a pixel counts as saturated (clipped) \[grey levels\]. A camera's lower
+    /// ceiling (limited range: 235) is found from each frame.
     pub saturation_level: u8,
     /// Points below this height are not reported \[grey levels above background\].
     pub min_peak: f64,
@@ -27,6 +41,7 @@ pub struct ExtractorConfig {
 impl Default for ExtractorConfig {
     fn default() -> Self {
         Self {
+            orientation: Orientation::Horizontal,
             saturation_level: 254,
             min_peak: 10.0,
             min_columns: 16,

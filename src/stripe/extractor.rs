@@ -1,12 +1,13 @@
 //! The whole way from a grey frame to its profile.
 
 use super::band::{Band, MIN_SHARE_FOUND};
+use super::banding::{self, Banding};
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::Fit;
-use super::haze::HazeTable;
+use super::haze::{Haze, HazeTable};
 use super::kernel::KernelTable;
 use super::path::PathScratch;
-use super::{ExtractorConfig, Profile, ProfileFault, noise};
+use super::{ExtractorConfig, Orientation, Profile, ProfileFault, noise, scatter, transpose};
 use hydroline_core::frame::GreyImage;
 use std::ops::Range;
 
@@ -23,6 +24,10 @@ pub struct Extractor {
     pub(super) coarse: CoarseScratch,
     pub(super) spots: Spots,
     pub(super) path: PathScratch,
+    /// Level from which this frame's pixels are clipped \[grey levels\].
+    pub(super) ceiling: u8,
+    /// What is not known of the rows' common levels \[grey levels\].
+    pub(super) row_level_sd: f64,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,
     /// Width and height pooled over each column's neighbours.
@@ -54,6 +59,8 @@ impl Extractor {
             coarse: CoarseScratch::default(),
             spots: Spots::default(),
             path: PathScratch::default(),
+            ceiling: u8::MAX,
+            row_level_sd: 0.0,
             tracks: Vec::new(),
             stretches: Vec::new(),
             pooled_shape: Vec::new(),
@@ -72,9 +79,15 @@ impl Extractor {
 
     /// Extracts the stripe of a frame about which nothing is known.
     pub fn extract(&mut self, image: &GreyImage) -> Profile {
-        match self.check(image) {
-            Some(fault) => faulty(image, fault),
-            None => self.extract_tiles(image, None),
+        if let Some(fault) = self.check(image) {
+            return faulty(image, fault);
+        }
+        match self.config.orientation {
+            Orientation::Horizontal => self.extract_tiles(image, None),
+            Orientation::Vertical => {
+                let lying = transpose::image(image);
+                transpose::profile(self.extract_tiles(&lying, None))
+            }
         }
     }
 
@@ -82,10 +95,14 @@ impl Extractor {
     /// sooner. Where that cannot be promised — the band is of another image size, fewer than
     /// 90 % of its points are found again, or a point lies within 24 px of its border — the
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
-    /// that lies outside the band as a whole and would win over the one inside is not seen.
+    /// that lies outside the band as a whole and would win over the one inside is not seen. Bands are
+    /// for horizontal stripes: a vertical one is sought in the whole frame.
     pub fn extract_in_band(&mut self, image: &GreyImage, band: &Band) -> Profile {
         if let Some(fault) = self.check(image) {
             return faulty(image, fault);
+        }
+        if self.config.orientation == Orientation::Vertical {
+            return self.extract(image);
         }
         if band.size_px() == (image.width_px, image.height_px) {
             let profile = self.extract_tiles(image, Some(band));
@@ -114,12 +131,15 @@ impl Extractor {
                 got,
             });
         }
-        let min_columns = self.config.min_columns.max(1);
-        (width_px < min_columns || height_px < MIN_ROWS).then_some(ProfileFault::TooSmall {
+        let (mut min_columns, mut min_rows) = (self.config.min_columns.max(1), MIN_ROWS);
+        if self.config.orientation == Orientation::Vertical {
+            (min_columns, min_rows) = (min_rows, min_columns);
+        }
+        (width_px < min_columns || height_px < min_rows).then_some(ProfileFault::TooSmall {
             width_px,
             height_px,
             min_columns,
-            min_rows: MIN_ROWS,
+            min_rows,
         })
     }
 
@@ -140,7 +160,17 @@ impl Extractor {
                 )
             };
         }
-        let haze = self.follow(image, noise_sd);
+        let (mut haze, restless) = self.follow(image, noise_sd);
+        self.row_level_sd = 0.0;
+        let mut levelled = None;
+        if restless && let Some(banding) = self.find_banding(image, haze, noise_sd) {
+            let image = banding.taken_off(image, self.ceiling);
+            self.find_spots(&image, band, noise_sd);
+            (haze, _) = self.follow(&image, noise_sd);
+            self.row_level_sd = banding.left_sd;
+            levelled = Some(image);
+        }
+        let image = levelled.as_ref().unwrap_or(image);
         let mut profile = Profile {
             noise_sd,
             size_px: (image.width_px, image.height_px),
@@ -151,6 +181,12 @@ impl Extractor {
             profile.haze_length_px = haze.length_px;
         }
         self.report(image, haze, &mut profile);
+        let variance = self.typical_variance();
+        if let Some(scale) = scatter::sd_scale(image, &profile.points, noise_sd, variance) {
+            for point in profile.points.iter_mut().chain(&mut profile.candidates) {
+                point.sd_px *= scale;
+            }
+        }
         let found = profile.points.len();
         if found < self.config.min_columns.max(1) {
             profile.points.clear();
@@ -161,6 +197,29 @@ impl Extractor {
             });
         }
         profile
+    }
+
+    /// Median of what the fits leave \[grey levels²\].
+    fn typical_variance(&mut self) -> f64 {
+        self.order.clear();
+        self.order
+            .extend(self.tracks.iter().step_by(4).map(|t| t.fit.variance));
+        let middle = self.order.len() / 2;
+        if self.order.is_empty() {
+            return 0.0;
+        }
+        *self.order.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    fn find_banding(
+        &self,
+        image: &GreyImage,
+        haze: Option<Haze>,
+        noise_sd: f64,
+    ) -> Option<Banding> {
+        let widths = self.pooled_shape.iter().map(|s| s[0]);
+        let sigma_px = widths.fold(0.0, f64::max);
+        banding::find(image, &self.tracks, sigma_px, haze, noise_sd)
     }
 
     /// Candidates of all columns; returns the number of columns that have one.

@@ -32,6 +32,14 @@ const SIGN_SIGNIFICANCE: f64 = 1.5;
 const MIN_SIGNIFICANCE: f64 = 3.5;
 const MIN_FRACTION: f64 = 0.002;
 
+/// Variance of the groups' light over that of noise from which the rows are looked at: chance makes
+/// 1.14 at three sds.
+const RESTLESS: f64 = 1.25;
+/// Groups that tell; of fewer, other lines stand everywhere, which may be bands.
+const MIN_GROUPS: usize = 3;
+/// Smallest such variance that is looked into: waves of 0.3 grey levels.
+const MIN_RESTLESS: f64 = 0.05;
+
 /// Haze of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Haze {
@@ -54,6 +62,33 @@ struct Surroundings {
     /// Distance below the stripe \[px\], light over peak, columns it is the mean of.
     samples: Vec<(isize, f64, f64)>,
     mean_peak: f64,
+    /// Light of every group of [`LANES`] columns, in sixteenths of a grey level, by distance.
+    groups: Vec<[i32; SIZE]>,
+}
+
+impl Surroundings {
+    /// Whether the groups' light varies along the rows by more than noise explains.
+    fn restless(&self, noise_sd: f64) -> bool {
+        if self.groups.len() < MIN_GROUPS {
+            return true;
+        }
+        let places = || {
+            self.samples
+                .iter()
+                .map(|s| (s.0 + REACH_PX as isize) as usize)
+        };
+        let count = self.samples.len() as f64;
+        let scale = 1.0 / (16.0 * LANES as f64);
+        let mut square = 0.0;
+        for group in &self.groups {
+            // A group's background, and with it the mean of its light, is known badly.
+            let light = places().map(|i| scale * f64::from(group[i]));
+            let (sum, squares) = light.fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+            square += squares - sum * sum / count;
+        }
+        let noise = (noise_sd * noise_sd / LANES as f64).max(MIN_RESTLESS);
+        square > RESTLESS * noise * (count - 1.0) * self.groups.len() as f64
+    }
 }
 
 impl HazeTable {
@@ -72,17 +107,31 @@ impl HazeTable {
         }
     }
 
-    /// Estimates the haze from columns `(column, fit)` that are free of steps and rivals.
+    /// Estimates the haze from columns `(column, fit)` that are free of steps and rivals, and says
+    /// whether the light beside the stripe varies by more than noise explains.
     pub fn estimate(
         &self,
         image: &GreyImage,
         columns: &[(usize, &Fit)],
         noise_sd: f64,
+    ) -> (Option<Haze>, bool) {
+        let Some(first) = surroundings(image, columns, FIRST_COLUMNS, noise_sd) else {
+            // Other lines everywhere: bands may be what they are.
+            return (None, true);
+        };
+        let sign = self.fit(&first, noise_sd);
+        let haze = sign.and_then(|sign| self.established(sign, image, columns, noise_sd));
+        (haze, haze.is_some() || first.restless(noise_sd))
+    }
+
+    /// The haze of which the first columns show this sign.
+    fn established(
+        &self,
+        sign: Haze,
+        image: &GreyImage,
+        columns: &[(usize, &Fit)],
+        noise_sd: f64,
     ) -> Option<Haze> {
-        let sign = self.fit(
-            &surroundings(image, columns, FIRST_COLUMNS, noise_sd)?,
-            noise_sd,
-        )?;
         if sign.fraction < SIGN_SIGNIFICANCE * sign.fraction_sd {
             return None;
         }
@@ -141,6 +190,7 @@ fn surroundings(
     // A group adds 8 x 16 x 255 at most to a row's sum: 32 bits hold 65 000 groups.
     let mut sums = [i32x4::ZERO; SIZE];
     let mut counts = [i16x8::ZERO; SIZE];
+    let mut groups = Vec::with_capacity(FIRST_COLUMNS / LANES + 1);
     let mut widths = Vec::with_capacity(most + LANES);
     let (mut peaks, mut seen, mut used, mut spread_px) = (0.0, 0, 0, 0.0f64);
     let mut rest = columns;
@@ -156,7 +206,12 @@ fn surroundings(
             used += length;
             peaks += group.iter().map(|(_, fit)| fit.peak).sum::<f64>();
             widths.extend(group.iter().map(|(_, fit)| fit.sigma_px));
-            spread_px = spread_px.max(add_group(image, group, noise_sd, &mut sums, &mut counts));
+            let mut light = [0; SIZE];
+            let spread = add_group(image, group, noise_sd, &mut sums, &mut counts, &mut light);
+            spread_px = spread_px.max(spread);
+            if length == LANES && groups.len() < groups.capacity() {
+                groups.push(light);
+            }
         }
         seen += length;
     }
@@ -183,7 +238,11 @@ fn surroundings(
         .map(|(d, sum, count)| (d, sum / (count * mean_peak), count))
         .collect();
     let above = samples.iter().filter(|s| s.0 < 0).count();
-    (above >= 6 && samples.len() - above >= 6).then_some(Surroundings { samples, mean_peak })
+    (above >= 6 && samples.len() - above >= 6).then_some(Surroundings {
+        samples,
+        mean_peak,
+        groups,
+    })
 }
 
 /// Adds what lies around one group of columns, aligned on the middle of their stripe; returns how
@@ -194,6 +253,7 @@ fn add_group(
     noise_sd: f64,
     sums: &mut [i32x4; SIZE],
     counts: &mut [i16x8; SIZE],
+    own: &mut [i32; SIZE],
 ) -> f64 {
     let start = group.first().map_or(0, |(column, _)| *column);
     let start = start.min(image.width_px.saturating_sub(LANES));
@@ -217,8 +277,11 @@ fn add_group(
     let offset = first + REACH_PX - middle;
     let rows = (middle + REACH_PX + 1).min(image.height_px) - first;
     let mut place = first * image.width_px + start;
-    let places = sums[offset..].iter_mut().zip(&mut counts[offset..]);
-    for (sum, count) in places.take(rows) {
+    let places = sums[offset..]
+        .iter_mut()
+        .zip(&mut counts[offset..])
+        .zip(&mut own[offset..]);
+    for ((sum, count), own) in places.take(rows) {
         let Some(rest) = image.pixels.get(place..) else {
             break;
         };
@@ -234,7 +297,9 @@ fn add_group(
         let light: i16x8 = i16x8::from_u8x16_low(u8x16::new(pixels)) << 4;
         let above = light - background;
         let kept = !above.max(-above).simd_gt(clip);
-        *sum += (above & kept).dot(i16x8::ONE);
+        let light = (above & kept).dot(i16x8::ONE);
+        *sum += light;
+        *own = light.reduce_add();
         *count -= kept;
         place += image.width_px;
     }

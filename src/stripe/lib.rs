@@ -1,9 +1,12 @@
-//! Sub-pixel extraction of the laser stripe from a grey frame: one point per column.
+//! Sub-pixel extraction of the laser stripe from a grey frame: one point per column (per row,
+//! where the stripe is told to be vertical).
 //!
-//! Way of a frame: `noise` of the frame → `coarse` candidates per column → `path` through the
-//! columns (dynamic programming, depth steps allowed) → `fit` of every column (`trace`) with a kernel
-//! matched to the stripe's width, which is estimated from the frame → `haze` pooled over the
-//! columns → second `fit` → `report` → [`Profile`].
+//! Way of a frame: `noise` of the frame → `coarse` candidates per column → of several lines
+//! (`chains`) the one that is a stripe (`hypothesis`) → `path` through the columns (dynamic
+//! programming, depth steps allowed) → `ceiling` at which it clips → `fit` of every column
+//! (`trace`) with a kernel matched to the stripe's width, which is estimated from the frame →
+//! `haze` pooled over the columns → second `fit` → where rows flicker, `banding` is taken off and
+//! the way gone again → `report` → [`Profile`], its sds held against the rows' own `scatter`.
 //!
 //! The result depends on the image and the configuration only: an [`Extractor`] keeps scratch
 //! memory, never results, so a frame extracted live and the same frame replayed give the same
@@ -12,12 +15,16 @@
 #[cfg(test)]
 mod accuracy;
 mod band;
+mod banding;
+mod ceiling;
+mod chains;
 mod clipped;
 mod coarse;
 mod config;
 mod extractor;
 mod fit;
 mod haze;
+mod hypothesis;
 mod kernel;
 mod noise;
 mod output;
@@ -26,12 +33,19 @@ mod report;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod robustness;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod room;
+#[cfg_attr(test, allow(clippy::unwrap_used))]
+mod scatter;
 mod segments;
 pub mod synthetic;
 mod trace;
+#[cfg_attr(test, allow(clippy::unwrap_used))]
+mod transpose;
 
 pub use band::Band;
-pub use config::ExtractorConfig;
+pub use config::{ExtractorConfig, Orientation};
 pub use extractor::Extractor;
 pub use output::{CSV_HEADER, annotate, write_csv};
 
@@ -50,15 +64,15 @@ pub mod quality {
 /// The stripe in one column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripePoint {
-    /// Column \[px\].
+    /// Column \[px\]; of a vertical stripe, its centre.
     pub column_px: f64,
-    /// Centre of the stripe \[px\].
+    /// Centre of the stripe \[px\]; of a vertical stripe, the row.
     pub row_px: f64,
     /// Height above the background \[grey levels\]; beyond 255 where clipped (extrapolated).
     pub peak: f64,
-    /// Standard deviation of `row_px` \[px\].
+    /// Standard deviation of the centre \[px\].
     pub sd_px: f64,
-    /// Standard deviation of the stripe's own vertical profile \[px\], this column alone.
+    /// Standard deviation of the stripe's own profile across \[px\], this column alone.
     pub sigma_px: f64,
     /// Bits of [`quality`].
     pub quality: u32,

@@ -39,7 +39,7 @@ pub(super) fn noise_sd(image: &GreyImage) -> f64 {
 }
 
 /// Sd of a zero-mean Gaussian from the histogram of its absolute values, robust against tails.
-fn truncated_sd(histogram: &[u32; 256]) -> f64 {
+pub(super) fn truncated_sd(histogram: &[u32; 256]) -> f64 {
     let floor = ROUNDING_SD * std::f64::consts::SQRT_2;
     let total: u32 = histogram.iter().sum();
     let mut seen = 0;

@@ -14,6 +14,8 @@ const FREE_JUMP_PX: f32 = 2.5;
 const JUMP_COST_PER_PX: f32 = 0.5;
 /// Brightest reward: a glint is worth no more than a good stripe.
 const REWARD_MAX: f32 = 1.2;
+/// Reward of a candidate that is ruled out: no path gains by it.
+const RULED_OUT: f32 = -1e3;
 /// Came from, or stays at, "no point".
 const NONE: u8 = u8::MAX;
 
@@ -109,7 +111,9 @@ fn typical_contrast(spots: &Spots, columns: usize) -> f32 {
     let mut total = 0;
     for column in 0..columns {
         let spots = spots.column(column);
-        if let Some(best) = spots.iter().map(|s| s.contrast).max() {
+        if let Some(best) = spots.iter().map(|s| s.contrast).max()
+            && best > 0
+        {
             histogram[usize::from(best)] += 1;
             total += 1;
         }
@@ -132,5 +136,8 @@ fn jump_cost(to: &Spot, from: &Spot, step_cost: f32) -> f32 {
 /// What a candidate is worth.
 #[inline(always)]
 fn reward(spot: &Spot, per_contrast: f32) -> f32 {
+    if spot.contrast == 0 {
+        return RULED_OUT;
+    }
     (f32::from(spot.contrast) * per_contrast).min(REWARD_MAX)
 }

@@ -17,6 +17,7 @@ impl Extractor {
         self.mark_ends(image.width_px);
         let reach = self.config.pool_reach_columns;
         let floor = noise::ROUNDING_SD * noise::ROUNDING_SD;
+        let row_levels = self.row_level_sd * self.row_level_sd;
         let tracks = &self.tracks;
         segments::pooled(
             &self.stretches,
@@ -74,7 +75,13 @@ impl Extractor {
                 };
                 let own = track.fit.variance;
                 let variance = if own > 3.0 * pooled { own } else { pooled };
-                let mut found = point(column, &track.fit, variance.max(floor), haze, bits);
+                let mut found = point(
+                    column,
+                    &track.fit,
+                    variance.max(floor) + row_levels,
+                    haze,
+                    bits,
+                );
                 if self.config.whole_pixel {
                     window.load(image, column, track.fit.row_px, WIDTH_ROWS);
                     found.row_px = central_pixel(&window, &track.fit);
@@ -97,7 +104,7 @@ impl Extractor {
         variance: f64,
         out: &mut Vec<StripePoint>,
     ) -> bool {
-        let known = Known::clipping_at(self.config.saturation_level);
+        let known = Known::clipping_at(self.ceiling);
         let index = self.kernels.index(sigma_px);
         let kernel = self.kernels.get(index);
         let mut window = Window::new();

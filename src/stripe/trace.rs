@@ -3,8 +3,8 @@
 use super::extractor::{Extractor, Track};
 use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
 use super::haze::Haze;
-use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX};
-use super::{path, segments};
+use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX, profile};
+use super::{ceiling, path, segments};
 use hydroline_core::frame::GreyImage;
 
 /// Columns read ahead of their fits; [`predicted`] reaches back as far.
@@ -24,11 +24,19 @@ const POOLED_WIDTH_SD: f64 = 0.03;
 const FIRST_WIDTH_SD: f64 = 0.15;
 const CLIPPED_PEAK: f64 = 400.0;
 
+/// Distance from which another line leaves the surroundings of the stripe alone \[px\].
+const FAR_PX: f64 = 80.0;
+/// By how much of the ceiling, and by how many sds, the flanks must rise above it where the pile
+/// alone proves nothing: a lens bends a Gaussian's flanks by a hundredth.
+const CEILING_EXCESS: f64 = 0.02;
+const CEILING_SIGNIFICANCE: f64 = 4.0;
+
 impl Extractor {
-    /// Path, first fit, haze and second fit. Leaves the columns in `tracks`.
-    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
-        let saturation = self.config.saturation_level;
+    /// Path, first fit, haze and second fit. Leaves the columns in `tracks`; says what haze there is
+    /// and whether the light beside the stripe is restless.
+    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
         let step_cost = self.config.step_cost_columns as f32;
+        self.rule_out_other_lines(image, noise_sd);
         self.tracks.clear();
         let mut chosen: Vec<(usize, usize)> = Vec::with_capacity(image.width_px);
         let path = path::choose(&self.spots, image.width_px, step_cost, &mut self.path);
@@ -37,7 +45,8 @@ impl Extractor {
                 .filter_map(|(column, spot)| Some((column, spot?))),
         );
         let mut window = Window::new();
-        let width = self.first_width(image, &chosen, &mut window);
+        let width = self.find_ceiling_and_width(image, &chosen, noise_sd, &mut window);
+        let saturation = self.ceiling;
         let index = self.kernels.index(width);
         let kernel = self.kernels.get(index);
         let rows = fit::rows_needed(kernel);
@@ -100,9 +109,85 @@ impl Extractor {
         }
         self.cut_into_stretches(image.width_px);
         self.pool_widths(width);
-        let haze = self.find_haze(image, noise_sd);
+        let (haze, restless) = self.find_haze(image, noise_sd);
         self.refit(image, haze, &mut window, noise_sd, first_sigma_px);
-        haze
+        (haze, restless)
+    }
+
+    /// The level at which this frame clips, left in `ceiling`, and the first idea of the width \[px\].
+    fn find_ceiling_and_width(
+        &mut self,
+        image: &GreyImage,
+        chosen: &[(usize, usize)],
+        noise_sd: f64,
+        window: &mut Window,
+    ) -> f64 {
+        self.ceiling = self.config.saturation_level;
+        let places: Vec<(usize, f32)> = chosen
+            .iter()
+            .map(|&(column, spot)| (column, self.spots.column(column)[spot].row_px))
+            .collect();
+        let pile = ceiling::pile(image, places.iter().copied(), noise_sd);
+        let Some(pile) = pile.filter(|pile| pile.level < self.ceiling) else {
+            return self.first_width(image, chosen, window);
+        };
+        self.ceiling = pile.level;
+        let width = self.first_width(image, chosen, window);
+        if pile.certain || self.flanks_rise_above(image, &places, width, noise_sd, window) {
+            return width;
+        }
+        self.ceiling = self.config.saturation_level;
+        self.first_width(image, chosen, window)
+    }
+
+    /// Whether the flanks of columns that reach the ceiling tell of light above it.
+    fn flanks_rise_above(
+        &mut self,
+        image: &GreyImage,
+        places: &[(usize, f32)],
+        width_px: f64,
+        noise_sd: f64,
+        window: &mut Window,
+    ) -> bool {
+        let top = self.ceiling;
+        let index = self.kernels.index(width_px);
+        let kernel = self.kernels.get(index);
+        let known = Known {
+            width: Some(width_prior(
+                width_px,
+                noise_sd,
+                f64::from(top),
+                FIRST_WIDTH_SD,
+            )),
+            ..Known::clipping_at(top)
+        };
+        let reach = |place: &&(usize, f32)| ceiling::brightest(image, place.0, place.1) >= top;
+        let every = places
+            .iter()
+            .filter(reach)
+            .count()
+            .div_ceil(WIDTH_SAMPLES)
+            .max(1);
+        let mut excess = (0.0, 0.0, 0.0);
+        for &(column, row_px) in places.iter().filter(reach).step_by(every) {
+            let row_px = f64::from(row_px);
+            window.load(image, column, row_px, fit::rows_needed(kernel));
+            let start = fit::edges(window, row_px, top).map_or(row_px, |(centre, _)| centre);
+            if let Some(fit) = fit::fit(window, kernel, start, known) {
+                // What the flanks say of the pixel nearest to the centre.
+                let nearest = fit.row_px.round() - fit.row_px;
+                let light = fit.background + fit.peak * profile(nearest, fit.sigma_px)[0];
+                let above = light - f64::from(top);
+                excess = (excess.0 + 1.0, excess.1 + above, excess.2 + above * above);
+            }
+        }
+        let (count, sum, square) = excess;
+        if count < 4.0 {
+            return false;
+        }
+        let mean = sum / count;
+        let error = ((square / count - mean * mean).max(0.0) / count).sqrt();
+        mean > CEILING_EXCESS * f64::from(top) && mean > CEILING_SIGNIFICANCE * error
     }
 
     /// Median width over a sample of columns, from the stripe's edges \[px\].
@@ -112,7 +197,7 @@ impl Extractor {
         chosen: &[(usize, usize)],
         window: &mut Window,
     ) -> f64 {
-        let saturation = self.config.saturation_level;
+        let saturation = self.ceiling;
         let every = chosen.len().div_ceil(WIDTH_SAMPLES).max(1);
         self.order.clear();
         for &(column, spot) in chosen.iter().step_by(every) {
@@ -204,17 +289,25 @@ impl Extractor {
         );
     }
 
-    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> Option<Haze> {
-        if !self.config.correct_haze {
-            return None;
-        }
+    /// The haze, and whether the light beside the stripe is more restless than noise and haze.
+    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
+        let alone = |t: &&Track| {
+            // What is ruled out and far away leaves the stripe's surroundings alone.
+            let spots = self.spots.column(t.column);
+            let others = spots
+                .iter()
+                .filter(|s| s.contrast > 0 || (f64::from(s.row_px) - t.fit.row_px).abs() < FAR_PX);
+            spots.len() == 1 || others.count() <= 1
+        };
         let clean: Vec<(usize, &Fit)> = self
             .tracks
             .iter()
-            .filter(|t| !t.near_step && self.spots.column(t.column).len() == 1)
+            .filter(|t| !t.near_step)
+            .filter(alone)
             .map(|t| (t.column, &t.fit))
             .collect();
-        self.haze.estimate(image, &clean, noise_sd)
+        let (haze, restless) = self.haze.estimate(image, &clean, noise_sd);
+        (haze.filter(|_| self.config.correct_haze), restless)
     }
 
     /// Second fit with each region's own width and the haze taken out.
@@ -226,7 +319,7 @@ impl Extractor {
         noise_sd: f64,
         first_sigma_px: f64,
     ) {
-        let saturation = self.config.saturation_level;
+        let saturation = self.ceiling;
         let mut shapes: Vec<(usize, HazeShape)> = Vec::new();
         let mut windows = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut kept = 0;

@@ -11,6 +11,14 @@ pub(super) fn read_laser(s: &Section<'_>) -> Option<Laser> {
     );
     let peak = s.number("peak", quantity(1.0, 10_000.0, "grey levels"));
     let shadows = s.flag_or("shadows", false);
+    let vertical = s.choice_opt("orientation", &[("horizontal", false), ("vertical", true)]);
+    if vertical == Some(true) {
+        s.rule(
+            "orientation",
+            "calibration and poses know a line that runs along the image's rows (\"horizontal\") only",
+            "Turn the camera by 90 degrees; single images go through `hydroline extract --orientation vertical`",
+        );
+    }
     s.finish();
     Some(Laser {
         fan_rad: fan_rad?,

@@ -24,6 +24,20 @@ fn rules_between_keys() {
             &["did you mean `GREY`"],
         ),
         (
+            "shadows = false",
+            "shadows = false\norientation = \"vertical\"",
+            &[
+                "laser.orientation",
+                "along the image's rows",
+                "Turn the camera",
+            ],
+        ),
+        (
+            "shadows = false",
+            "shadows = false\norientation = \"upright\"",
+            &["laser.orientation", "horizontal", "vertical"],
+        ),
+        (
             "l_camera_m = 0.19",
             "l_camera_m = -0.27",
             &["mounts.l_camera_m", "edge on"],
