@@ -1,0 +1,43 @@
+//! Boards as cameras with a tone curve see them: found, measured, and honest about it.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod light {
+    pub mod views;
+}
+
+use hydroline_calib::detect::{Grey, detect};
+use light::views::{KINDS, Tally, judge, view};
+
+fn tally(kind: &str, seeds: std::ops::Range<u64>, gamma: impl Fn(u64) -> f64) -> Tally {
+    let mut tally = Tally::default();
+    for seed in seeds {
+        let shot = view(kind, seed, gamma(seed));
+        let grey = Grey::new(720, 576, &shot.pixels).unwrap();
+        tally.take(seed, detect(&grey, &shot.board).map(|d| judge(&shot, &d)));
+    }
+    tally
+}
+
+/// Log-uniform over the curves that are asked for, by the golden ratio.
+fn spread(seed: u64) -> f64 {
+    let share = (seed as f64 * 0.618_034).fract();
+    0.4 * (2.5f64 / 0.4).powf(share)
+}
+
+/// The table: per board and band of γ. `LIGHT_VIEWS=40 cargo test -p hydroline-calib --test light table -- --ignored --nocapture`
+#[test]
+#[ignore = "hundreds of images"]
+fn table_over_tone_curves() {
+    let views = std::env::var("LIGHT_VIEWS").map_or(40, |v| v.parse().unwrap());
+    let only = std::env::var("LIGHT_KIND").unwrap_or_default();
+    println!("board, gamma: found; node error rms px (median, worst view), rms(error/sd); object rms, worst mm, views within 0.1 mm");
+    for kind in KINDS.into_iter().filter(|k| k.contains(&only)) {
+        for (name, low, high) in [("0.4-0.7", 0.4, 0.7), ("0.7-1.4", 0.7, 1.4), ("1.4-2.5", 1.4, 2.5)] {
+            let band = tally(kind, 0..views, |seed| {
+                low * (high / low as f64).powf((seed as f64 * 0.618_034).fract())
+            });
+            println!("{kind:9} {name}: {band}");
+        }
+    }
+    let _ = spread(0);
+}
