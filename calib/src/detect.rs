@@ -10,10 +10,13 @@ mod fine;
 mod identify;
 mod image;
 mod lattice;
+mod marks;
 mod reason;
 mod refine;
+mod shared;
 mod smooth;
 pub mod synthetic;
+mod tone;
 
 pub(crate) use identify::turn_index;
 pub use image::Grey;

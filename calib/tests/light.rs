@@ -41,3 +41,24 @@ fn table_over_tone_curves() {
     }
     let _ = spread(0);
 }
+
+#[test]
+#[ignore]
+fn dbg_reports() {
+    for (name, kind) in [("chess-25-g2.2", "chess-25"), ("chess-25-g0.45", "chess-25"), ("dots-50-g2.2", "dots-50")] {
+        let data = std::fs::read(format!("/tmp/h/boards/{name}.pgm")).unwrap();
+        let pixels = &data[data.len() - 720 * 576..];
+        let board = light::views::board(kind);
+        match detect(&Grey::new(720, 576, pixels).unwrap(), &board) {
+            Err(e) => println!("{name}: {e}"),
+            Ok(d) => {
+                let map = hydroline_calib::map::fit(hydroline_calib::map::Method::Homography, &d.nodes(), &Default::default()).unwrap();
+                let c = hydroline_calib::Calibration::of_board(map, &d.nodes(), hydroline_calib::calibration::board_map::Provenance { medium: hydroline_calib::Medium::Air, date: None, board: String::new(), placement: Default::default(), coplanarity: hydroline_calib::board::coplanarity::Coplanarity::unknown("", [0.0, 0.5, 0.5]), image: None, missing: vec![] });
+                println!("{name}: {} nodes {:?} blur {:.2} noise {:.2} contrast {:.1} {:?}", d.nodes.len(), d.orientation, d.blur_px, d.noise, d.contrast, c.residuals);
+                let mut worst: Vec<_> = c.nodes.iter().map(|n| (1e3*n.dxi_m.hypot(n.deta_m), n.xi_m, n.eta_m)).collect();
+                worst.sort_by(|a, b| b.0.total_cmp(&a.0));
+                println!("{:.3?}", &worst[..6]);
+            }
+        }
+    }
+}

@@ -6,6 +6,7 @@ use super::identify::Ordered;
 use super::image::Grey;
 use super::lattice::Index;
 use super::refine::{Refined, Refiner};
+use super::shared::{self, Place};
 use crate::map::geometry::{apply, homography};
 use hydroline_rigs::Board;
 
@@ -50,6 +51,7 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
         to_image,
         to_index,
         blur_px: 1.0,
+        tone: None,
     })
 }
 
@@ -126,11 +128,6 @@ pub(super) fn fine<'a>(
             break;
         }
     }
-    // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
-    // rest of this lattice is not worth its time.
-    if most_sound * 4 < sample.len() {
-        return None;
-    }
     refiner.blur_px = trials[k];
     let tried = |k: usize| scores.get(k).copied().flatten();
     if k > 0
@@ -142,6 +139,17 @@ pub(super) fn fine<'a>(
             let t = (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
             refiner.blur_px = trials[k] * 1.37f64.powf(t);
         }
+    }
+    let places: Vec<Place> = (sample.iter())
+        .filter_map(|&k| Some((k, ordered.nodes[&k], ordered.steps(k, &to_image)?)))
+        .collect();
+    if let Some(sound) = shared::curve(&mut refiner, &places) {
+        most_sound = most_sound.max(sound);
+    }
+    // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
+    // rest of this lattice is not worth its time.
+    if most_sound * 4 < sample.len() {
+        return None;
     }
     // A quarter of the nodes first, spread over the lattice: half of a board's nodes must hold in
     // the end, and what is no board is not worth the rest of the time.
