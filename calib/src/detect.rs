@@ -6,9 +6,11 @@
 //! Boards are dark marks on a light face.
 
 mod candidates;
+mod ends;
 mod fine;
 mod identify;
 mod image;
+mod key;
 mod lattice;
 mod marks;
 mod reason;

@@ -143,9 +143,9 @@ pub(super) fn fine<'a>(
     let places: Vec<Place> = (sample.iter())
         .filter_map(|&k| Some((k, ordered.nodes[&k], ordered.steps(k, &to_image)?)))
         .collect();
-    if let Some(sound) = shared::curve(&mut refiner, &places) {
-        most_sound = most_sound.max(sound);
-    }
+    let known = shared::curve(&mut refiner, &places);
+    let sound = known.values().flatten().filter(|r| r.is_pattern()).count();
+    most_sound = most_sound.max(sound);
     // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
     // rest of this lattice is not worth its time.
     if most_sound * 4 < sample.len() {
@@ -156,9 +156,13 @@ pub(super) fn fine<'a>(
     let mut nodes: Vec<(Index, Refined)> = Vec::with_capacity(indices.len());
     for part in 0..4 {
         let some = indices.iter().skip(part).step_by(4);
-        nodes.extend(
-            some.filter_map(|&index| Some((index, run(&refiner, index, ordered.nodes[&index])?))),
-        );
+        nodes.extend(some.filter_map(|&index| {
+            let fit = match known.get(&index) {
+                Some(fit) => *fit,
+                None => run(&refiner, index, ordered.nodes[&index]),
+            };
+            Some((index, fit?))
+        }));
         let sound = nodes.iter().filter(|n| n.1.is_pattern()).count();
         if part == 0 && sound * 10 < indices.len().div_ceil(4) * 4 {
             return None;

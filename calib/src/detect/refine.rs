@@ -288,10 +288,13 @@ impl Settled<'_> {
     /// position hangs on are the rims.
     fn sandwich(&self, inverse: &SMatrix<f64, 6, 6>) -> Matrix2<f64> {
         let mut meat = SMatrix::<f64, 6, 6>::zeros();
-        self.each(&self.patch.refiner.local(&self.patch.m), |row, e, weight| {
-            let square = (weight * e).powi(2).max((0.3 * weight).powi(2));
-            meat += row * row.transpose() * square;
-        });
+        self.each(
+            &self.patch.refiner.local(&self.patch.m),
+            |row, e, weight| {
+                let square = (weight * e).powi(2).max((0.3 * weight).powi(2));
+                meat += row * row.transpose() * square;
+            },
+        );
         let freed = self.patch.weight_sum / (self.patch.weight_sum - 6.0).max(1.0);
         (inverse * meat * inverse).fixed_view::<2, 2>(4, 4) * freed
     }

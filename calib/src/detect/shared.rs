@@ -5,11 +5,13 @@
 //! line is kept unless the board speaks against it: images of a linear camera are fitted as if
 //! there were no curves.
 
+use std::collections::HashMap;
+
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::lattice::Index;
 use super::marks::Local;
-use super::refine::{Refiner, Settled};
+use super::refine::{Refined, Refiner, Settled};
 use super::tone::{EPSILON_LOG_SD, Tone, USUAL_EPSILON};
 
 /// Node, where it was seen and its local steps.
@@ -30,19 +32,24 @@ const NEGLIGIBLE: f64 = 0.02;
 /// Half the step of derivatives by differences.
 const H: f64 = 0.02;
 
-/// Finds the curve that these nodes show and sets it, with the blur that goes with it; answers with how
-/// many of them hold then. `None`, and nothing changed: no curve that matters.
-pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Option<usize> {
+/// Fits of some nodes, as they came out.
+pub(super) type Known = HashMap<Index, Option<Refined>>;
+
+/// Finds the curve that these nodes show and sets it, with the blur that goes with it: nothing is
+/// changed where there is no curve that matters. Answers with the fits of these nodes.
+pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
     let blur_px = refiner.blur_px;
     let mut log = Vector3::new(0.0, USUAL_EPSILON.ln(), blur_px.ln());
     for round in 0..STEPS {
-        let Some((step, sd)) = step(refiner, places, &log) else {
-            break;
+        let settled = settle(refiner, places);
+        let step = step(refiner, &settled, &log);
+        let straight = |(step, sd): &(Vector3<f64>, f64)| {
+            step[0].abs() < LEAST_LOG_GAMMA || step[0].abs() < LEAST_SDS * sd
         };
-        let straight = step[0].abs() < LEAST_LOG_GAMMA || step[0].abs() < LEAST_SDS * sd;
-        if round == 0 && straight {
-            return None;
+        if round == 0 && step.as_ref().is_none_or(straight) {
+            return known(places, &settled);
         }
+        let Some((step, _)) = step else { break };
         log += step.map(|s| s.clamp(-LONGEST, LONGEST));
         log[0] = log[0].clamp(-MOST_LOG_GAMMA, MOST_LOG_GAMMA);
         refiner.tone = Some(Tone::new(log[0].exp(), log[1].exp()));
@@ -51,26 +58,34 @@ pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Option<usize
             break;
         }
     }
-    if refiner.tone.is_none() || log[0].abs() < LEAST_LOG_GAMMA {
+    if log[0].abs() < LEAST_LOG_GAMMA {
         refiner.tone = None;
         refiner.blur_px = blur_px;
-        return None;
     }
-    let holds = |&(index, start, steps): &Place| {
-        let node = refiner.refine(index, start, steps);
-        node.is_some_and(|r| r.is_pattern())
-    };
-    Some(places.iter().filter(|p| holds(p)).count())
+    known(places, &settle(refiner, places))
+}
+
+fn settle<'a>(refiner: &'a Refiner<'a>, places: &[Place]) -> Vec<Option<Settled<'a>>> {
+    let fit = |&(index, start, steps): &Place| refiner.settle(index, start, steps);
+    places.iter().map(fit).collect()
+}
+
+fn known(places: &[Place], settled: &[Option<Settled<'_>>]) -> Known {
+    let pairs = places.iter().zip(settled);
+    pairs
+        .map(|(p, s)| (p.0, s.as_ref().and_then(|s| s.refined(p.1))))
+        .collect()
 }
 
 /// The next step, and the standard deviation of ln γ.
-fn step(refiner: &Refiner<'_>, places: &[Place], log: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
-    let settled: Vec<Settled<'_>> = places
-        .iter()
-        .filter_map(|&(index, start, steps)| refiner.settle(index, start, steps))
-        .collect();
+fn step(
+    refiner: &Refiner<'_>,
+    settled: &[Option<Settled<'_>>],
+    log: &Vector3<f64>,
+) -> Option<(Vector3<f64>, f64)> {
+    let settled: Vec<&Settled<'_>> = settled.iter().flatten().collect();
     // A hand or a block's edge beside a node is not the camera's curve.
-    let mut left: Vec<f64> = settled.iter().map(Settled::relative).collect();
+    let mut left: Vec<f64> = settled.iter().map(|s| s.relative()).collect();
     left.sort_by(f64::total_cmp);
     let most = 2.0 * left.get(left.len() / 2)?;
     let sound: Vec<_> = settled.iter().filter(|s| s.relative() <= most).collect();

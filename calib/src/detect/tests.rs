@@ -436,29 +436,60 @@ fn dbg_stages() {
     let b = board(PATTERNS[2]);
     for gamma in [1.0, 0.45, 2.2] {
         let view = view(&b, 30.0, 90.0, 3.0);
-        let scene = Scene { tone: synthetic::Tone { gamma, ..synthetic::Tone::LINEAR }, ..Scene::default() };
+        let scene = Scene {
+            tone: synthetic::Tone {
+                gamma,
+                ..synthetic::Tone::LINEAR
+            },
+            ..Scene::default()
+        };
         let pixels = render(&b, &view, &scene);
         let grey = Grey::new(720, 576, &pixels).unwrap();
         for reduction in [2, 1, 4] {
             let plane = Plane::smoothed(&grey, reduction);
             let c = candidates::find(&plane, b.pattern, 760);
             let mut off: Vec<f64> = vec![];
-            for j in 0..b.rows { for i in 0..b.columns {
-                let [x, y] = crate::board::node_m(&b, i, j);
-                let p = view.project(x, y, 0.0).unwrap();
-                off.push(c.iter().map(|c| (c.position[0]-p[0]).hypot(c.position[1]-p[1])).fold(99.0, f64::min));
-            }}
+            for j in 0..b.rows {
+                for i in 0..b.columns {
+                    let [x, y] = crate::board::node_m(&b, i, j);
+                    let p = view.project(x, y, 0.0).unwrap();
+                    off.push(
+                        c.iter()
+                            .map(|c| (c.position[0] - p[0]).hypot(c.position[1] - p[1]))
+                            .fold(99.0, f64::min),
+                    );
+                }
+            }
             off.sort_by(f64::total_cmp);
             let found = coarse(&grey, &b, reduction);
             let words = found.map(|f| {
                 let ordered = Ordered::upright(&f.0, &f.1);
                 let fine = fine(&grey, &b, &ordered);
-                (f.0.nodes.len(), f.0.extent(), fine.map(|(n, r)| {
-                    let med = |mut v: Vec<f64>| { v.sort_by(f64::total_cmp); v[v.len()/2] };
-                    (n.len(), r.blur_px, med(n.iter().map(|n| n.1.rms).collect()), med(n.iter().map(|n| n.1.contrast.abs()).collect()), n.iter().filter(|n| n.1.is_pattern()).count())
-                }))
+                (
+                    f.0.nodes.len(),
+                    f.0.extent(),
+                    fine.map(|(n, r)| {
+                        let med = |mut v: Vec<f64>| {
+                            v.sort_by(f64::total_cmp);
+                            v[v.len() / 2]
+                        };
+                        (
+                            n.len(),
+                            r.blur_px,
+                            med(n.iter().map(|n| n.1.rms).collect()),
+                            med(n.iter().map(|n| n.1.contrast.abs()).collect()),
+                            n.iter().filter(|n| n.1.is_pattern()).count(),
+                        )
+                    }),
+                )
             });
-            println!("γ {gamma} /{reduction}: {} candidates, off median {:.2} p90 {:.2} max {:.2}; {words:?}", c.len(), off[70], off[126], off[139]);
+            println!(
+                "γ {gamma} /{reduction}: {} candidates, off median {:.2} p90 {:.2} max {:.2}; {words:?}",
+                c.len(),
+                off[70],
+                off[126],
+                off[139]
+            );
         }
     }
 }
@@ -470,7 +501,13 @@ fn dbg_hash() {
         let board = board(pattern);
         for k in 0..12u32 {
             let ([angle, azimuth, roll], mut scene) = hard(k);
-            if k < 6 { scene = Scene { blur_px: 0.5 + 0.15 * f64::from(k), seed: u64::from(k), ..Scene::default() }; }
+            if k < 6 {
+                scene = Scene {
+                    blur_px: 0.5 + 0.15 * f64::from(k),
+                    seed: u64::from(k),
+                    ..Scene::default()
+                };
+            }
             let view = view(&board, angle, azimuth, roll);
             let pixels = render(&board, &view, &scene);
             let grey = Grey::new(720, 576, &pixels).unwrap();
@@ -485,7 +522,13 @@ fn dbg_hash() {
             let mut hash = 0u64;
             if let Ok(d) = detect_quick(&grey, &board) {
                 for n in &d.nodes {
-                    for v in [n.node.column_px, n.node.row_px, n.node.covariance_px2[(0,0)], n.node.covariance_px2[(1,0)], n.node.covariance_px2[(1,1)]] {
+                    for v in [
+                        n.node.column_px,
+                        n.node.row_px,
+                        n.node.covariance_px2[(0, 0)],
+                        n.node.covariance_px2[(1, 0)],
+                        n.node.covariance_px2[(1, 1)],
+                    ] {
                         hash = hash.rotate_left(5).wrapping_mul(0x9e3779b97f4a7c15) ^ v.to_bits();
                     }
                 }

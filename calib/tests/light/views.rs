@@ -16,7 +16,9 @@ pub fn board(kind: &str) -> Board {
         Board {
             name: kind.to_owned(),
             pattern: match board.pattern {
-                BoardPattern::Dots { .. } => BoardPattern::Dots { diameter_m: 0.4 * pitch_m },
+                BoardPattern::Dots { .. } => BoardPattern::Dots {
+                    diameter_m: 0.4 * pitch_m,
+                },
                 other => other,
             },
             columns,
@@ -38,14 +40,17 @@ pub fn board(kind: &str) -> Board {
 pub struct Shot {
     pub board: Board,
     pub view: View,
-    pub scene: Scene,
     pub pixels: Vec<u8>,
 }
 
 /// View `seed` of a board through a camera of that γ: pose, blur, noise, light and levels by the seed.
 pub fn view(kind: &str, seed: u64, gamma: f64) -> Shot {
     let (board, view, scene) = scene(kind, seed, gamma);
-    Shot { pixels: render(&board, &view, &scene), board, view, scene }
+    Shot {
+        pixels: render(&board, &view, &scene),
+        board,
+        view,
+    }
 }
 
 pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
@@ -54,8 +59,16 @@ pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
     let mut any = |low: f64, high: f64| rng.random_range(low..high);
     let half = hydroline_calib::board::half_size_m(&board);
     let angle = any(0.0, 55.0f64).to_radians();
-    let far = 740.0 * (half[0] / 330.0).max(half[1] / 260.0) * any(1.0, 1.35) + half[1] * angle.sin();
-    let view = View::pinhole([720, 576], 740.0, far, angle, any(0.0, 6.28), any(-0.35, 0.35));
+    let far =
+        740.0 * (half[0] / 330.0).max(half[1] / 260.0) * any(1.0, 1.35) + half[1] * angle.sin();
+    let view = View::pinhole(
+        [720, 576],
+        740.0,
+        far,
+        angle,
+        any(0.0, 6.28),
+        any(-0.35, 0.35),
+    );
     let scene = Scene {
         greys: [any(150.0, 240.0), any(8.0, 40.0), any(3.0, 120.0)],
         light: [any(0.7, 1.0), any(0.7, 1.0), any(0.84, 1.0), any(0.84, 1.0)],
@@ -71,6 +84,57 @@ pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
         ..Scene::default()
     };
     (board, view, scene)
+}
+
+/// A view with something in front of it.
+pub struct Covered {
+    pub shot: Shot,
+    /// Side, as the camera sees it.
+    pub side: &'static str,
+    /// Nodes that are seen whole.
+    pub visible: Vec<(u32, u32)>,
+}
+
+/// View `seed` with a plate, bright or dark, over 20–60 % of the board from one side.
+pub fn covered(kind: &str, seed: u64, gamma: f64) -> Covered {
+    let (board, view, mut scene) = scene(kind, seed, gamma);
+    let mut rng = StdRng::seed_from_u64(seed ^ 0xc04e);
+    let share = rng.random_range(0.2..0.6);
+    let side = ["left", "right", "upper", "lower"][seed as usize % 4];
+    let axis = if seed % 4 < 2 { 0 } else { 1 };
+    let sign = if seed.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let mut places: Vec<(f64, (u32, u32))> = Vec::new();
+    for j in 0..board.rows {
+        for i in 0..board.columns {
+            let [x, y] = hydroline_calib::board::node_m(&board, i, j);
+            places.push((sign * view.project(x, y, 0.0).unwrap()[axis], (i, j)));
+        }
+    }
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let cut = sign * (places[(share * places.len() as f64) as usize].0 - 2.0);
+    let grey = if rng.random_range(0.0..1.0) < 0.5 { rng.random_range(0.0..40.0) } else { rng.random_range(160.0..250.0) };
+    scene.occluders = vec![match side {
+        "left" => [-1.0, -1.0, cut + 1.0, 999.0, grey],
+        "right" => [cut, -1.0, 999.0, 999.0, grey],
+        "upper" => [-1.0, -1.0, 999.0, cut + 1.0, grey],
+        _ => [-1.0, cut, 999.0, 999.0, grey],
+    }];
+    let visible = places.iter().filter(|p| p.0 > sign * cut).map(|p| p.1).collect();
+    Covered {
+        shot: Shot { pixels: render(&board, &view, &scene), board, view },
+        side,
+        visible,
+    }
+}
+
+/// Pixels with left and right in exchange, or above and below.
+pub fn flipped(pixels: &[u8], upside_down: bool) -> Vec<u8> {
+    let rows = pixels.chunks_exact(720);
+    if upside_down {
+        rows.rev().flatten().copied().collect()
+    } else {
+        rows.flat_map(|r| r.iter().rev()).copied().collect()
+    }
 }
 
 /// What a detection is worth.
@@ -121,7 +185,10 @@ fn object(shot: &Shot, found: &Detection) -> Option<(f64, f64)> {
         else {
             continue;
         };
-        for error in [(b[0] - a[0]) - (to[0] - at[0]), (c[1] - a[1]) - (to[1] - at[1])] {
+        for error in [
+            (b[0] - a[0]) - (to[0] - at[0]),
+            (c[1] - a[1]) - (to[1] - at[1]),
+        ] {
             let mm = 1e3 * error.abs();
             most = most.max(mm);
             sum += mm * mm;
@@ -156,13 +223,18 @@ impl Tally {
     }
 
     pub fn sds(&self) -> f64 {
-        let (sum, count) = (self.worth.iter())
-            .fold((0.0, 0.0), |(s, n), (_, w)| (s + w.chi2, n + 2.0 * w.nodes as f64));
+        let (sum, count) = (self.worth.iter()).fold((0.0, 0.0), |(s, n), (_, w)| {
+            (s + w.chi2, n + 2.0 * w.nodes as f64)
+        });
         (sum / count).sqrt()
     }
 
     pub fn within_mm(&self, limit: f64) -> f64 {
-        let n = self.worth.iter().filter(|(_, w)| w.object_max_mm <= limit).count();
+        let n = self
+            .worth
+            .iter()
+            .filter(|(_, w)| w.object_max_mm <= limit)
+            .count();
         n as f64 / self.worth.len() as f64
     }
 }
@@ -172,7 +244,11 @@ impl fmt::Display for Tally {
         let sorted = |of: fn(&Worth) -> f64| {
             let mut v: Vec<f64> = self.worth.iter().map(|w| of(&w.1)).collect();
             v.sort_by(f64::total_cmp);
-            let at = |s: f64| v.get((s * (v.len() as f64 - 1.0)) as usize).copied().unwrap_or(f64::NAN);
+            let at = |s: f64| {
+                v.get((s * (v.len() as f64 - 1.0)) as usize)
+                    .copied()
+                    .unwrap_or(f64::NAN)
+            };
             (at(0.5), at(1.0))
         };
         let (px, worst_px) = sorted(Tally::rms_px);
@@ -191,12 +267,22 @@ impl fmt::Display for Tally {
             for (seed, w) in &self.worth {
                 let sds = (w.chi2 / (2.0 * w.nodes as f64)).sqrt();
                 if sds > 1.5 || w.object_max_mm > 0.1 {
-                    write!(f, "\n    {seed}: {:.4} px {sds:.2} sd {:.3} mm {} nodes", Tally::rms_px(w), w.object_max_mm, w.nodes)?;
+                    write!(
+                        f,
+                        "\n    {seed}: {:.4} px {sds:.2} sd {:.3} mm {} nodes",
+                        Tally::rms_px(w),
+                        w.object_max_mm,
+                        w.nodes
+                    )?;
                 }
             }
         }
         for (seed, why) in &self.missed {
-            write!(f, "\n    {seed}: {}", why.to_string().chars().take(90).collect::<String>())?;
+            write!(
+                f,
+                "\n    {seed}: {}",
+                why.to_string().chars().take(90).collect::<String>()
+            )?;
         }
         Ok(())
     }
