@@ -124,7 +124,7 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
         });
     }
     let wanted = (board.columns * board.rows) as usize;
-    if let Some(second) = seen.rest.grow(board, wanted) {
+    if let Some(second) = seen.rest.second(image, board, &seen) {
         return Err(NotFound::TwoBoards {
             first: seen.nodes.len(),
             second,
@@ -289,15 +289,31 @@ struct Rest {
 }
 
 impl Rest {
-    /// Nodes of a second board, if there is one.
-    fn grow(&self, board: &Board, wanted: usize) -> Option<usize> {
+    /// Nodes of a second board, if there is one: a lattice of what the first did not use that holds under
+    /// the pattern's fit, and that is no part of the first behind something that divides it.
+    fn second(&self, image: &Grey<'_>, board: &Board, first: &Seen) -> Option<usize> {
         let field = Field::new(&self.candidates, &self.plane, board.pattern, |n| {
             !self.used[n] && self.candidates[n].strength > self.weakest
         });
+        let wanted = (board.columns * board.rows) as usize;
         let second = field.grow_best([board.columns, board.rows], wanted);
         let [ni, nj] = second.extent();
-        (second.nodes.len() >= fewest(board).max(16) && ni.min(nj) >= 4)
-            .then_some(second.nodes.len())
+        let fewest = fewest(board).max(16);
+        if second.nodes.len() < fewest || ni.min(nj) < 4 {
+            return None;
+        }
+        let (nodes, _) = fine(image, board, &Ordered::upright(&second, &self.candidates))?;
+        let first_h = first.ordered.homography()?;
+        let contrast = 0.5 * first.contrast;
+        let sound = nodes
+            .iter()
+            .filter(|(_, r)| r.is_pattern() && r.contrast.abs() > contrast);
+        let sound: Vec<[f64; 2]> = sound.map(|(_, r)| r.position).collect();
+        let same = sound
+            .iter()
+            .filter(|p| identify::on_lattice(&first_h, **p))
+            .count();
+        (sound.len() >= fewest && same * 2 < sound.len()).then_some(sound.len())
     }
 }
 

@@ -118,32 +118,75 @@ fn table_of_mirrored_and_covered_views() {
     for kind in KINDS.into_iter().filter(|k| k.contains(&only)) {
         let (mut mirrored, mut hidden) = (BTreeMap::new(), BTreeMap::new());
         for seed in 0..views {
-            let short = |e: hydroline_calib::detect::NotFound| e.to_string().chars().take(50).collect::<String>();
+            let short = |e: hydroline_calib::detect::NotFound| {
+                e.to_string().chars().take(50).collect::<String>()
+            };
             let shot = view(kind, seed, spread(seed));
             let pixels = flipped(&shot.pixels, seed % 2 == 0);
             let answer = detect(&Grey::new(720, 576, &pixels).unwrap(), &shot.board);
-            counted(&mut mirrored, answer.map_or_else(short, |d| format!("FOUND {:?}", d.orientation)), seed);
+            counted(
+                &mut mirrored,
+                answer.map_or_else(short, |d| format!("FOUND {:?}", d.orientation)),
+                seed,
+            );
             let c = covered(kind, seed, spread(seed));
             let answer = detect(&Grey::new(720, 576, &c.shot.pixels).unwrap(), &c.shot.board);
             let words = match answer {
                 Ok(d) => {
-                    let hidden = d.nodes.iter().filter(|n| !c.visible.contains(&(n.i, n.j))).count();
+                    let hidden = d
+                        .nodes
+                        .iter()
+                        .filter(|n| !c.visible.contains(&(n.i, n.j)))
+                        .count();
                     let worth = judge(&c.shot, &d);
                     let px = (worth.sum_px2 / (2.0 * worth.nodes as f64)).sqrt();
-                    format!("FOUND {:?}{}{}", d.orientation, if hidden > 1 { " FALSE NODES" } else { "" }, if px > 0.2 { " WRONG ORDER" } else { "" })
+                    format!(
+                        "FOUND {:?}{}{}",
+                        d.orientation,
+                        if hidden > 1 { " FALSE NODES" } else { "" },
+                        if px > 0.2 { " WRONG ORDER" } else { "" }
+                    )
                 }
                 Err(hydroline_calib::detect::NotFound::Covered { missing, .. }) => {
-                    if missing.starts_with(c.side) { "covered, side right".to_owned() }
-                    else if missing.contains(" or ") && missing.contains(c.side) { "covered, side open".to_owned() }
-                    else { format!("covered, {} said {missing}", c.side) }
+                    if missing.starts_with(c.side) {
+                        "covered, side right".to_owned()
+                    } else if missing.contains(" or ") && missing.contains(c.side) {
+                        "covered, side open".to_owned()
+                    } else {
+                        format!("covered, {} said {missing}", c.side)
+                    }
                 }
-                Err(e) => format!("{} {}", short(e), if c.visible.len() * 10 < 4 * (c.shot.board.columns * c.shot.board.rows) as usize { "(<40 %)" } else { "" }),
+                Err(e) => format!(
+                    "{} {}",
+                    short(e),
+                    if c.visible.len() * 10
+                        < 4 * (c.shot.board.columns * c.shot.board.rows) as usize
+                    {
+                        "(<40 %)"
+                    } else {
+                        ""
+                    }
+                ),
             };
             counted(&mut hidden, words, seed);
         }
         println!("{kind} mirrored:");
-        for (w, s) in &mirrored { println!("  {:3} {w} {:?}", s.len(), &s[..s.len().min(8)]); }
+        for (w, s) in &mirrored {
+            println!("  {:3} {w} {:?}", s.len(), &s[..s.len().min(8)]);
+        }
         println!("{kind} covered:");
-        for (w, s) in &hidden { println!("  {:3} {w} {:?}", s.len(), &s[..s.len().min(8)]); }
+        for (w, s) in &hidden {
+            println!("  {:3} {w} {:?}", s.len(), &s[..s.len().min(8)]);
+        }
     }
+}
+#[test]
+#[ignore]
+fn dbg_seed() {
+    let c = covered("dots-50", 7, spread(7));
+    std::fs::write(
+        "/tmp/h/boards/seed7.pgm",
+        [b"P5 720 576 255\n".as_slice(), &c.shot.pixels].concat(),
+    )
+    .unwrap();
 }

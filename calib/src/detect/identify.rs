@@ -180,6 +180,17 @@ pub(super) fn place(
     })
 }
 
+/// Whether a place lies on the lattice of that homography, to a quarter of a step.
+pub(super) fn on_lattice(to_image: &Matrix3<f64>, place: [f64; 2]) -> bool {
+    const NEAR: f64 = 0.25;
+    let Some(inverse) = to_image.try_inverse() else {
+        return false;
+    };
+    // An inverse homography is one up to its sign.
+    let at = apply(&inverse, place).or_else(|| apply(&-inverse, place));
+    at.is_some_and(|k| k.iter().all(|v| (v - v.round()).abs() < NEAR))
+}
+
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old
 /// frame lies along +ξ of the new one.
 pub(crate) fn turn_index([i, j]: Index, turns: usize) -> Index {

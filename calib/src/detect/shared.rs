@@ -40,14 +40,19 @@ pub(super) type Known = HashMap<Index, Option<Refined>>;
 pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
     let blur_px = refiner.blur_px;
     let mut log = Vector3::new(0.0, USUAL_EPSILON.ln(), blur_px.ln());
+    let mut straight_fits = None;
     for round in 0..STEPS {
         let settled = settle(refiner, places);
         let step = step(refiner, &settled, &log);
         let straight = |(step, sd): &(Vector3<f64>, f64)| {
             step[0].abs() < LEAST_LOG_GAMMA || step[0].abs() < LEAST_SDS * sd
         };
-        if round == 0 && step.as_ref().is_none_or(straight) {
-            return known(places, &settled);
+        if round == 0 {
+            let fits = known(places, &settled);
+            if step.as_ref().is_none_or(straight) {
+                return fits;
+            }
+            straight_fits = Some((unexplained(&settled), fits));
         }
         let Some((step, _)) = step else { break };
         log += step.map(|s| s.clamp(-LONGEST, LONGEST));
@@ -58,11 +63,28 @@ pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
             break;
         }
     }
-    if log[0].abs() < LEAST_LOG_GAMMA {
-        refiner.tone = None;
-        refiner.blur_px = blur_px;
+    let settled = settle(refiner, places);
+    let left = unexplained(&settled);
+    let fits = known(places, &settled);
+    match straight_fits {
+        // Rims that no camera makes pull a curve as well, but none explains them.
+        Some((before, straight)) if left >= before || log[0].abs() < LEAST_LOG_GAMMA => {
+            drop(settled);
+            refiner.tone = None;
+            refiner.blur_px = blur_px;
+            straight
+        }
+        _ => fits,
     }
-    known(places, &settle(refiner, places))
+}
+
+/// Mean share of the contrast that the better half of fits leaves; one that does not settle counts 1.
+fn unexplained(settled: &[Option<Settled<'_>>]) -> f64 {
+    let relative = |s: &Option<Settled<'_>>| s.as_ref().map_or(1.0, |s| s.relative().min(1.0));
+    let mut left: Vec<f64> = settled.iter().map(relative).collect();
+    left.sort_by(f64::total_cmp);
+    let better = &left[..left.len().div_ceil(2)];
+    better.iter().sum::<f64>() / better.len().max(1) as f64
 }
 
 fn settle<'a>(refiner: &'a Refiner<'a>, places: &[Place]) -> Vec<Option<Settled<'a>>> {

@@ -112,16 +112,28 @@ pub fn covered(kind: &str, seed: u64, gamma: f64) -> Covered {
     }
     places.sort_by(|a, b| a.0.total_cmp(&b.0));
     let cut = sign * (places[(share * places.len() as f64) as usize].0 - 2.0);
-    let grey = if rng.random_range(0.0..1.0) < 0.5 { rng.random_range(0.0..40.0) } else { rng.random_range(160.0..250.0) };
+    let grey = if rng.random_range(0.0..1.0) < 0.5 {
+        rng.random_range(0.0..40.0)
+    } else {
+        rng.random_range(160.0..250.0)
+    };
     scene.occluders = vec![match side {
         "left" => [-1.0, -1.0, cut + 1.0, 999.0, grey],
         "right" => [cut, -1.0, 999.0, 999.0, grey],
         "upper" => [-1.0, -1.0, 999.0, cut + 1.0, grey],
         _ => [-1.0, cut, 999.0, 999.0, grey],
     }];
-    let visible = places.iter().filter(|p| p.0 > sign * cut).map(|p| p.1).collect();
+    let visible = places
+        .iter()
+        .filter(|p| p.0 > sign * cut)
+        .map(|p| p.1)
+        .collect();
     Covered {
-        shot: Shot { pixels: render(&board, &view, &scene), board, view },
+        shot: Shot {
+            pixels: render(&board, &view, &scene),
+            board,
+            view,
+        },
         side,
         visible,
     }
