@@ -20,6 +20,7 @@ mod smooth;
 pub mod synthetic;
 mod tone;
 
+pub(crate) use ends::part;
 pub(crate) use identify::turn_index;
 pub use image::Grey;
 pub use reason::NotFound;
@@ -82,6 +83,8 @@ pub struct Detection {
     pub noise: f64,
     /// Median contrast of the pattern \[grey levels\].
     pub contrast: f64,
+    /// γ of the camera's tone curve, where the board shows one; `None`: levels are as good as light.
+    pub gamma: Option<f64>,
 }
 
 impl Detection {
@@ -160,6 +163,7 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
         blur_px: seen.blur_px,
         noise: seen.noise,
         contrast: seen.contrast,
+        gamma: seen.gamma,
     })
 }
 
@@ -171,6 +175,7 @@ struct Seen {
     blur_px: f64,
     noise: f64,
     contrast: f64,
+    gamma: Option<f64>,
 }
 
 /// The board's pattern in upright order; `None` where no lattice holds what it promises.
@@ -272,6 +277,7 @@ fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) 
         blur_px: refiner.blur_px,
         noise,
         contrast: contrast.abs(),
+        gamma: refiner.tone.as_ref().map(|t| t.gamma),
     })
 }
 

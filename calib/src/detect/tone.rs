@@ -20,7 +20,6 @@ pub(super) const EPSILON_LOG_SD: f64 = 0.6;
 #[derive(Debug, Clone)]
 pub(super) struct Tone {
     pub gamma: f64,
-    pub epsilon: f64,
     /// t and dt/ds at k / STEPS.
     table: Vec<(f64, f64)>,
 }
@@ -30,11 +29,7 @@ impl Tone {
         let table = (0..=STEPS + 1)
             .map(|k| exact(k as f64 / STEPS as f64, gamma, epsilon))
             .collect();
-        Tone {
-            gamma,
-            epsilon,
-            table,
-        }
+        Tone { gamma, table }
     }
 
     /// t(s) and its slope.

@@ -3,6 +3,7 @@
 use hydroline_calib::detect::synthetic::{Scene, Tone, View, render};
 use hydroline_calib::detect::{Detection, NotFound};
 use hydroline_calib::map::{FitOptions, Method, fit};
+use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::{Board, BoardPattern};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use std::fmt;
@@ -81,6 +82,7 @@ pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
             noise_before: any(0.0, 1.0) < 0.5,
         },
         seed,
+        exposure: std::env::var("LIGHT_EXPOSURE").map_or(1.0, |v| v.parse().unwrap()),
         ..Scene::default()
     };
     (board, view, scene)
@@ -159,6 +161,9 @@ pub struct Worth {
     /// Of lengths along ξ and η all over the board.
     pub object_rms_mm: f64,
     pub object_max_mm: f64,
+    /// Residuals of the calibration against noise, and whether that is said to be unusual.
+    pub ratio: f64,
+    pub unusual: bool,
 }
 
 pub fn judge(shot: &Shot, found: &Detection) -> Worth {
@@ -170,7 +175,11 @@ pub fn judge(shot: &Shot, found: &Detection) -> Worth {
         chi2 += (e.transpose() * n.node.covariance_px2.try_inverse().unwrap() * e)[0];
     }
     let (object_rms_mm, object_max_mm) = object(shot, found).unwrap_or((f64::NAN, f64::NAN));
+    let mut online = OnlineCalibration::new(shot.board.clone(), OnlineOptions::default());
+    let misfit = online.push(found, None).misfit;
     Worth {
+        ratio: misfit.map_or(f64::NAN, |m| m.ratio),
+        unusual: misfit.is_some_and(|m| m.unusual()),
         nodes: found.nodes.len(),
         sum_px2: sum,
         chi2,
@@ -265,11 +274,13 @@ impl fmt::Display for Tally {
         };
         let (px, worst_px) = sorted(Tally::rms_px);
         let (mm, _) = sorted(|w| w.object_rms_mm);
+        let (ratio, most) = sorted(|w| w.ratio);
+        let unusual = self.worth.iter().filter(|w| w.1.unusual).count();
         let (_, worst_mm) = sorted(|w| w.object_max_mm);
         let nodes: usize = self.worth.iter().map(|w| w.1.nodes).sum();
         write!(
             f,
-            "found {:3.0} %; {px:.4} {worst_px:.4} px, {:.2} sd; {mm:.4} {worst_mm:.3} mm, {:.0} %; {:.1} nodes",
+            "found {:3.0} %; {px:.4} {worst_px:.4} px, {:.2} sd; {mm:.4} {worst_mm:.3} mm, {:.0} %; {:.1} nodes; residuals {ratio:.2} {most:.2}, {unusual} unusual",
             100.0 * self.found(),
             self.sds(),
             100.0 * self.within_mm(0.1),
