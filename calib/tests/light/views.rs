@@ -38,6 +38,11 @@ pub fn board(kind: &str) -> Board {
     }
 }
 
+/// A number from the environment.
+pub fn number(name: &str, default: f64) -> f64 {
+    std::env::var(name).map_or(default, |v| v.parse().unwrap())
+}
+
 pub struct Shot {
     pub board: Board,
     pub view: View,
@@ -82,7 +87,7 @@ pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
             noise_before: any(0.0, 1.0) < 0.5,
         },
         seed,
-        exposure: std::env::var("LIGHT_EXPOSURE").map_or(1.0, |v| v.parse().unwrap()),
+        exposure: number("LIGHT_EXPOSURE", 1.0),
         ..Scene::default()
     };
     (board, view, scene)
