@@ -72,7 +72,7 @@ pub fn scene(kind: &str, seed: u64, gamma: f64) -> (Board, View, Scene) {
         740.0,
         far,
         angle,
-        any(0.0, 6.28),
+        any(0.0, std::f64::consts::TAU),
         any(-0.35, 0.35),
     );
     let scene = Scene {
@@ -221,7 +221,7 @@ fn object(shot: &Shot, found: &Detection) -> Option<(f64, f64)> {
             count += 1.0;
         }
     }
-    (count > 0.0).then(|| ((sum / count as f64).sqrt(), most))
+    (count > 0.0).then(|| ((sum / count).sqrt(), most))
 }
 
 #[derive(Default)]
