@@ -6,15 +6,21 @@
 //! Boards are dark marks on a light face.
 
 mod candidates;
+mod ends;
 mod fine;
 mod identify;
 mod image;
+mod key;
 mod lattice;
+mod marks;
 mod reason;
 mod refine;
+mod shared;
 mod smooth;
 pub mod synthetic;
+mod tone;
 
+pub(crate) use ends::part;
 pub(crate) use identify::turn_index;
 pub use image::Grey;
 pub use reason::NotFound;
@@ -77,6 +83,8 @@ pub struct Detection {
     pub noise: f64,
     /// Median contrast of the pattern \[grey levels\].
     pub contrast: f64,
+    /// γ of the camera's tone curve, where the board shows one; `None`: levels are as good as light.
+    pub gamma: Option<f64>,
 }
 
 impl Detection {
@@ -119,7 +127,7 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
         });
     }
     let wanted = (board.columns * board.rows) as usize;
-    if let Some(second) = seen.rest.grow(board, wanted) {
+    if let Some(second) = seen.rest.second(image, board, &seen) {
         return Err(NotFound::TwoBoards {
             first: seen.nodes.len(),
             second,
@@ -155,6 +163,7 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
         blur_px: seen.blur_px,
         noise: seen.noise,
         contrast: seen.contrast,
+        gamma: seen.gamma,
     })
 }
 
@@ -166,6 +175,7 @@ struct Seen {
     blur_px: f64,
     noise: f64,
     contrast: f64,
+    gamma: Option<f64>,
 }
 
 /// The board's pattern in upright order; `None` where no lattice holds what it promises.
@@ -267,6 +277,7 @@ fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) 
         blur_px: refiner.blur_px,
         noise,
         contrast: contrast.abs(),
+        gamma: refiner.tone.as_ref().map(|t| t.gamma),
     })
 }
 
@@ -284,15 +295,31 @@ struct Rest {
 }
 
 impl Rest {
-    /// Nodes of a second board, if there is one.
-    fn grow(&self, board: &Board, wanted: usize) -> Option<usize> {
+    /// Nodes of a second board, if there is one: a lattice of what the first did not use that holds under
+    /// the pattern's fit, and that is no part of the first behind something that divides it.
+    fn second(&self, image: &Grey<'_>, board: &Board, first: &Seen) -> Option<usize> {
         let field = Field::new(&self.candidates, &self.plane, board.pattern, |n| {
             !self.used[n] && self.candidates[n].strength > self.weakest
         });
+        let wanted = (board.columns * board.rows) as usize;
         let second = field.grow_best([board.columns, board.rows], wanted);
         let [ni, nj] = second.extent();
-        (second.nodes.len() >= fewest(board).max(16) && ni.min(nj) >= 4)
-            .then_some(second.nodes.len())
+        let fewest = fewest(board).max(16);
+        if second.nodes.len() < fewest || ni.min(nj) < 4 {
+            return None;
+        }
+        let (nodes, _) = fine(image, board, &Ordered::upright(&second, &self.candidates))?;
+        let first_h = first.ordered.homography()?;
+        let contrast = 0.5 * first.contrast;
+        let sound = nodes
+            .iter()
+            .filter(|(_, r)| r.is_pattern() && r.contrast.abs() > contrast);
+        let sound: Vec<[f64; 2]> = sound.map(|(_, r)| r.position).collect();
+        let same = sound
+            .iter()
+            .filter(|p| identify::on_lattice(&first_h, **p))
+            .count();
+        (sound.len() >= fewest && same * 2 < sound.len()).then_some(sound.len())
     }
 }
 

@@ -6,8 +6,10 @@
 
 mod carry;
 pub mod coverage;
+mod misfit;
 
 pub use coverage::Coverage;
+pub use misfit::Misfit;
 
 use std::collections::BTreeMap;
 
@@ -62,6 +64,10 @@ pub struct Status {
     pub coverage: Coverage,
     /// Fit at the nodes.
     pub residuals: Option<Residuals>,
+    /// The same against the nodes' own noise.
+    pub misfit: Option<Misfit>,
+    /// Which part of the board no node is known of, as the camera sees it: "left half"; `None`: of none.
+    pub missing_part: Option<String>,
     /// Largest standard deviation of the map over the board \[m\], gap included, measured or not.
     pub worst_sd_m: Option<f64>,
     /// The same without a gap that nobody measured \[m\]: what the tolerance is held against.
@@ -265,6 +271,11 @@ impl OnlineCalibration {
         }
         Status {
             frames: self.frames,
+            misfit: (self.fitted.as_ref()).and_then(|map| Misfit::of(&self.board, map, &nodes)),
+            missing_part: coverage::missing_part(
+                &self.board,
+                self.nodes.keys().map(|&(j, i)| [i, j]),
+            ),
             nodes: nodes.len(),
             coverage,
             residuals: residuals.and_then(|c| c.residuals),

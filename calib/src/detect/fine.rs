@@ -6,6 +6,7 @@ use super::identify::Ordered;
 use super::image::Grey;
 use super::lattice::Index;
 use super::refine::{Refined, Refiner};
+use super::shared::{self, Place};
 use crate::map::geometry::{apply, homography};
 use hydroline_rigs::Board;
 
@@ -50,6 +51,7 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
         to_image,
         to_index,
         blur_px: 1.0,
+        tone: None,
     })
 }
 
@@ -126,11 +128,6 @@ pub(super) fn fine<'a>(
             break;
         }
     }
-    // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
-    // rest of this lattice is not worth its time.
-    if most_sound * 4 < sample.len() {
-        return None;
-    }
     refiner.blur_px = trials[k];
     let tried = |k: usize| scores.get(k).copied().flatten();
     if k > 0
@@ -143,14 +140,29 @@ pub(super) fn fine<'a>(
             refiner.blur_px = trials[k] * 1.37f64.powf(t);
         }
     }
+    let places: Vec<Place> = (sample.iter())
+        .filter_map(|&k| Some((k, ordered.nodes[&k], ordered.steps(k, &to_image)?)))
+        .collect();
+    let known = shared::curve(&mut refiner, &places);
+    let sound = known.values().flatten().filter(|r| r.is_pattern()).count();
+    most_sound = most_sound.max(sound);
+    // Half of a board's nodes must hold in the end: where hardly any of the sample does, the
+    // rest of this lattice is not worth its time.
+    if most_sound * 4 < sample.len() {
+        return None;
+    }
     // A quarter of the nodes first, spread over the lattice: half of a board's nodes must hold in
     // the end, and what is no board is not worth the rest of the time.
     let mut nodes: Vec<(Index, Refined)> = Vec::with_capacity(indices.len());
     for part in 0..4 {
         let some = indices.iter().skip(part).step_by(4);
-        nodes.extend(
-            some.filter_map(|&index| Some((index, run(&refiner, index, ordered.nodes[&index])?))),
-        );
+        nodes.extend(some.filter_map(|&index| {
+            let fit = match known.get(&index) {
+                Some(fit) => *fit,
+                None => run(&refiner, index, ordered.nodes[&index]),
+            };
+            Some((index, fit?))
+        }));
         let sound = nodes.iter().filter(|n| n.1.is_pattern()).count();
         if part == 0 && sound * 10 < indices.len().div_ceil(4) * 4 {
             return None;

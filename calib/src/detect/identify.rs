@@ -4,13 +4,14 @@ use std::collections::HashMap;
 
 use nalgebra::Matrix3;
 
-use hydroline_rigs::{Board, BoardPattern};
+use hydroline_rigs::Board;
 
 use super::candidates::Candidate;
+use super::ends::Ends;
 use super::image::Grey;
+use super::key::KeySearch;
 use super::lattice::{Index, Lattice};
 use super::{NotFound, Orientation};
-use crate::board::Key;
 use crate::map::geometry::{apply, homography};
 
 /// Coarse nodes in the upright order: first index along ξ (image left), second along η (up).
@@ -103,147 +104,6 @@ impl Ordered {
         }
         Some(steps)
     }
-
-    /// Looks for the key. `contrast`: that of the pattern; discs are as dark as its marks.
-    pub fn find_key(
-        &self,
-        image: &Grey<'_>,
-        board: &Board,
-        key: &Key,
-        h: &Matrix3<f64>,
-        contrast: f64,
-    ) -> KeySearch {
-        let radius = 0.5 * key.diameter_m / board.pitch_m;
-        let chess = matches!(board.pattern, BoardPattern::Chessboard);
-        let mut marks: HashMap<Index, f32> = HashMap::new();
-        for &[i, j] in self.nodes.keys() {
-            let corners = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
-            let known = corners
-                .iter()
-                .filter(|k| self.nodes.contains_key(*k))
-                .count();
-            if known < 3 {
-                continue;
-            }
-            // One corner may be hidden: where the others' perspective puts it is good enough.
-            let seen: Option<Vec<[f64; 2]>> = corners
-                .iter()
-                .map(|k| {
-                    self.nodes
-                        .get(k)
-                        .copied()
-                        .or_else(|| apply(h, k.map(f64::from)))
-                })
-                .collect();
-            let Some(seen) = seen else { continue };
-            let local: Vec<_> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
-                .into_iter()
-                .zip(seen)
-                .collect();
-            let Some(cell) = homography(&local) else {
-                continue;
-            };
-            let samples = |distance: f64, from: f64| {
-                let mut grey = [0.0f32; 8];
-                for (k, grey) in grey.iter_mut().enumerate() {
-                    let angle = (k as f64 + from) * std::f64::consts::FRAC_PI_4;
-                    let at = [0.5 + distance * angle.cos(), 0.5 + distance * angle.sin()];
-                    if let Some(p) = apply(&cell, at) {
-                        *grey = image.sample(p[0], p[1]);
-                    }
-                }
-                grey.sort_by(f32::total_cmp);
-                grey
-            };
-            let disc = samples(0.5 * radius, 0.0);
-            let around = samples(radius + 0.09, 0.5);
-            // All of a disc differs from all around it, but for one place on either side that
-            // a laser line may spoil. Means would also take the edge of a hand for a disc.
-            let darker = (around[1] - disc[6]).max(0.0);
-            let lighter = (disc[1] - around[6]).max(0.0);
-            marks.insert([i, j], lighter - darker);
-        }
-        // Of what may differ from its surroundings in a cell only what is as strong as a key
-        // counts: lit blocks do too. On a chessboard discs are light on dark and dark on light.
-        let strength = |v: f32| f64::from(if chess { v.abs() } else { (-v).max(0.0) });
-        let mut strengths: Vec<f64> = marks.values().map(|&v| strength(v)).collect();
-        strengths.sort_by(|a, b| b.total_cmp(a));
-        // Light falls off over the board: a third disc in the shade sets the threshold.
-        let third = strengths.get(2).copied().unwrap_or(0.0);
-        let threshold = (0.5 * third).max(0.2 * contrast).max(8.0);
-        let marked = |k: Index| marks.get(&k).is_some_and(|&v| strength(v) >= threshold);
-        let mut found = None;
-        for &corner in marks.keys().filter(|&&k| marked(k)) {
-            for turns in 0..4usize {
-                // Direction of +ξ and +η of the board as seen in upright indices.
-                let u = [[1, 0], [0, 1], [-1, 0], [0, -1]][turns];
-                let v = [-u[1], u[0]];
-                let right = [corner[0] + u[0], corner[1] + u[1]];
-                let up = [corner[0] + v[0], corner[1] + v[1]];
-                let diagonal = [right[0] + v[0], right[1] + v[1]];
-                if !(marked(right) && marked(up) && !marked(diagonal)) {
-                    continue;
-                }
-                // Bring the cell along by its middle: cells turn about their middles.
-                let seen = turn_index([2 * corner[0] + 1, 2 * corner[1] + 1], turns);
-                let wanted = key.cells[0].map(|v| 2 * v as i32 + 1);
-                let shift = [(wanted[0] - seen[0]) / 2, (wanted[1] - seen[1]) / 2];
-                // A key that puts nodes off the board is a shadow or a hand.
-                let fits = self.nodes.keys().all(|&k| {
-                    let [i, j] = turn_index(k, turns);
-                    (0..board.columns as i32).contains(&(i + shift[0]))
-                        && (0..board.rows as i32).contains(&(j + shift[1]))
-                });
-                if !fits {
-                    continue;
-                }
-                if found.is_some() {
-                    return KeySearch::Hidden; // two keys: neither is believed
-                }
-                found = Some((turns, shift));
-            }
-        }
-        if let Some((turns, shift)) = found {
-            return KeySearch::Seen(turns, shift);
-        }
-        // No key at all only where all of its places are in view and plain, whichever way the
-        // board is turned; one dark place may be a stain.
-        let [ni, nj] = self.extent().map(|n| n as i32);
-        let absent = (0..4usize).all(|turns| {
-            let turned = if turns % 2 == 0 { [ni, nj] } else { [nj, ni] };
-            if turned != [board.columns as i32, board.rows as i32] {
-                return true; // a board that does not lie so
-            }
-            let low = [[0, 0], [ni - 1, 0], [ni - 1, nj - 1], [0, nj - 1]]
-                .map(|k| turn_index(k, turns))
-                .into_iter()
-                .reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1])])
-                .unwrap_or([0, 0]);
-            let places = key.cells.map(|c| {
-                let middle = [0, 1].map(|k| 2 * (c[k] as i32 + low[k]) + 1);
-                let seen = turn_index(middle, (4 - turns) % 4);
-                [0, 1].map(|k| (seen[k] - 1).div_euclid(2))
-            });
-            places.iter().all(|k| marks.contains_key(k))
-                && places.iter().filter(|k| marked(**k)).count() <= 1
-        });
-        if absent {
-            KeySearch::Absent
-        } else {
-            KeySearch::Hidden
-        }
-    }
-}
-
-/// What was seen of a key.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum KeySearch {
-    /// These quarter turns and this shift bring the nodes into the board's order.
-    Seen(usize, Index),
-    /// Its places are in view, and there is none.
-    Absent,
-    /// Nobody can tell.
-    Hidden,
 }
 
 /// Quarter turns and shift that bring upright indices to those on the board.
@@ -256,48 +116,44 @@ pub(super) fn place(
     let seen = ordered.extent();
     let wanted = [board.columns, board.rows];
     let h = ordered.homography().ok_or(NotFound::NoBoard)?;
-    // Whether the image shows that the pattern ends: places more than half a step beyond are in view
-    // (and hold none, or the lattice would be larger).
-    const NEXT: f64 = 0.6;
-    let (w, height) = (image.width() as f64, image.height() as f64);
-    let inside = |p: [f64; 2]| p[0] > 0.0 && p[1] > 0.0 && p[0] < w - 1.0 && p[1] < height - 1.0;
-    let ends = |axis: usize| {
-        let last = f64::from(seen[axis]) - 1.0;
-        [-NEXT, last + NEXT].into_iter().all(|beyond| {
-            let across = seen[1 - axis];
-            let in_view = (0..across).filter(|&k| {
-                let mut at = [f64::from(k); 2];
-                at[axis] = beyond;
-                apply(&h, at).is_some_and(inside)
-            });
-            in_view.count() * 2 > across as usize
-        })
+    let ends = Ends {
+        image,
+        board,
+        seen,
+        to_image: &h,
+        contrast,
+    };
+    let another = NotFound::WrongBoard {
+        seen,
+        wanted,
+        pattern: None,
     };
     let key = crate::board::key(board);
     let without = match key.map(|k| ordered.find_key(image, board, &k, &h, contrast)) {
         Some(KeySearch::Seen(turns, shift)) => {
-            // A hand may hide a row or two; a board that ends three early both ways is smaller.
+            // A hand may hide a row or two, or half of the board; a board that ends three early both ways,
+            // with its edges, is smaller.
             let turned = if turns % 2 == 0 {
                 wanted
             } else {
                 [wanted[1], wanted[0]]
             };
-            let smaller = (0..2).all(|axis| seen[axis] + 3 <= turned[axis] && ends(axis));
+            let smaller = (0..2).all(|axis| {
+                seen[axis] + 3 <= turned[axis] && ends.in_view(axis) && ends.both_edges(axis)
+            });
             return if smaller {
-                Err(NotFound::WrongBoard {
-                    seen,
-                    wanted,
-                    pattern: None,
-                })
+                Err(another)
             } else {
                 Ok((Orientation::KeySeen, turns, shift))
             };
         }
+        Some(KeySearch::Mirrored) => return Err(NotFound::Mirrored { aside: false }),
+        Some(KeySearch::MirroredOrAside) => return Err(NotFound::Mirrored { aside: true }),
         Some(KeySearch::Hidden) => Orientation::KeyHidden,
         Some(KeySearch::Absent) | None => Orientation::UprightAssumed,
     };
     if seen == wanted {
-        return if ends(0) && ends(1) {
+        return if ends.in_view(0) && ends.in_view(1) {
             Ok((without, 0, [0, 0]))
         } else {
             Err(NotFound::EndNotSeen { seen })
@@ -307,24 +163,32 @@ pub(super) fn place(
         return Err(NotFound::NotUpright { seen, wanted });
     }
     if seen[0] > wanted[0] || seen[1] > wanted[1] {
-        return Err(NotFound::WrongBoard {
-            seen,
-            wanted,
-            pattern: None,
-        });
+        return Err(another);
     }
-    // Fewer than the board has: cut by the image's border, or another board.
-    Err(
-        if (0..2).all(|axis| seen[axis] == wanted[axis] || ends(axis)) {
-            NotFound::WrongBoard {
-                seen,
-                wanted,
-                pattern: None,
-            }
-        } else {
-            NotFound::PartlySeen { seen, wanted }
-        },
-    )
+    // Fewer than the board has: cut by the image's border, hidden, or another board.
+    let short = |axis: &usize| seen[*axis] < wanted[*axis];
+    if !(0..2).filter(short).all(|axis| ends.in_view(axis)) {
+        return Err(NotFound::PartlySeen { seen, wanted });
+    }
+    if (0..2).filter(short).all(|axis| ends.both_edges(axis)) {
+        return Err(another);
+    }
+    Err(NotFound::Covered {
+        nodes: ordered.nodes.len(),
+        of: (wanted[0] * wanted[1]) as usize,
+        missing: ends.missing(wanted),
+    })
+}
+
+/// Whether a place lies on the lattice of that homography, to a quarter of a step.
+pub(super) fn on_lattice(to_image: &Matrix3<f64>, place: [f64; 2]) -> bool {
+    const NEAR: f64 = 0.25;
+    let Some(inverse) = to_image.try_inverse() else {
+        return false;
+    };
+    // An inverse homography is one up to its sign.
+    let at = apply(&inverse, place).or_else(|| apply(&-inverse, place));
+    at.is_some_and(|k| k.iter().all(|v| (v - v.round()).abs() < NEAR))
 }
 
 /// Index after the frame has turned `turns` quarter turns: what lay along +η of the old

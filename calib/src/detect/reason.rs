@@ -70,6 +70,26 @@ pub enum NotFound {
         /// Columns and rows seen.
         seen: [u32; 2],
     },
+    /// Something in front of the board, and of its key.
+    #[error(
+        "{nodes} of {of} nodes are seen, the {missing} of the board is missing and no key says which node is which: take away what is in front of the board; if nothing is, give the file of the board that is in the tank"
+    )]
+    Covered {
+        /// Nodes seen.
+        nodes: usize,
+        /// Nodes of the file.
+        of: usize,
+        /// Which part is missing, as the camera sees it.
+        missing: String,
+    },
+    /// Left and right, or above and below, in exchange.
+    #[error("the image is mirrored{}: the board's key runs the wrong way round; switch off the camera's flip (`horizontal_flip` or `vertical_flip`, whichever is on: a [[camera.control]] in the rig with value = 0, or v4l2-ctl), or take the mirror out of the light's way{}",
+        if *aside { ", or the board lies on its side" } else { "" },
+        if *aside { "; if the board lies on its side, put it upright: this board and its key look the same both ways" } else { "" })]
+    Mirrored {
+        /// A board on its side would look the same.
+        aside: bool,
+    },
     /// Turned on its side.
     #[error(
         "the board lies on its side ({} × {} nodes seen, {} × {} expected); put it upright",

@@ -6,13 +6,14 @@
 //! block's edge spoils drop out, and a node that loses too many of them is left out.
 
 use std::convert::Infallible;
-use std::sync::OnceLock;
 
 use hydroline_numerics::least_squares::{Ended, LeastSquares, Normal, Options, Scaling, minimise};
 use hydroline_rigs::{Board, BoardPattern};
 use nalgebra::{Const, Matrix2, Matrix3, SMatrix, SVector};
 
 use super::image::Grey;
+use super::marks::Local;
+use super::tone::Tone;
 use crate::map::geometry::{apply, homography_jacobian};
 
 /// A refined node.
@@ -23,13 +24,20 @@ pub(super) struct Refined {
     pub contrast: f64,
     /// rms of what the model leaves \[grey levels\].
     pub rms: f64,
+    /// The part of it that is alike in neighbouring pixels: what no noise explains \[grey levels\].
+    pub misfit: f64,
 }
+
+/// More noise than this share of the contrast, and whatever is fitted is noise.
+const NOISIEST: f64 = 0.3;
 
 impl Refined {
     /// Whether the pattern explains its pixels; a crossing of which only one line is there
     /// leaves a fifth of its contrast.
     pub fn is_pattern(&self) -> bool {
-        self.rms < (0.1 * self.contrast.abs()).max(4.0)
+        let contrast = self.contrast.abs();
+        self.rms < (0.1 * contrast).max(4.0)
+            || (self.misfit < 0.1 * contrast && self.rms < NOISIEST * contrast)
     }
 }
 
@@ -42,6 +50,8 @@ pub(super) struct Refiner<'a> {
     pub to_index: Matrix3<f64>,
     /// Point spread including the pixel's own size \[px\].
     pub blur_px: f64,
+    /// The camera's curve, where the board shows that it has one.
+    pub tone: Option<Tone>,
 }
 
 /// Rounds of a node's fit.
@@ -61,150 +71,8 @@ const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
 const PATCH_PX: f64 = 7.0;
 
-/// Steps of the table of the normal distribution, and how far it reaches.
-const STEPS: usize = 1024;
-const REACH: f64 = 4.5;
-
-/// Normal distribution and density by table: the fit asks some 100 000 times per image.
-type Table = [(f64, f64); STEPS + 2];
-
-fn normal_table() -> &'static Table {
-    static TABLE: OnceLock<Table> = OnceLock::new();
-    TABLE.get_or_init(|| {
-        // Trapezoids of the density from −REACH; the step is 0.009, the error 1e-6.
-        let step = 2.0 * REACH / STEPS as f64;
-        let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-        let mut sum = 0.0;
-        std::array::from_fn(|k| {
-            let x = -REACH + k as f64 * step;
-            let value = (sum, density(x));
-            sum += 0.5 * step * (density(x) + density(x + step));
-            value
-        })
-    })
-}
-
-#[inline(always)]
-fn normal(table: &Table, x: f64) -> (f64, f64) {
-    let at = (x + REACH) * (STEPS as f64 / (2.0 * REACH));
-    if at <= 0.0 {
-        return (0.0, 0.0);
-    }
-    if at >= STEPS as f64 {
-        return (1.0, 0.0);
-    }
-    let k = (at as usize).min(STEPS);
-    let f = at - k as f64;
-    let (a, b) = (table[k], table[k + 1]);
-    (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
-}
-
-/// What a node looks like under a blur: all that its pixels share, divisions done.
-struct Local {
-    table: &'static Table,
-    kind: Marks,
-    /// Image to lattice, and its rows' inverse lengths: \[px\] per unit of u and v.
-    m: Matrix2<f64>,
-    per: [f64; 2],
-    /// The rows of `m`, of length 1.
-    normals: [[f64; 2]; 2],
-    /// 1 / blur \[1/px\].
-    per_blur: f64,
-}
-
-enum Marks {
-    Corner,
-    /// Half widths of the two lines over the blur.
-    Lines([f64; 2]),
-    /// In pitches.
-    Dot {
-        radius: f64,
-    },
-}
-
-impl Local {
-    fn new(board: &Board, m: &Matrix2<f64>, blur_px: f64) -> Self {
-        let per = [0, 1].map(|k| 1.0 / m.row(k).norm());
-        Local {
-            table: normal_table(),
-            kind: match board.pattern {
-                BoardPattern::Chessboard => Marks::Corner,
-                BoardPattern::Lines { line_m } => {
-                    Marks::Lines(per.map(|p| 0.5 * line_m / board.pitch_m * p / blur_px))
-                }
-                BoardPattern::Dots { diameter_m } => Marks::Dot {
-                    radius: 0.5 * diameter_m / board.pitch_m,
-                },
-            },
-            m: *m,
-            per,
-            normals: [0, 1].map(|k| [m[(k, 0)] * per[k], m[(k, 1)] * per[k]]),
-            per_blur: 1.0 / blur_px,
-        }
-    }
-
-    /// A line of half width w at distance d from its middle, both over the blur, and its slope
-    /// per blur.
-    #[inline(always)]
-    fn band(&self, d: f64, w: f64) -> (f64, f64) {
-        // Most of a patch is plain face. At 3.8 blurs a ten-thousandth of the line is left.
-        if d.abs() > w + 3.8 {
-            return (0.0, 0.0);
-        }
-        let (p, dp) = normal(self.table, d + w);
-        let (q, dq) = normal(self.table, d - w);
-        (p - q, dp - dq)
-    }
-
-    /// The two lines of a crossing at (u, v), if it is one.
-    fn lines(&self, u: f64, v: f64) -> Option<[f64; 2]> {
-        let Marks::Lines(half) = self.kind else {
-            return None;
-        };
-        let [a, b] = [u * self.per[0], v * self.per[1]].map(|d| d * self.per_blur);
-        Some([self.band(a, half[0]).0, self.band(b, half[1]).0])
-    }
-
-    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
-    #[inline(always)]
-    fn pattern(&self, u: f64, v: f64) -> (f64, [f64; 2]) {
-        let [n1, n2] = self.normals;
-        let d1 = u * self.per[0] * self.per_blur;
-        let d2 = v * self.per[1] * self.per_blur;
-        match self.kind {
-            Marks::Corner => {
-                let (a, da) = normal(self.table, d1);
-                let (b, db) = normal(self.table, d2);
-                let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);
-                let (da, db) = (2.0 * da * self.per_blur * b, 2.0 * db * self.per_blur * a);
-                (a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
-            }
-            Marks::Lines(half) => {
-                let (a, da) = self.band(d1, half[0]);
-                let (b, db) = self.band(d2, half[1]);
-                let (da, db) = (
-                    da * self.per_blur * (1.0 - b),
-                    db * self.per_blur * (1.0 - a),
-                );
-                (a + b - a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
-            }
-            Marks::Dot { radius } => {
-                let rho = (u * u + v * v).sqrt();
-                if rho < 1e-9 {
-                    return (1.0, [0.0, 0.0]);
-                }
-                let g = [0, 1].map(|k| (u * self.m[(0, k)] + v * self.m[(1, k)]) / rho);
-                let per_size = 1.0 / (g[0] * g[0] + g[1] * g[1]).sqrt();
-                let (p, dp) = normal(self.table, (radius - rho) * per_size * self.per_blur);
-                let slope = -dp * self.per_blur * per_size;
-                (p, [slope * g[0], slope * g[1]])
-            }
-        }
-    }
-}
-
 /// o, g_x, g_y, c, δ_x, δ_y.
-type Unknowns = SVector<f64, 6>;
+pub(super) type Unknowns = SVector<f64, 6>;
 
 /// Steps without damping: weights and blur change from round to round, so that costs are not comparable. Levels and
 /// pixels have sizes of their own.
@@ -217,14 +85,14 @@ const SEARCH: Options = Options {
 };
 
 /// The fit of one node.
-struct Patch<'a> {
+pub(super) struct Patch<'a> {
     refiner: &'a Refiner<'a>,
     /// Image to lattice.
-    m: Matrix2<f64>,
+    pub m: Matrix2<f64>,
     /// Local steps along ξ and η \[px\].
     steps: [[f64; 2]; 2],
     /// Offset from the start \[px\], lattice coordinates at δ = 0, grey level.
-    pixels: Vec<[f64; 5]>,
+    pub pixels: Vec<[f64; 5]>,
     residuals: Vec<f64>,
     /// Robust sd of the residuals \[grey levels\].
     scale: f64,
@@ -261,6 +129,21 @@ impl Patch<'_> {
             .max(0.7);
     }
 
+    /// What neighbouring residuals have in common, as an rms: noise is each pixel's own, a wrong model is
+    /// not. Half the mean square of their differences is the noise.
+    fn misfit(&self) -> f64 {
+        let sound = |e: f64| e.abs() <= 5.0 * self.scale;
+        let (mut product, mut count) = (0.0, 0.0);
+        for (p, e) in self.pixels.windows(2).zip(self.residuals.windows(2)) {
+            let beside = p[0][1] == p[1][1] && p[1][0] - p[0][0] < 2.5;
+            if beside && sound(e[0]) && sound(e[1]) {
+                product += e[0] * e[1];
+                count += 1.0;
+            }
+        }
+        (product / f64::max(count, 1.0)).max(0.0).sqrt()
+    }
+
     /// Share of pixels that the model does not explain.
     fn lost(&self) -> f64 {
         let far = |e: &&f64| e.abs() > 5.0 * self.scale;
@@ -292,11 +175,18 @@ impl LeastSquares<Const<6>> for Patch<'_> {
             &self.m,
             self.refiner.blur_px.hypot(soft),
         );
+        // Before the levels are known nobody can say which of them is light.
+        let levels = round > 0;
         let (mut weight_sum, mut square_sum) = (0.0, 0.0);
         let reach = 1.0 / (5.0 * self.scale);
         let pixels = self.pixels.iter().zip(&mut self.residuals);
         for (p, residual) in pixels.step_by(Self::stride(round)) {
-            let (value, gradient) = local.pattern(p[2] - shift[0], p[3] - shift[1]);
+            let at = [p[2] - shift[0], p[3] - shift[1]];
+            let (value, gradient) = if levels {
+                self.refiner.shown(&local, at, theta[3])
+            } else {
+                local.pattern(at[0], at[1])
+            };
             let model = theta[0] + theta[1] * p[0] + theta[2] * p[1] + theta[3] * value;
             let e = p[4] - model;
             *residual = e;
@@ -352,7 +242,101 @@ impl LeastSquares<Const<6>> for Patch<'_> {
     }
 }
 
+/// A node's fit at rest.
+pub(super) struct Settled<'a> {
+    pub theta: Unknowns,
+    hessian: SMatrix<f64, 6, 6>,
+    pub patch: Patch<'a>,
+}
+
+impl Settled<'_> {
+    /// What of it is told, if it is a node: by its own measure only, others may say more.
+    pub fn refined(&self, start: [f64; 2]) -> Option<Refined> {
+        let Settled { theta, patch, .. } = self;
+        let rms = (patch.square_sum / patch.weight_sum).sqrt();
+        let inverse = self.hessian.try_inverse()?;
+        let covariance = if patch.refiner.tone.is_some() {
+            self.sandwich(&inverse)
+        } else {
+            // Quantisation alone leaves 0.29 grey levels.
+            let variance = (patch.square_sum / (patch.weight_sum - 6.0).max(1.0)).max(0.3 * 0.3);
+            inverse.fixed_view::<2, 2>(4, 4) * variance
+        };
+        let whole = || (patch.refiner).both_lines(&patch.pixels, theta, &patch.m);
+        if patch.lost() > 0.3 || rms == 0.0 || !whole() {
+            return None;
+        }
+        let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right
+        (covariance.iter().all(|v| v.is_finite()) && covariance.determinant() > 0.0).then_some(
+            Refined {
+                position: [start[0] + theta[4], start[1] + theta[5]],
+                covariance,
+                contrast: theta[3],
+                rms,
+                misfit: patch.misfit(),
+            },
+        )
+    }
+
+    /// What the fit leaves, as a share of the contrast.
+    pub fn relative(&self) -> f64 {
+        let rms = (self.patch.square_sum / self.patch.weight_sum).sqrt();
+        rms / self.theta[3].abs().max(1.0)
+    }
+
+    /// H⁻¹ (Σ w² e² J Jᵀ) H⁻¹: a curve that is steep near dark makes noise larger there, and what the
+    /// position hangs on are the rims.
+    fn sandwich(&self, inverse: &SMatrix<f64, 6, 6>) -> Matrix2<f64> {
+        let mut meat = SMatrix::<f64, 6, 6>::zeros();
+        self.each(
+            &self.patch.refiner.local(&self.patch.m),
+            |row, e, weight| {
+                let square = (weight * e).powi(2).max((0.3 * weight).powi(2));
+                meat += row * row.transpose() * square;
+            },
+        );
+        let freed = self.patch.weight_sum / (self.patch.weight_sum - 6.0).max(1.0);
+        (inverse * meat * inverse).fixed_view::<2, 2>(4, 4) * freed
+    }
+
+    /// Row of derivatives, residual and Tukey's weight of every pixel.
+    pub fn each(&self, local: &Local, mut take: impl FnMut(&Unknowns, f64, f64)) {
+        let (theta, patch) = (&self.theta, &self.patch);
+        let shift = patch.m * nalgebra::Vector2::new(theta[4], theta[5]);
+        for p in &patch.pixels {
+            let (value, gradient) =
+                (patch.refiner).shown(local, [p[2] - shift[0], p[3] - shift[1]], theta[3]);
+            let e = p[4] - theta[0] - theta[1] * p[0] - theta[2] * p[1] - theta[3] * value;
+            let left = (1.0 - (e / (5.0 * patch.scale)).powi(2)).max(0.0);
+            let (gx, gy) = (-theta[3] * gradient[0], -theta[3] * gradient[1]);
+            take(
+                &Unknowns::from([1.0, p[0], p[1], value, gx, gy]),
+                e,
+                left * left,
+            );
+        }
+    }
+}
+
 impl Refiner<'_> {
+    /// What marks look like at a node.
+    pub fn local(&self, m: &Matrix2<f64>) -> Local {
+        Local::new(self.board, m, self.blur_px)
+    }
+
+    /// The pattern as the camera shows it, and its gradient.
+    #[inline(always)]
+    pub fn shown(&self, local: &Local, [u, v]: [f64; 2], contrast: f64) -> (f64, [f64; 2]) {
+        let (value, gradient) = local.pattern(u, v);
+        match &self.tone {
+            None => (value, gradient),
+            Some(tone) => {
+                let (value, slope) = tone.shown(value, local.range(), contrast > 0.0);
+                (value, gradient.map(|g| g * slope))
+            }
+        }
+    }
+
     /// Fits the node `index` near `start`; `steps` are the local steps along ξ and η \[px\].
     pub fn refine(
         &self,
@@ -360,6 +344,16 @@ impl Refiner<'_> {
         start: [f64; 2],
         steps: [[f64; 2]; 2],
     ) -> Option<Refined> {
+        self.settle(index, start, steps)?.refined(start)
+    }
+
+    /// The fit of one node, if it comes to rest.
+    pub fn settle(
+        &self,
+        index: [i32; 2],
+        start: [f64; 2],
+        steps: [[f64; 2]; 2],
+    ) -> Option<Settled<'_>> {
         let ideal = index.map(f64::from);
         let (c, s) = (
             Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
@@ -431,24 +425,11 @@ impl Refiner<'_> {
         if found.ended != Ended::Step {
             return None;
         }
-        let theta = found.at;
-        let rms = (patch.square_sum / patch.weight_sum).sqrt();
-        // Quantisation alone leaves 0.29 grey levels.
-        let variance = (patch.square_sum / (patch.weight_sum - 6.0).max(1.0)).max(0.3 * 0.3);
-        let inverse = found.normal.hessian.try_inverse()?;
-        let covariance = inverse.fixed_view::<2, 2>(4, 4) * variance;
-        if patch.lost() > 0.3 || rms == 0.0 || !self.both_lines(&patch.pixels, &theta, &m) {
-            return None;
-        }
-        let covariance = covariance + Matrix2::identity() * 1e-4; // 0.01 px: what no blur model gets right
-        (covariance.iter().all(|v| v.is_finite()) && covariance.determinant() > 0.0).then_some(
-            Refined {
-                position: [start[0] + theta[4], start[1] + theta[5]],
-                covariance,
-                contrast: theta[3],
-                rms,
-            },
-        )
+        Some(Settled {
+            theta: found.at,
+            hessian: found.normal.hessian,
+            patch,
+        })
     }
 
     /// Whether both lines of a crossing are there: each gets an amplitude of its own. A

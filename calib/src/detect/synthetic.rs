@@ -33,6 +33,35 @@ pub struct LaserSheet {
     pub apex_m: f64,
 }
 
+/// What a camera makes of the light: levels run from `black` to `ceiling` as light^γ, between them nothing clips but
+/// at the ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tone {
+    /// Exponent: below 1 shadows are lifted, above 1 they are pressed.
+    pub gamma: f64,
+    /// Level without light.
+    pub black: f64,
+    /// Level of 255 and more.
+    pub ceiling: f64,
+    /// Noise comes with the light, before the curve; else it is added to the levels.
+    pub noise_before: bool,
+}
+
+impl Tone {
+    /// Levels are light.
+    pub const LINEAR: Tone = Tone {
+        gamma: 1.0,
+        black: 0.0,
+        ceiling: 255.0,
+        noise_before: false,
+    };
+
+    fn level(&self, light: f64) -> f64 {
+        let share = (light / 255.0).clamp(0.0, 1.0).powf(self.gamma);
+        self.black + (self.ceiling - self.black) * share
+    }
+}
+
 /// Everything in front of the camera.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -56,6 +85,8 @@ pub struct Scene {
     pub noise: f64,
     /// Factor on the whole image before noise: over 1 saturates.
     pub exposure: f64,
+    /// The camera's curve.
+    pub tone: Tone,
     /// Noise seed.
     pub seed: u64,
 }
@@ -73,6 +104,7 @@ impl Default for Scene {
             blur_px: 0.7,
             noise: 2.0,
             exposure: 1.0,
+            tone: Tone::LINEAR,
             seed: 1,
         }
     }
@@ -108,7 +140,13 @@ pub fn finish(mut image: Vec<f64>, scene: &Scene) -> Vec<u8> {
         .iter()
         .map(|v| {
             let n = noise.map_or(0.0, |n| n.sample(&mut rng));
-            (v * scene.exposure + n).round().clamp(0.0, 255.0) as u8
+            let lit = v * scene.exposure;
+            let level = match scene.tone {
+                Tone::LINEAR => lit + n,
+                tone if tone.noise_before => tone.level(lit + n),
+                tone => (tone.level(lit) + n).min(tone.ceiling),
+            };
+            level.round().clamp(0.0, 255.0) as u8
         })
         .collect()
 }

@@ -3,9 +3,45 @@
 use hydroline_rigs::Board;
 
 use crate::board::half_size_m;
+use crate::detect::part;
 
 /// Nodes needed in a part, as a share of those it holds.
 const ENOUGH: f64 = 0.5;
+
+/// A column or row with less than this share of its nodes is missing.
+const HARDLY_ANY: f64 = 0.25;
+
+/// Which sides of the board have no nodes among those known, as the camera sees it: "left half", or
+/// "lower third and the right edge"; `None` where all outer columns and rows have some.
+pub fn missing_part(board: &Board, nodes: impl Iterator<Item = [u32; 2]>) -> Option<String> {
+    let counts = [board.columns, board.rows];
+    let mut seen = counts.map(|n| vec![0u32; n as usize]);
+    for index in nodes {
+        for (axis, seen) in seen.iter_mut().enumerate() {
+            if let Some(count) = seen.get_mut(index[axis] as usize) {
+                *count += 1;
+            }
+        }
+    }
+    // ξ runs to the image's left, η up.
+    const SIDES: [[&str; 2]; 2] = [["right", "left"], ["lower", "upper"]];
+    let mut words = Vec::new();
+    for axis in 0..2 {
+        // Of what is seen at all: a missing half would make every row look half empty.
+        let fullest = seen[axis].iter().copied().max().unwrap_or(0);
+        let missing = |n: &&u32| f64::from(**n) < HARDLY_ANY * f64::from(fullest.max(1));
+        let ends = [
+            seen[axis].iter().take_while(missing).count(),
+            seen[axis].iter().rev().take_while(missing).count(),
+        ];
+        for (end, side) in ends.into_iter().zip(SIDES[axis]) {
+            if end > 0 {
+                words.push(format!("{side} {}", part(end as u32, counts[axis])));
+            }
+        }
+    }
+    (!words.is_empty()).then(|| words.join(" and the "))
+}
 
 /// The board in 3 × 3 parts, `parts[row][column]`: from below, and from ξ negative.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -53,6 +53,7 @@ fn detection(rig: &Rig, seed: u64, shift_m: f64, keep: impl Fn(u32, u32) -> bool
         blur_px: 0.8,
         noise: 2.0,
         contrast: 150.0,
+        gamma: None,
     }
 }
 

@@ -74,6 +74,11 @@ impl Report<'_> {
         pose.last().map(|d| d.orientation)
     }
 
+    fn gamma(&self) -> Option<f64> {
+        let pose = self.collected.poses.poses.get(self.best)?;
+        pose.last().and_then(|d| d.gamma)
+    }
+
     pub fn json(&self) -> Value {
         let c = self.calibration;
         let comparison = |c: &Comparison| {
@@ -122,6 +127,9 @@ impl Report<'_> {
             "sheet_share": sheet.map(|s| s.share), "sheet_parts": sheet.map(|s| s.parts),
             "residuals": c.residuals, "worst_sd_m": self.status.worst_sd_m, "own_sd_m": self.status.own_sd_m,
             "tolerance_m": self.setup.tolerance_m(),
+            "missing_part": self.status.missing_part, "camera_gamma": self.gamma(),
+            "residual_ratio": self.status.misfit.map(|m| m.ratio), "residual_worst_sds": self.status.misfit.map(|m| m.worst_sds),
+            "residual_words": self.status.misfit.map(|m| m.words()),
             "coplanarity": gap, "coplanarity_words": c.gap().map(Coplanarity::words),
             "placement": c.placement, "placement_words": self.placed_by.words(),
             "claim": c.claim(), "missing": self.status.missing, "accepted": self.status.accepted,
@@ -156,12 +164,18 @@ impl fmt::Display for Report<'_> {
         )?;
         writeln!(
             f,
-            "nodes: {} of {}, {}",
+            "nodes: {} of {}{}, {}",
             s.nodes,
             board.columns * board.rows,
+            s.missing_part
+                .as_ref()
+                .map_or_else(String::new, |part| format!(
+                    ", the {part} of the board is missing: the map holds for the rest"
+                )),
             match self.orientation() {
                 Some(Orientation::KeySeen) => "which is which is certain: the key was seen",
-                _ => "no key seen: the board is taken to stand upright",
+                _ =>
+                    "no key seen: the board is taken to stand upright, and the image not to be mirrored, which it cannot show",
             }
         )?;
         let parts = s.coverage.parts;
@@ -186,6 +200,15 @@ impl fmt::Display for Report<'_> {
                 1e3 * r.rms_xi_m,
                 1e3 * r.rms_eta_m,
                 1e3 * r.max_m
+            )?;
+        }
+        if let Some(misfit) = s.misfit {
+            writeln!(f, "residuals are {}", misfit.words())?;
+        }
+        if let Some(gamma) = self.gamma() {
+            writeln!(
+                f,
+                "camera: its levels go as light to the power of about {gamma:.2} (a tone curve), taken into account"
             )?;
         }
         if let (Some(own), Some(all)) = (s.own_sd_m, s.worst_sd_m) {
