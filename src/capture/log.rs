@@ -180,7 +180,7 @@ fn describe(path: &Path, library: &str, first: &Frame, rate_fps: f64) -> SourceD
         driver: library.to_owned(),
         node: path.display().to_string(),
         format: NegotiatedFormat {
-            fourcc: format_name(first.format).to_owned(),
+            fourcc: format_name(first.format),
             width_px: first.width_px,
             height_px: first.height_px,
             stride_bytes: first.stride_bytes,

@@ -219,12 +219,12 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
         let name = log
             .file_name()
             .ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
-        // A folder's log is named after it.
-        let out = if log.is_dir() {
-            args.out.join(name).with_added_extension("mcap")
-        } else {
-            args.out.join(name)
-        };
+        let mut name = name.to_owned();
+        if log.is_dir() {
+            // A folder's log is named after it.
+            name.push(".mcap");
+        }
+        let out = args.out.join(name);
         inputs::new_file("--out", &out)?;
         Ok((log.clone(), out))
     });

@@ -83,7 +83,8 @@ impl<'a> Rows<'a> {
         &self.data[start..start + self.row_bytes]
     }
 
-    fn image(&self, mut fill: impl FnMut(&'a [u8], &mut Vec<u8>)) -> Vec<u8> {
+    /// Pixels of all rows, row by row.
+    pub fn image(&self, mut fill: impl FnMut(&'a [u8], &mut Vec<u8>)) -> Vec<u8> {
         let mut pixels = Vec::with_capacity(self.width * self.height);
         for row in 0..self.height {
             fill(self.row(row), &mut pixels);

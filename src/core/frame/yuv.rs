@@ -23,19 +23,24 @@ pub(super) fn pixels(
     channel: Channel,
     range: YuvRange,
 ) -> Vec<u8> {
+    if channel == Channel::Luma {
+        return rows.image(|row, pixels| match format {
+            PixelFormat::Yuyv => pixels.extend(row.iter().step_by(2)),
+            PixelFormat::Uyvy => pixels.extend(row.iter().skip(1).step_by(2)),
+            _ => pixels.extend_from_slice(&row[..rows.width]),
+        });
+    }
     let mut pixels = Vec::with_capacity(rows.width * rows.height);
     let mut chroma = Vec::with_capacity(rows.width);
     for row in 0..rows.height {
         let bytes = rows.row(row);
-        let luma: &mut dyn Iterator<Item = u8> = match format {
-            PixelFormat::Yuyv => &mut bytes.iter().copied().step_by(2),
-            PixelFormat::Uyvy => &mut bytes.iter().copied().skip(1).step_by(2),
-            _ => &mut bytes.iter().copied().take(rows.width),
+        // Luma's first byte, and how far it is to the next.
+        let (first, step) = match format {
+            PixelFormat::Yuyv => (0, 2),
+            PixelFormat::Uyvy => (1, 2),
+            _ => (0, 1),
         };
-        if channel == Channel::Luma {
-            pixels.extend(luma);
-            continue;
-        }
+        let luma = bytes.iter().copied().skip(first).step_by(step);
         chroma.clear();
         match format {
             PixelFormat::Yuyv => between(rows.width, &mut chroma, |k| packed(bytes, 4 * k + 1)),

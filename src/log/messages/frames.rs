@@ -79,7 +79,7 @@ pub fn frame_info(frame: &Frame, frame_index: u64) -> FrameInfo {
         width_px: frame.width_px,
         height_px: frame.height_px,
         stride_bytes: frame.stride_bytes,
-        pixel_format: format_name(frame.format).to_owned(),
+        pixel_format: format_name(frame.format),
     }
 }
 
@@ -219,7 +219,9 @@ pub fn fault_name(fault: FrameFault) -> &'static str {
     }
 }
 
-/// Name of a format in the log.
-pub fn format_name(format: PixelFormat) -> &'static str {
-    format.name()
+/// V4L2's four characters, without the spaces at their end.
+pub fn format_name(format: PixelFormat) -> String {
+    String::from_utf8_lossy(&format.fourcc())
+        .trim_end()
+        .to_owned()
 }
