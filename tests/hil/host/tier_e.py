@@ -45,7 +45,8 @@ def run(bench, report: Report) -> None:
     report.equal("e: guest script's exit code", guest.run(Path(__file__).parent.parent / "inside/tier-e.sh"), 0)
     devices(report, bench)
     for name, (fmt, channel) in names.items():
-        log = sound(report, bench, name, (0,))
+        # What is judged is the account, not the guest's speed: a frame that vivid itself loses has to be counted (3).
+        log = sound(report, bench, name, (0, 3))
         if log is None:
             continue
         shapes = sorted({(i.encoding, i.width, i.height, i.step, len(i.data)) for i in log.images})
