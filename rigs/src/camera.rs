@@ -1,5 +1,7 @@
 //! Camera: backend, identity, format, controls, intrinsics, image noise.
 
+use crate::{PixelFormat, YuvRange};
+
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraBackend {
@@ -18,17 +20,6 @@ pub enum DeviceIdentity {
     ByPath(String),
     /// `/dev/videoN`: not stable, accepted only with `allow_unstable_node = true`.
     Node(std::path::PathBuf),
-}
-
-/// Pixel formats the daemon takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PixelFormat {
-    /// 8-bit grey, V4L2 `GREY`.
-    Grey,
-    /// 4:2:2 packed, V4L2 `YUYV`.
-    Yuyv,
-    /// Motion JPEG, V4L2 `MJPG`.
-    Mjpg,
 }
 
 /// One V4L2 control to set, read back and lock, in this order (mode before value).
@@ -63,6 +54,10 @@ pub struct Camera {
     pub backend: CameraBackend,
     /// Pixel format on the wire.
     pub pixel_format: PixelFormat,
+    /// Bits that samples of 16 really have; `None` = what the format says.
+    pub bits: Option<u8>,
+    /// Levels of Y'CbCr; `None` = limited, and the driver must agree where it matters.
+    pub yuv_range: Option<YuvRange>,
     /// Image width \[px\].
     pub width_px: u32,
     /// Image height \[px\].

@@ -15,7 +15,7 @@ use writer::Writer;
 
 use crate::raw::axis_keys;
 use crate::{
-    CameraBackend, DeviceIdentity, Dof, LinkKind, LinkPort, ParameterValue, PixelFormat, Rig,
+    CameraBackend, Channel, DeviceIdentity, Dof, LinkKind, LinkPort, ParameterValue, Rig,
     VehicleModel,
 };
 
@@ -30,6 +30,9 @@ pub(crate) fn rig(rig: &Rig) -> String {
     w.number("sigma_m", rig.laser.sigma_m);
     w.number("peak", rig.laser.peak);
     w.raw("shadows", rig.laser.shadows);
+    if rig.laser.channel != Channel::Luma {
+        w.text("channel", rig.laser.channel.name());
+    }
     w.table("mounts");
     w.number("l_laser_m", rig.mounts.l_laser_m);
     w.number("l_camera_m", rig.mounts.l_camera_m);
@@ -95,14 +98,14 @@ fn camera(w: &mut Writer, rig: &Rig) {
             }
         }
     }
-    w.text(
-        "pixel_format",
-        match c.pixel_format {
-            PixelFormat::Grey => "GREY",
-            PixelFormat::Yuyv => "YUYV",
-            PixelFormat::Mjpg => "MJPG",
-        },
-    );
+    w.text("pixel_format", c.pixel_format.name());
+    // Only what was said: a rig of before these keys is the same text as it was, and its logs compare as before.
+    if let Some(bits) = c.bits {
+        w.raw("bits", bits);
+    }
+    if let Some(range) = c.yuv_range {
+        w.text("yuv_range", range.name());
+    }
     w.raw("width_px", c.width_px);
     w.raw("height_px", c.height_px);
     w.number("rate_fps", c.rate_fps);

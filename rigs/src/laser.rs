@@ -1,5 +1,7 @@
 //! Laser sheet, the mounts of camera and laser on the body, and the camera's port.
 
+use crate::Channel;
+
 /// The laser sheet. Apex at body (l_laser, 0, 0), fan centred on body z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laser {
@@ -9,6 +11,8 @@ pub struct Laser {
     pub sigma_m: f64,
     /// Peak grey level of the stripe on a white floor at the principal ray \[grey levels\].
     pub peak: f64,
+    /// What of a colour camera's light shows the laser best.
+    pub channel: Channel,
     /// Whether vertical steps cast laser shadows (off for the paper's tables and the cases).
     pub shadows: bool,
 }

@@ -1,6 +1,6 @@
 use crate::{
-    BollardPull, Camera, FlatPort, Identified, Laser, Limits, LogSettings, Mounts, PhysicsEntry,
-    Tank, Target, ThrusterSet, Tolerance, Vehicle, target::Board,
+    BollardPull, Camera, FlatPort, GreyRule, Identified, Laser, Limits, LogSettings, Mounts,
+    PhysicsEntry, Tank, Target, ThrusterSet, Tolerance, Vehicle, target::Board,
 };
 
 /// A checked rig: everything simulator, capture, estimators and diagnosis read.
@@ -43,6 +43,15 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// How grey levels come out of this rig's frames.
+    pub fn grey_rule(&self) -> GreyRule {
+        GreyRule {
+            channel: self.laser.channel,
+            bits: self.camera.bits,
+            yuv_range: self.camera.yuv_range.unwrap_or_default(),
+        }
+    }
+
     /// The rig as it is now as TOML: every include inlined, every default said. Reads back to the same rig.
     pub fn to_toml(&self) -> String {
         crate::effective::rig(self)

@@ -48,6 +48,9 @@ pub struct NegotiatedFormat {
     pub size_bytes: u32,
     /// V4L2 field order: `none` = progressive, `interlaced`, ...
     pub field: String,
+    /// Levels of Y'CbCr as the driver says; `None` for other formats.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yuv_range: Option<String>,
 }
 
 /// One control as read back.

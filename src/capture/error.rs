@@ -76,6 +76,32 @@ pub enum CaptureError {
         /// Formats, sizes and rates.
         offers: String,
     },
+    /// An image in several pieces.
+    #[error(
+        "{node}: {format} comes in {planes} planes of memory, and one is read; choose a format whose planes lie together (NV12 instead of NM12); it offers: {offers}"
+    )]
+    Planes {
+        /// Path.
+        node: PathBuf,
+        /// Format.
+        format: String,
+        /// Planes.
+        planes: u32,
+        /// Formats, sizes and rates.
+        offers: String,
+    },
+    /// A colour channel over levels that nobody named.
+    #[error(
+        "{node}: laser.channel asks for a colour of {format}, whose levels are {said} range as the driver says; set camera.yuv_range = \"{said}\" (or \"limited\" where the driver is wrong)"
+    )]
+    YuvRange {
+        /// Path.
+        node: PathBuf,
+        /// Format.
+        format: String,
+        /// The driver's word.
+        said: &'static str,
+    },
     /// The device changed the rate.
     #[error(
         "{node}: asked for {asked_fps} frames/s, the device gives {got_fps:.4}; it offers: {offers}"

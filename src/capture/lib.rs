@@ -14,6 +14,7 @@ pub mod description;
 pub mod devices;
 pub mod error;
 pub mod fake;
+pub mod folder;
 pub mod gaps;
 pub mod log;
 pub mod queue;
@@ -24,6 +25,7 @@ pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
 pub use fake::{FakeSource, FakeStep};
+pub use folder::{FolderError, FolderFrames, ImageFolder};
 pub use log::LogSource;
 pub use v4l::{OpenOptions, V4lSource};
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use hydroline_rigs::{PixelFormat, Rig};
+use hydroline_rigs::Rig;
 
 use super::gaps::{Account, Note, Pause};
 use super::{
@@ -180,17 +180,18 @@ fn describe(path: &Path, library: &str, first: &Frame, rate_fps: f64) -> SourceD
         driver: library.to_owned(),
         node: path.display().to_string(),
         format: NegotiatedFormat {
-            fourcc: format_name(first.format).to_owned(),
+            fourcc: format_name(first.format),
             width_px: first.width_px,
             height_px: first.height_px,
             stride_bytes: first.stride_bytes,
             // JPEGs differ in size from frame to frame.
-            size_bytes: if first.format == PixelFormat::Mjpg {
+            size_bytes: if first.format.is_compressed() {
                 0
             } else {
                 size(first.data.len())
             },
             field: "none".to_owned(),
+            yuv_range: None,
         },
         rate_fps,
         ..SourceDescription::default()

@@ -142,6 +142,7 @@ impl<S: Scene> FrameSource for SimCamera<S> {
                 stride_bytes: self.camera.width_px,
                 size_bytes: self.camera.width_px * self.camera.height_px,
                 field: "none".to_owned(),
+                yuv_range: None,
             },
             rate_fps: self.camera.rate_fps,
             buffers: BUFFERS as u32,

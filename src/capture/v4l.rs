@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hydroline_rigs::{Camera, CameraBackend, DeviceIdentity, PixelFormat};
+use hydroline_rigs::{Camera, CameraBackend, DeviceIdentity};
 
 use super::gaps::{Account, Note, Pause};
 use super::queue::{Action, BufferQueue, Call, Notice, Outcome, Patience};
@@ -51,6 +51,8 @@ pub struct OpenOptions {
     /// How long to wait for a device that exists but is not a camera yet (v4l2loopback before its feeder), or that
     /// does not exist yet.
     pub patience: Duration,
+    /// A colour channel is computed from the frames: the levels of Y'CbCr must be known.
+    pub colour: bool,
 }
 
 impl Default for OpenOptions {
@@ -58,6 +60,7 @@ impl Default for OpenOptions {
         Self {
             allow_unstable_node: false,
             patience: Duration::from_secs(5),
+            colour: false,
         }
     }
 }
@@ -126,6 +129,9 @@ impl V4lSource {
                 Err(error) => return Err(error),
             }
         };
+        if options.colour {
+            setup::check_range(&node, camera, &setup.format)?;
+        }
         let triple = clock.triple();
         let now_ns = triple.monotonic_ns;
         let patience = Patience {
@@ -283,7 +289,7 @@ impl V4lSource {
             format: self.camera.pixel_format,
             width_px: format.width_px,
             height_px: format.height_px,
-            stride_bytes: if self.camera.pixel_format == PixelFormat::Mjpg {
+            stride_bytes: if self.camera.pixel_format.is_compressed() {
                 0
             } else {
                 format.stride_bytes

@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let stop = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let last = watch(args, &rig, rigged.source.as_mut(), clock.as_ref(), stop)?;
     match (&args.png, last) {
-        (Some(path), Some(frame)) => save(args.output, path, &frame)?,
+        (Some(path), Some(frame)) => save(args.output, path, &frame, &rig)?,
         (Some(path), None) => {
             return Err(CliError::Run(format!(
                 "no frame came: {} was not written; `hydroline check --rig {}`",
@@ -79,7 +79,7 @@ fn watch(
     clock: &dyn Clock,
     stop: &hydroline_daemon::signals::Signals,
 ) -> Result<Option<Frame>, CliError> {
-    let mut analyst = Analyst::new(ExtractorConfig::default(), None);
+    let mut analyst = Analyst::new(ExtractorConfig::default(), None, rig.grey_rule());
     let mut gatherer = Gatherer::new(rig.camera.rate_fps);
     let (start_ns, mut window_ns) = (clock.monotonic_ns(), clock.monotonic_ns());
     let mut newest: Option<Frame> = None;
@@ -134,8 +134,8 @@ fn show(args: &Args, rig: &Rig, gatherer: &mut Gatherer, window_s: f64) -> bool 
     is_read()
 }
 
-fn save(output: Output, path: &Path, frame: &Frame) -> Result<(), CliError> {
-    let image = frame.to_grey()?;
+fn save(output: Output, path: &Path, frame: &Frame, rig: &Rig) -> Result<(), CliError> {
+    let image = frame.to_grey(&rig.grey_rule())?;
     let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
     output.image(path, annotate(&image, &profile))?;
     outln!("{}", path.display());

@@ -4,6 +4,7 @@ mod collect;
 mod picture;
 mod report;
 
+use super::images::{self, GreyArgs};
 use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
@@ -13,6 +14,7 @@ use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::map::Method;
 use hydroline_calib::{Calibration, ImageSize, Medium};
 use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_core::frame::GreyRule;
 use hydroline_daemon::calibrate::{Setup, medium, rfc3339};
 use hydroline_log::LogReader;
 use hydroline_rigs::{Board, FlatPort, Rig};
@@ -29,12 +31,13 @@ Examples:
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
+  hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml    # a folder of images
 
 Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
 image or log; 3 done, but some of the given images were refused.")]
 pub struct Args {
-    /// Logs (.mcap) or images (PNG, JPEG) of the board
-    #[arg(required = true, value_name = "LOG|IMAGE")]
+    /// Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of images
+    #[arg(required = true, value_name = "LOG|IMAGE|FOLDER")]
     inputs: Vec<PathBuf>,
     /// Board file or built-in name; default: the rig's [board]
     #[arg(long, value_name = "BOARD")]
@@ -63,6 +66,11 @@ pub struct Args {
     /// Counts a board without gauge blocks as accepted; the claim stays withdrawn
     #[arg(long)]
     accept_unknown_gap: bool,
+    /// Topic of the logs' images; default: /camera/image, else the only one with images (of ROS 2 or Foxglove)
+    #[arg(long, value_name = "TOPIC")]
+    image_topic: Option<String>,
+    #[command(flatten)]
+    grey: GreyArgs,
     /// Takes every N-th frame of a log
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
     every: u32,
@@ -126,7 +134,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .iter()
         .map(|path| Ok((path.as_path(), Calibration::load(path)?)))
         .collect::<Result<_, CliError>>()?;
-    let sources = collect::sources(&args.inputs)?;
+    let sources = collect::sources(&images::files(&args.inputs)?)?;
     let (rig, medium) = circumstances(args, &sources)?;
     let Some(board) = named.or_else(|| rig.as_ref().and_then(|r| r.board.clone())) else {
         return Err(CliError::Config(
@@ -153,7 +161,18 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 .map_err(|e| CliError::Config(format!("--against {}: {e}", path.display())))?;
         }
     }
-    let collected = collect::collect(&setup, &sources, args.every)?;
+    let collected = {
+        let rule = setup
+            .rig
+            .as_ref()
+            .map_or_else(GreyRule::default, Rig::grey_rule);
+        let reading = collect::Reading {
+            every: args.every,
+            image_topic: args.image_topic.as_deref(),
+            rule: args.grey.over(rule),
+        };
+        collect::collect(&setup, &sources, &reading)?
+    };
     finish(args, &setup, &collected, &old)
 }
 

@@ -193,6 +193,7 @@ fn one_run(
     let options = replay::Options {
         poses: Some(PoseRun::new(rig, map.clone())),
         map: Some(map),
+        rule: rig.grey_rule(),
         rig_toml: Some(rig.effective_toml.clone()),
         build,
         ..replay::Options::default()
@@ -213,7 +214,7 @@ fn one_run(
     );
     describe(rig, &stripes)?;
     let picture = args.out.join(format!("{name}.png"));
-    draw_middle_frame(&log, replayed.frames / 2, &picture)?;
+    draw_middle_frame(&log, rig, replayed.frames / 2, &picture)?;
     for path in [&log, &stripes, &picture] {
         outln!("  {}", path.display());
     }
@@ -287,7 +288,7 @@ fn median(values: &mut [f64]) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliError> {
+fn draw_middle_frame(log: &Path, rig: &Rig, index: u64, picture: &Path) -> Result<(), CliError> {
     let mut seen = 0;
     for message in LogReader::open(log)? {
         if let Record::Frame(frame) = message?.record {
@@ -295,7 +296,7 @@ fn draw_middle_frame(log: &Path, index: u64, picture: &Path) -> Result<(), CliEr
                 seen += 1;
                 continue;
             }
-            let image = frame.to_grey()?;
+            let image = frame.to_grey(&rig.grey_rule())?;
             let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
             return Output::default().image(picture, annotate(&image, &profile));
         }

@@ -2,7 +2,7 @@
 
 use super::print::outln;
 use super::{CliError, Outcome};
-use hydroline_capture::devices::{CameraListing, cameras};
+use hydroline_capture::devices::{CameraListing, cameras, formats};
 use hydroline_thruster::ports::{Port, Roots};
 use std::path::Path;
 
@@ -13,7 +13,9 @@ by-path follows the socket; /dev/videoN and /dev/ttyUSBN follow nothing.
 
 Examples:
   hydroline devices
-  hydroline devices --long    # every format, size, rate and control of each camera")]
+  hydroline devices --long    # every format, size, rate and control of each camera
+
+Video nodes that are no camera, or offer no format that is read, are listed with the reason.")]
 pub struct Args {
     /// Prints one JSON object
     #[arg(long)]
@@ -33,8 +35,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
         return Ok(Outcome::Done);
     }
-    if cameras.is_empty() {
-        outln!("no camera (no /dev/video*); plug one in, or use backend = \"sim\"");
+    if !cameras.iter().any(|camera| camera.no_camera.is_empty()) {
+        outln!("no camera; plug one in, or use backend = \"sim\"");
     }
     for camera in &cameras {
         print_camera(camera, args.long);
@@ -49,13 +51,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn print_camera(camera: &CameraListing, long: bool) {
-    outln!(
-        "camera {} ({}, driver {}, {})",
-        camera.node.display(),
-        camera.card,
-        camera.driver,
-        camera.bus_info
-    );
+    let known = [
+        camera.card.clone(),
+        prefixed("driver ", &camera.driver),
+        camera.bus_info.clone(),
+    ];
+    let known: Vec<String> = known.into_iter().filter(|word| !word.is_empty()).collect();
+    let (node, known) = (camera.node.display(), known.join(", "));
+    if !camera.no_camera.is_empty() {
+        outln!("no camera {node} ({known})");
+        outln!("  {}", camera.no_camera);
+        return;
+    }
+    outln!("camera {node} ({known})");
     for (folder, names) in [("by-id", &camera.by_id), ("by-path", &camera.by_path)] {
         for name in names {
             outln!(
@@ -66,6 +74,11 @@ fn print_camera(camera: &CameraListing, long: bool) {
     }
     if !camera.problem.is_empty() {
         outln!("  PROBLEM: {}", camera.problem);
+    }
+    let (read, unread) = formats(&camera.offers);
+    if !read.is_empty() {
+        let unread = prefixed("; not read: ", &unread.join(", "));
+        outln!("  pixel_format: {}{unread}", read.join(", "));
     }
     if long {
         for offer in &camera.offers {
@@ -84,6 +97,15 @@ fn print_camera(camera: &CameraListing, long: bool) {
                 control.default
             );
         }
+    }
+}
+
+/// A word behind a prefix, or nothing.
+fn prefixed(prefix: &str, word: &str) -> String {
+    if word.is_empty() {
+        String::new()
+    } else {
+        format!("{prefix}{word}")
     }
 }
 

@@ -1,9 +1,10 @@
 //! `hydroline extract`: stripe points of single images.
 
+use super::images::{self, GreyArgs};
 use super::output::Output;
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyRule;
 use hydroline_stripe::{
     Extractor, ExtractorConfig, Orientation, Profile, StripePoint, annotate, write_csv,
 };
@@ -15,12 +16,13 @@ Examples:
   hydroline extract frame.png
   hydroline extract frame.png --csv > stripe.csv
   hydroline extract frame.png --annotate stripe.png
+  hydroline extract frames/ --csv --channel green    # every image of a folder, by the laser's colour
 
 Exit codes: 0 done; 2 bad arguments, an image that is not there, or none that is one; 3 done, but some of the given \
 files are no images.")]
 pub struct Args {
-    /// Images (PNG or JPEG; colour is reduced to luma)
-    #[arg(required = true, value_name = "IMAGE")]
+    /// Images (PNG of 8 or 16 bits, JPEG), or folders of them
+    #[arg(required = true, value_name = "IMAGE|FOLDER")]
     images: Vec<PathBuf>,
     /// Prints column_px,row_px,peak,sd_px per point; with several images a block per image,
     /// headed by a '# file' line. Without it a summary line per image
@@ -40,6 +42,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "horizontal")]
     orientation: LineOrientation,
     #[command(flatten)]
+    grey: GreyArgs,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -50,7 +54,8 @@ enum LineOrientation {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    if args.annotate.is_some() && args.images.len() > 1 {
+    let images = images::files(&args.images)?;
+    if args.annotate.is_some() && images.len() > 1 {
         return Err(CliError::Config(
             "--annotate takes one image; name one".to_owned(),
         ));
@@ -58,7 +63,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(path) = &args.annotate {
         args.output.file("--annotate", path)?;
     }
-    for path in &args.images {
+    for path in &images {
         inputs::readable_file(path, "name a PNG or JPEG image")?;
     }
     let config = ExtractorConfig {
@@ -72,11 +77,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let mut extractor = Extractor::new(config);
     let mut failed = 0;
     let mut objects = Vec::new();
-    for path in &args.images {
-        let image = match load(path) {
+    let rule = args.grey.over(GreyRule::default());
+    for path in &images {
+        let image = match images::load(path, &rule) {
             Ok(image) => image,
             Err(words) => {
-                errln!("hydroline: {words}");
+                errln!("hydroline: {}: {words}", path.display());
                 failed += 1;
                 continue;
             }
@@ -85,9 +91,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         if args.json {
             objects.push(object(path, &profile));
         } else if args.csv {
-            csv(args, path, &profile).map_err(CliError::run)?;
+            csv(images.len() > 1, path, &profile).map_err(CliError::run)?;
         } else {
             summary(path, &profile, args.orientation);
+        }
+        if let Ok(Some(hidden)) = images::hidden(path, &rule) {
+            errln!("hydroline: {}: {hidden}; here: --channel", path.display());
         }
         if let Some(fault) = &profile.fault {
             errln!("hydroline: {}: {fault}", path.display());
@@ -99,7 +108,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if args.json {
         outln!("{}", serde_json::json!({ "images": objects }));
     }
-    let given = args.images.len();
+    let given = images.len();
     match failed {
         0 => Ok(Outcome::Done),
         n if n < given => {
@@ -113,20 +122,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
 }
 
-/// An image file as grey levels.
-fn load(path: &Path) -> Result<GreyImage, String> {
-    let image = image::open(path)
-        .map_err(|e| format!("{}: {e}; PNG and JPEG are read", path.display()))?
-        .into_luma8();
-    Ok(GreyImage {
-        width_px: image.width() as usize,
-        height_px: image.height() as usize,
-        pixels: image.into_raw(),
-    })
-}
-
-fn csv(args: &Args, path: &Path, profile: &Profile) -> std::io::Result<()> {
-    if args.images.len() > 1 {
+fn csv(several: bool, path: &Path, profile: &Profile) -> std::io::Result<()> {
+    if several {
         outln!("# {}", path.display());
     }
     let mut table = Vec::new();

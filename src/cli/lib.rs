@@ -17,6 +17,7 @@ mod diagnose;
 mod extract;
 mod groups;
 mod identify;
+mod images;
 mod import;
 mod inputs;
 mod log_tools;

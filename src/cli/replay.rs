@@ -1,13 +1,15 @@
-//! `hydroline replay`: every frame of a log extracted again.
+//! `hydroline replay`: every frame of a log, or of a folder of images, extracted again.
 
 use super::calibrated::UseArgs;
 use super::print::{errln, outln};
-use super::{CliError, Outcome, inputs, progress};
+use super::{CliError, Outcome, images, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_capture::ImageFolder;
 use hydroline_core::build_info::BuildInfo;
+use hydroline_core::frame::GreyRule;
 use hydroline_daemon::calibrate::medium;
 use hydroline_daemon::replay::{Options, RefineReport, Report, replay};
 use hydroline_daemon::response::ResponseReport;
@@ -27,14 +29,16 @@ Examples:
   hydroline replay run.mcap --out run-poses.mcap
   hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
   hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
+  hydroline replay frames/ --rate-hz 25 --rig my.toml --out poses.mcap    # a folder of images
+  hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap    # of ROS 2 or Foxglove
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
 same rig and settings, frames cannot be read, fewer than half of them have a pose, or the log's own rig, calibration or \
 session are damaged.")]
 pub struct Args {
-    /// Logs with images
-    #[arg(required = true, value_name = "LOG")]
+    /// Logs with images, or folders of images (PNG, JPEG)
+    #[arg(required = true, value_name = "LOG|FOLDER")]
     logs: Vec<PathBuf>,
     /// Rig to use instead of the one in the log
     #[arg(long, value_name = "RIG")]
@@ -42,6 +46,13 @@ pub struct Args {
     /// New log; with several logs a folder, which is created
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
+    /// Topic of the logs' images; default: /camera/image, else the only one with images (of ROS 2 or Foxglove)
+    #[arg(long, value_name = "TOPIC")]
+    image_topic: Option<String>,
+    /// Frames in a second of a folder: the number at the end of each name counts them; without it the names end with
+    /// UNIX times in nanoseconds
+    #[arg(long, value_parser = images::rate, value_name = "HZ")]
+    rate_hz: Option<f64>,
     /// Copies the images too, so that the new log can be viewed on its own
     #[arg(long)]
     keep_images: bool,
@@ -105,10 +116,24 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     wanted(&args.refine)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let calibration = args.using.load()?;
+    // Several logs: one that is none is found before the first of them is done.
     for log in &args.logs {
-        inputs::readable_file(log, "name a log (.mcap) with images")?;
-        // Several logs: one that is none is found before the first of them is done.
-        LogReader::open(log)?;
+        if log.is_dir() {
+            let folder = ImageFolder::open(log)?;
+            if let Some(words) = folder.skipped() {
+                errln!("hydroline: {words}");
+            }
+            folder.frames(args.rate_hz)?;
+        } else {
+            inputs::readable_file(log, "name a log (.mcap) with images, or a folder of them")?;
+            LogReader::open(log)?;
+        }
+    }
+    if args.rate_hz.is_some() && !args.logs.iter().any(|log| log.is_dir()) {
+        return Err(CliError::Config(
+            "--rate-hz is for folders of images; a log says itself when its frames were true"
+                .to_owned(),
+        ));
     }
     let targets = targets(args)?;
     let mut reports = Vec::new();
@@ -194,6 +219,11 @@ fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
         let name = log
             .file_name()
             .ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
+        let mut name = name.to_owned();
+        if log.is_dir() {
+            // A folder's log is named after it.
+            name.push(".mcap");
+        }
         let out = args.out.join(name);
         inputs::new_file("--out", &out)?;
         Ok((log.clone(), out))
@@ -209,13 +239,15 @@ fn options(
     rig: Option<&Rig>,
     given: Option<&Calibration>,
 ) -> Result<(Options, bool), CliError> {
-    let reader = LogReader::open(log)?;
+    // A folder says nothing of itself.
+    let reader = match log.is_dir() {
+        true => None,
+        false => Some(LogReader::open(log)?),
+    };
+    let reader = reader.as_ref();
     // What does not read may be damage, not somebody's mistake.
-    let damaged: Vec<_> = reader
-        .seal_findings()
-        .into_iter()
-        .filter(|f| f.damaged())
-        .collect();
+    let findings = reader.map(LogReader::seal_findings).unwrap_or_default();
+    let damaged: Vec<_> = findings.into_iter().filter(|f| f.damaged()).collect();
     let named = |what: &str| {
         let finding = damaged.iter().find(|f| f.name == what);
         let words = finding.map_or_else(String::new, |f| {
@@ -223,30 +255,25 @@ fn options(
         });
         format!("{what} in {}{words}", log.display())
     };
+    let logged_rig = reader.and_then(LogReader::rig_toml);
+    let session = reader.and_then(|r| r.metadata().get("session"));
     let own = match rig {
         Some(_) => None,
-        None => reader
-            .rig_toml()
+        None => logged_rig
             .map(|text| Rig::from_toml(text, &named("rig"), None))
             .transpose()?,
     };
     // A replay's profiles were not extracted live, and with settings of their own.
-    let is_replay = reader
-        .metadata()
-        .get("session")
-        .is_some_and(|s| s.contains_key("replay.of"));
-    let same_rig = rig.is_none_or(|r| reader.rig_toml() == Some(r.effective_toml.as_str()));
+    let is_replay = session.is_some_and(|s| s.contains_key("replay.of"));
+    let same_rig = rig.is_none_or(|r| logged_rig == Some(r.effective_toml.as_str()));
     let rig = rig.or(own.as_ref());
     let logged = reader
-        .calibration_toml()
+        .and_then(LogReader::calibration_toml)
         .map(|text| Calibration::from_toml(text, &named("calibration")))
         .transpose()?;
     let calibration = in_force(log, rig, logged.as_ref(), given);
-    let run = args
-        .using
-        .medium
-        .or_else(|| medium::of_log(reader.metadata().get("session"), rig));
-    let index = |medium| medium::index_of_log(medium, reader.metadata().get("session"));
+    let run = args.using.medium.or_else(|| medium::of_log(session, rig));
+    let index = |medium| medium::index_of_log(medium, session);
     let image = own.as_ref().map(|rig| ImageSize::of(&rig.camera));
     let (calibration, warning) = match (calibration, run) {
         (Some(calibration), Some(run)) => {
@@ -264,6 +291,10 @@ fn options(
         keep_images: args.keep_images,
         ..Options::default()
     };
+    options.rate_hz = args.rate_hz;
+    if reader.is_some() {
+        options.image_topic = images::topic(log, args.image_topic.as_deref())?;
+    }
     options.extractor.whole_pixel = args.whole_pixel;
     options.map = calibration.as_ref().map(|c| Arc::from(c.to_map()));
     options.calibration_toml = calibration.as_ref().and_then(|c| c.to_toml().ok());
@@ -287,6 +318,7 @@ fn options(
         })?;
         options.smooth = Some(Box::new(rig.clone()));
     }
+    options.rule = rig.map_or_else(GreyRule::default, Rig::grey_rule);
     options.rig_toml = rig.map(|rig| rig.effective_toml.clone());
     Ok((options, comparable))
 }
@@ -311,7 +343,7 @@ fn in_force(
             "hydroline: {name}: no calibration: plane coordinates come from the ideal camera of the rig's numbers, their sd is that of the stripe alone"
         ),
         None => errln!(
-            "hydroline: {name}: no calibration and no rig in the log, no --calibration and no --rig: profiles get no laser-plane coordinates"
+            "hydroline: {name}: no calibration and no rig in it, no --calibration and no --rig: profiles get no laser-plane coordinates"
         ),
     }
     ideal
@@ -394,6 +426,15 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
         report.points,
         report.commands
     );
+    if report.frames_missing > 0 {
+        outln!(
+            "  {} frames are missing: the numbers in the images' names leave them out",
+            report.frames_missing
+        );
+    }
+    if let Some(words) = &report.hidden_clipping {
+        outln!("  {words}");
+    }
     for (reason, n) in &report.without_stripe {
         outln!("  {n} frames without: {reason}");
     }

@@ -6,7 +6,7 @@ use hydroline_capture::v4l::system::KernelSystem;
 use hydroline_capture::{FrameSource, OpenOptions, V4lSource};
 use hydroline_core::clock::Clock;
 use hydroline_daemon::simulated::{BoardInView, CameraView, SimulatedVehicle};
-use hydroline_rigs::{Board, CameraBackend, LinkPort, Rig};
+use hydroline_rigs::{Board, CameraBackend, Channel, LinkPort, Rig};
 use hydroline_sim::Renderer;
 use hydroline_thruster::controller::{ControllerConfig, PtyController, SimController};
 use hydroline_thruster::ports::Roots;
@@ -71,6 +71,7 @@ pub fn open_with_board(
             // The rig's check has already refused a bare /dev/videoN unless the rig says so itself.
             let options = OpenOptions {
                 allow_unstable_node: true,
+                colour: rig.laser.channel != Channel::Luma,
                 ..OpenOptions::default()
             };
             let system = Box::new(KernelSystem::default());

@@ -1,7 +1,17 @@
 //! A camera frame with everything that is known about when it was true.
 
+mod bayer;
+mod clipping;
+mod grey;
+mod still;
+#[cfg(test)]
+mod tests;
+mod yuv;
+
 use bytes::Bytes;
-pub use hydroline_rigs::PixelFormat;
+pub use clipping::{ClippingWatch, HiddenClipping};
+pub use hydroline_rigs::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
+pub use still::{StillError, hidden_in_still, read_still, still_format, still_size};
 
 /// Clock of a driver's stamp (V4L2_BUF_FLAG_TIMESTAMP_*).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,7 +93,7 @@ pub struct Frame {
     pub width_px: u32,
     /// Height \[px\].
     pub height_px: u32,
-    /// Bytes per row as negotiated; 0 for MJPG.
+    /// Bytes per row as negotiated; 0 for compressed formats.
     pub stride_bytes: u32,
     /// The bytes as delivered, cut to `bytesused`.
     pub data: Bytes,
@@ -112,7 +122,7 @@ pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
 pub enum FrameError {
     /// No camera makes such an image: the numbers come from a damaged or forged log.
     #[error(
-        "frame {sequence}: an image of {width_px} x {height_px} pixels with {stride_bytes} bytes a row; sides of 1 to {SIDE_MAX_PX} are read"
+        "frame {sequence}: an image of {width_px} x {height_px} pixels with {stride_bytes} bytes a row; sides of 1 to {SIDE_MAX_PX} are read, of a colour mosaic from 2"
     )]
     Geometry {
         /// Driver sequence.
@@ -126,16 +136,19 @@ pub enum FrameError {
     },
     /// A compressed image that claims more than is unpacked.
     #[error(
-        "frame {sequence}: a JPEG of {got:?} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked"
+        "frame {sequence}: a compressed image of {got:?} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked"
     )]
     TooLarge {
         /// Driver sequence.
         sequence: u32,
-        /// Width, height in the JPEG.
+        /// Width, height in the image.
         got: (u32, u32),
     },
     /// Too few bytes for the format.
-    #[error("frame {sequence}: {format:?} {width_px}x{height_px} needs {needed} bytes, got {got}")]
+    #[error(
+        "frame {sequence}: {} {width_px}x{height_px} needs {needed} bytes, got {got}",
+        format.name()
+    )]
     Short {
         /// Driver sequence.
         sequence: u32,
@@ -146,112 +159,30 @@ pub enum FrameError {
         /// Height \[px\].
         height_px: u32,
         /// Bytes needed.
-        needed: usize,
+        needed: u64,
         /// Bytes there.
         got: usize,
     },
-    /// The JPEG decoder refused.
-    #[error("frame {sequence}: JPEG does not decode: {reason}")]
-    Jpeg {
+    /// The decoder refused.
+    #[error("frame {sequence}: {format} does not decode: {reason}")]
+    Undecodable {
         /// Driver sequence.
         sequence: u32,
+        /// JPEG or PNG.
+        format: &'static str,
         /// Decoder's words.
         reason: String,
     },
-    /// The JPEG's own size differs from the negotiated one.
-    #[error("frame {sequence}: JPEG is {got:?}, negotiated {wanted:?}")]
-    JpegSize {
+    /// A compressed image's own size differs from the negotiated one.
+    #[error("frame {sequence}: {format} is {got:?}, negotiated {wanted:?}")]
+    CompressedSize {
         /// Driver sequence.
         sequence: u32,
-        /// Width, height in the JPEG.
+        /// JPEG or PNG.
+        format: &'static str,
+        /// Width, height in the image.
         got: (u32, u32),
         /// Width, height negotiated.
         wanted: (u32, u32),
     },
-}
-
-impl Frame {
-    /// The luma of this frame.
-    ///
-    /// # Errors
-    /// When the bytes do not hold an image of the stated size.
-    pub fn to_grey(&self) -> Result<GreyImage, FrameError> {
-        let bytes_per_px = match self.format {
-            PixelFormat::Grey => 1,
-            PixelFormat::Yuyv => 2,
-            PixelFormat::Mjpg => return self.decode_jpeg(),
-        };
-        let sides = 1..=SIDE_MAX_PX;
-        // A row may be padded, not endless: sixteen times its pixels is far beyond any alignment.
-        let stride_max = SIDE_MAX_PX.saturating_mul(16);
-        if !sides.contains(&self.width_px)
-            || !sides.contains(&self.height_px)
-            || self.stride_bytes > stride_max
-        {
-            return Err(FrameError::Geometry {
-                sequence: self.meta.sequence,
-                width_px: self.width_px,
-                height_px: self.height_px,
-                stride_bytes: self.stride_bytes,
-            });
-        }
-        // Bounded above: 2^19 bytes a row and 2^15 rows fit even 64 bits with room.
-        let (w, h) = (self.width_px as usize, self.height_px as usize);
-        let stride = (self.stride_bytes as usize).max(w * bytes_per_px);
-        let needed = stride * (h - 1) + w * bytes_per_px;
-        if self.data.len() < needed {
-            return Err(FrameError::Short {
-                sequence: self.meta.sequence,
-                format: self.format,
-                width_px: self.width_px,
-                height_px: self.height_px,
-                needed,
-                got: self.data.len(),
-            });
-        }
-        let mut pixels = Vec::with_capacity(w * h);
-        for row in 0..h {
-            let line = &self.data[row * stride..row * stride + w * bytes_per_px];
-            match self.format {
-                PixelFormat::Yuyv => pixels.extend(line.iter().step_by(2)),
-                _ => pixels.extend_from_slice(line),
-            }
-        }
-        Ok(GreyImage {
-            width_px: w,
-            height_px: h,
-            pixels,
-        })
-    }
-
-    fn decode_jpeg(&self) -> Result<GreyImage, FrameError> {
-        let sequence = self.meta.sequence;
-        let failed = |e: image::ImageError| FrameError::Jpeg {
-            sequence,
-            reason: e.to_string(),
-        };
-        let reader = || {
-            let data = std::io::Cursor::new(&self.data);
-            image::ImageReader::with_format(data, image::ImageFormat::Jpeg)
-        };
-        // The header first: what it claims is held against what was negotiated before anything is unpacked.
-        let got = reader().into_dimensions().map_err(failed)?;
-        let wanted = (self.width_px, self.height_px);
-        if got != wanted {
-            return Err(FrameError::JpegSize {
-                sequence,
-                got,
-                wanted,
-            });
-        }
-        if u64::from(got.0) * u64::from(got.1) > COMPRESSED_MAX_PX {
-            return Err(FrameError::TooLarge { sequence, got });
-        }
-        let decoded = reader().decode().map_err(failed)?.into_luma8();
-        Ok(GreyImage {
-            width_px: self.width_px as usize,
-            height_px: self.height_px as usize,
-            pixels: decoded.into_raw(),
-        })
-    }
 }

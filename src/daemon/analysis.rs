@@ -2,7 +2,7 @@
 //! the two agree bit for bit. A result depends on the frame and the calibration alone.
 
 use hydroline_calib::plane::PlaneMap;
-use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_log::messages::{fault_name, pb::StripeProfile, timestamp};
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile};
 use nalgebra::Matrix2;
@@ -12,14 +12,17 @@ use std::sync::Arc;
 pub struct Analyst {
     extractor: Extractor,
     map: Option<Arc<dyn PlaneMap>>,
+    rule: GreyRule,
 }
 
 impl Analyst {
-    /// `map` = the calibration from image to laser plane; without one, profiles carry no plane coordinates.
-    pub fn new(config: ExtractorConfig, map: Option<Arc<dyn PlaneMap>>) -> Self {
+    /// `map` = the calibration from image to laser plane; without one, profiles carry no plane coordinates. `rule` =
+    /// how grey levels come out of the frames: the rig's ([`hydroline_rigs::Rig::grey_rule`]).
+    pub fn new(config: ExtractorConfig, map: Option<Arc<dyn PlaneMap>>, rule: GreyRule) -> Self {
         Self {
             extractor: Extractor::new(config),
             map,
+            rule,
         }
     }
 
@@ -44,7 +47,7 @@ impl Analyst {
             message.fault = format!("frame excluded: {}", fault_name(fault));
             return (message, None);
         }
-        match frame.to_grey() {
+        match frame.to_grey(&self.rule) {
             Ok(image) => {
                 let profile = self.extractor.extract(&image);
                 self.fill(&mut message, &profile);

@@ -1,4 +1,4 @@
-//! `replay`: every frame of a log extracted again, offline and deterministic.
+//! `replay`: every frame of a log, or of a folder of images, extracted again, offline and deterministic.
 //!
 //! Everything of ours but the images is carried over; messages of foreign topics cannot be written
 //! by our writer and are counted by topic. Profiles are computed anew with the code that ran
@@ -9,8 +9,9 @@ use crate::calibrate::message;
 use crate::response::{Found, ResponseReport};
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
+use hydroline_capture::FolderError;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_core::frame::{ClippingWatch, Frame, GreyImage, GreyRule};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self,
@@ -18,8 +19,8 @@ use hydroline_log::messages::{
     unix_ns,
 };
 use hydroline_log::{
-    DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, LogReader,
-    MetadataMap, Record, SummaryInput, WriteSettings,
+    DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, MetadataMap, Record,
+    SummaryInput, WriteSettings,
 };
 use hydroline_pose::joint::Ahead;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
@@ -35,10 +36,12 @@ use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+mod input;
 mod opening;
 mod refined;
 mod smoothed;
 
+use input::Input;
 pub use refined::RefineReport;
 pub use smoothed::SmoothReport;
 
@@ -54,6 +57,12 @@ pub struct Options {
     pub keep_images: bool,
     /// The extractor's settings.
     pub extractor: ExtractorConfig,
+    /// How grey levels come out of the frames: the rig's.
+    pub rule: GreyRule,
+    /// Topic of the images where it is not ours.
+    pub image_topic: Option<String>,
+    /// Frames in a second of a folder of images; `None` = their names say when they were true.
+    pub rate_hz: Option<f64>,
     /// The calibration from image to laser plane.
     pub map: Option<Arc<dyn PlaneMap>>,
     /// Follows the vehicle over its target; without one no poses are computed and logged ones stay.
@@ -77,6 +86,8 @@ pub struct Options {
 pub struct Report {
     /// Frames in the log.
     pub frames: u64,
+    /// Frames that the names of a folder's images leave out.
+    pub frames_missing: u64,
     /// Frames with a stripe.
     pub with_stripe: u64,
     /// Of these, frames that the camera delivered and nobody can read: of the wrong size, or no image.
@@ -105,6 +116,8 @@ pub struct Report {
     pub response: Option<ResponseReport>,
     /// What the frames were found to share, where it was asked for.
     pub refined: Option<RefineReport>,
+    /// Clipping that the frames' luma hides, in words.
+    pub hidden_clipping: Option<String>,
     /// What binding the frames did, where it was asked for.
     pub smoothed: Option<SmoothReport>,
     /// Commands carried over.
@@ -114,6 +127,14 @@ pub struct Report {
 }
 
 impl Options {
+    fn analyst(&self) -> Analyst {
+        Analyst::new(self.extractor.clone(), self.map.clone(), self.rule)
+    }
+
+    fn open(&self, log: &Path) -> Result<Input, ReplayError> {
+        Input::open(log, self)
+    }
+
     /// What counts as at rest: the tolerance of the rig in force, else the default one (2 mm, 0.1°).
     fn tolerance(&self) -> [f64; 2] {
         self.rig_toml
@@ -141,6 +162,9 @@ pub enum ReplayError {
     /// Reading or writing a log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Reading a folder of images.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// Refining what they share.
     #[error("--refine: {0}")]
     Refine(#[from] RefineError),
@@ -155,7 +179,7 @@ pub enum ReplayError {
     },
     /// Nothing to extract from.
     #[error(
-        "{path}: holds no image (/camera/image): there is nothing to replay; `hydroline info` shows what is in it"
+        "{path}: holds no image: there is nothing to replay; `hydroline info` shows what is in it"
     )]
     NoImages {
         /// The log.
@@ -173,7 +197,7 @@ pub fn replay(
     options: &Options,
     progress: &mut dyn FnMut(u64),
 ) -> Result<(Report, LogOutcome), ReplayError> {
-    let mut reader = LogReader::open(log)?;
+    let mut reader = options.open(log)?;
     let head = head(&reader, log, options);
     // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
     // nobody knows how much stands before it.
@@ -189,9 +213,10 @@ pub fn replay(
             path: log.to_owned(),
         });
     }
-    let reader = LogReader::open(log)?;
+    let reader = options.open(log)?;
     let damaged = reader.seal_findings().into_iter().filter(|f| f.damaged());
     let mut report = Report {
+        frames_missing: reader.missing(),
         damaged_metadata: damaged.map(|f| (f.name.clone(), f.to_string())).collect(),
         ..Report::default()
     };
@@ -235,6 +260,7 @@ pub fn replay(
         bound: HashMap::new(),
         posed: HashSet::new(),
         kinds: Kinds::default(),
+        clipping: ClippingWatch::default(),
         still: StillWatch::default(),
     };
     if let Some((motions, report)) = bound {
@@ -247,6 +273,7 @@ pub fn replay(
     }
     state.flush()?;
     state.release_info()?;
+    state.report.hidden_clipping = state.clipping.words();
     progress(state.report.frames);
     let mut summary = SummaryInput::clean("replayed to the end");
     summary
@@ -279,7 +306,7 @@ pub fn replay(
     Ok((state.report, outcome))
 }
 
-fn head(reader: &LogReader, log: &Path, options: &Options) -> Head {
+fn head(reader: &Input, log: &Path, options: &Options) -> Head {
     let metadata = reader.metadata();
     let toml = |name: &str| metadata.get(name).and_then(|m| m.get("toml")).cloned();
     let mut session: MetadataMap = metadata.get("session").cloned().unwrap_or_default();
@@ -352,6 +379,7 @@ struct Replay<'a> {
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
     kinds: Kinds,
+    clipping: ClippingWatch,
 }
 
 /// Reasons of the same kind: their numbers differ from frame to frame, and the first one's stand for all.
@@ -405,7 +433,7 @@ impl Replay<'_> {
         let profiles: Vec<Option<Analysed>> = pending
             .par_iter()
             .map_init(
-                || Analyst::new(options.extractor.clone(), options.map.clone()),
+                || options.analyst(),
                 |analyst, message| match &message.record {
                     Record::Frame(frame) => Some(match run {
                         Some(run) => posed(analyst, run, frame),
@@ -573,6 +601,9 @@ impl Replay<'_> {
 
     fn count(&mut self, frame: &Frame, profile: &StripeProfile) {
         let stamp_ns = frame.meta.mid_exposure_ns;
+        if frame.meta.fault.is_none() {
+            self.clipping.see(frame, &self.options.rule);
+        }
         let report = &mut self.report;
         report.frames += 1;
         report.points += profile.row_px.len() as u64;
@@ -583,7 +614,7 @@ impl Replay<'_> {
             report.with_stripe += 1;
         } else {
             // Frames without a stripe are few: reading one again to know why costs nothing that counts.
-            let unread = frame.meta.fault.is_none() && frame.to_grey().is_err();
+            let unread = frame.meta.fault.is_none() && frame.to_grey(&self.options.rule).is_err();
             report.undecodable += u64::from(unread);
             self.kinds.count(&mut report.without_stripe, &profile.fault);
         }

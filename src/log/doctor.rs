@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::LogError;
-use super::reader::decode;
+use super::reader::{decode, grey_rule};
 use super::scan::{self, Step};
 use checks::Checks;
 
@@ -33,7 +33,7 @@ pub struct Finding {
     /// How bad.
     pub grade: Grade,
     /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
-    /// `command_gap`, `echo`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`.
+    /// `command_gap`, `echo`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`, `clipping`.
     pub check: &'static str,
     /// One sentence with the numbers.
     pub message: String,
@@ -68,7 +68,7 @@ pub struct Diagnosis {
 pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
     let mut scan = scan::open(path)?;
     let mut checks = Checks::default();
-    let mut info = None;
+    let (mut info, mut headed) = (None, false);
     while let Some(step) = scan.next() {
         match step {
             Step::Message {
@@ -77,6 +77,9 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
                 message,
             } => {
                 let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+                if !std::mem::replace(&mut headed, true) {
+                    checks.rule = grey_rule(&scan.learnt.metadata);
+                }
                 checks.message(offset, &channel, &schema, message.log_ns);
                 match decode(&channel, &schema, message, &mut info) {
                     Ok(record) => checks.record(offset, &record),

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::LogError;
 use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
-use hydroline_core::frame::Frame;
+use hydroline_core::frame::{Frame, GreyRule};
 
 /// What to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,10 +117,11 @@ fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<E
     };
     let mut done = Exported::default();
     let mut row = String::new();
+    let rule = reader.grey_rule();
     for message in reader {
         let message = message?;
         if let (Record::Frame(frame), true) = (&message.record, options.frames) {
-            match save(frame, into) {
+            match save(frame, &rule, into) {
                 Ok(true) => done.frames += 1,
                 Ok(false) => {
                     done.frames_skipped += 1;
@@ -363,8 +364,8 @@ fn profile(p: &pb::StripeProfile, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>)
 }
 
 /// `frame_<sequence>_<mid-exposure, UNIX ns>.png`; false when the frame holds no image.
-fn save(frame: &Frame, into: &Path) -> Result<bool, (PathBuf, String)> {
-    let Ok(grey) = frame.to_grey() else {
+fn save(frame: &Frame, rule: &GreyRule, into: &Path) -> Result<bool, (PathBuf, String)> {
+    let Ok(grey) = frame.to_grey(rule) else {
         return Ok(false);
     };
     let meta = &frame.meta;

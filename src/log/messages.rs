@@ -11,12 +11,19 @@ use prost_types::Timestamp;
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity};
 
+mod cdr;
+mod encodings;
 mod frames;
+mod ros;
 
+pub use cdr::CdrError;
 pub use frames::{
     ImageError, ImageMessage, fault_name, format_name, frame_from, frame_info, image_message,
     stamp_clock_name, stamp_source_name,
 };
+#[cfg(test)]
+pub(crate) use ros::tests::written as ros_written;
+pub(crate) use ros::{compressed as ros_compressed, image as ros_image};
 
 /// Generated from `hydroline.proto`, checked in so that a build needs no protobuf compiler; a test makes it anew
 /// and compares.

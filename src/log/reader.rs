@@ -10,12 +10,14 @@ use bytes::Bytes;
 use prost::Message;
 
 use super::LogError;
+use super::image_topics::ImageKind;
 use super::messages::{self, ImageMessage, pb};
 use super::part::MetadataMap;
 use super::scan::{self, FileScan, Scan, Step};
 use super::seal::SealFinding;
 use super::topic::Topic;
-use hydroline_core::frame::Frame;
+use hydroline_core::frame::{Frame, GreyRule};
+use hydroline_rigs::Rig;
 
 /// A decoded message.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,6 +87,14 @@ pub struct LogReader<R = BufReader<File>> {
     scan: Scan<R>,
     peeked: Option<Step>,
     info: Option<pb::FrameInfo>,
+    images: Option<Images>,
+}
+
+/// Images of another topic than ours.
+struct Images {
+    topic: String,
+    /// Frames so far: writers of such logs number their messages as they like, or not at all.
+    frames: u32,
 }
 
 impl LogReader {
@@ -126,7 +136,18 @@ impl<R: BufRead> LogReader<R> {
             scan,
             peeked,
             info: None,
+            images: None,
         }
+    }
+
+    /// Takes the frames from another topic than `/camera/image`, whose messages then are [`Record::Other`]; frames are
+    /// numbered from 0 in the file's order. `None` = ours.
+    pub fn with_images_of(mut self, topic: Option<&str>) -> Self {
+        self.images = topic.map(|topic| Images {
+            topic: topic.to_owned(),
+            frames: 0,
+        });
+        self
     }
 
     /// Metadata read so far, by name: the head's from the start, all of it after the last message.
@@ -142,6 +163,12 @@ impl<R: BufRead> LogReader<R> {
     /// The calibration as TOML from the head, where there is one.
     pub fn calibration_toml(&self) -> Option<&str> {
         self.toml("calibration")
+    }
+
+    /// How grey levels come out of the log's frames: as its rig says; without one, or one that reads, luma of full
+    /// scale.
+    pub fn grey_rule(&self) -> GreyRule {
+        grey_rule(self.metadata())
     }
 
     fn toml(&self, name: &str) -> Option<&str> {
@@ -179,14 +206,16 @@ impl<R: BufRead> LogReader<R> {
     ) -> Result<LogMessage, LogError> {
         let schema = self.scan.learnt.declared.schema_name(channel).to_owned();
         let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
-        let record = decode(channel, &schema, message, &mut self.info).map_err(|reason| {
-            LogError::Message {
-                path: self.path.clone(),
-                offset,
-                topic: channel.topic.clone(),
-                schema,
-                reason,
-            }
+        let decoded = match &mut self.images {
+            Some(images) => images.decode(channel, &schema, message, &mut self.info),
+            None => decode(channel, &schema, message, &mut self.info),
+        };
+        let record = decoded.map_err(|reason| LogError::Message {
+            path: self.path.clone(),
+            offset,
+            topic: channel.topic.clone(),
+            schema,
+            reason,
         })?;
         Ok(LogMessage {
             log_ns,
@@ -226,6 +255,52 @@ impl<R: BufRead> Iterator for LogReader<R> {
     }
 }
 
+impl Images {
+    fn decode(
+        &mut self,
+        channel: &super::records::ChannelRecord,
+        schema: &str,
+        message: super::records::MessageRecord,
+        info: &mut Option<pb::FrameInfo>,
+    ) -> Result<Record, String> {
+        let kind = ImageKind::of(schema, &channel.message_encoding);
+        match kind.filter(|_| channel.topic == self.topic) {
+            Some(kind) => {
+                let image = kind.decode(message.data)?;
+                let sequence = self.frames;
+                self.frames = self.frames.wrapping_add(1);
+                messages::frame_from(image, None, sequence, message.publish_ns)
+                    .map(Record::Frame)
+                    .map_err(|e| e.to_string())
+            }
+            None if channel.topic == Topic::RawImage.name() => Ok(other(channel, schema, message)),
+            None => decode(channel, schema, message, info),
+        }
+    }
+}
+
+/// A message that is handed on as it is.
+fn other(
+    channel: &super::records::ChannelRecord,
+    schema: &str,
+    message: super::records::MessageRecord,
+) -> Record {
+    Record::Other {
+        topic: channel.topic.clone(),
+        schema: schema.to_owned(),
+        encoding: channel.message_encoding.clone(),
+        data: message.data,
+    }
+}
+
+/// How grey levels come out of the frames of a log with this metadata: as its rig says; without one, or one that reads,
+/// luma of full scale.
+pub(super) fn grey_rule(metadata: &BTreeMap<String, MetadataMap>) -> GreyRule {
+    let rig = metadata.get("rig").and_then(|m| m.get("toml"));
+    rig.and_then(|text| Rig::from_toml(text, "the log's rig", None).ok())
+        .map_or_else(GreyRule::default, |rig| rig.grey_rule())
+}
+
 /// Decodes a message; `info` remembers the last FrameInfo for the image that follows it.
 pub(super) fn decode(
     channel: &super::records::ChannelRecord,
@@ -236,12 +311,7 @@ pub(super) fn decode(
     let topic =
         Topic::find(&channel.topic, schema).filter(|_| channel.message_encoding == "protobuf");
     let Some(topic) = topic else {
-        return Ok(Record::Other {
-            topic: channel.topic.clone(),
-            schema: schema.to_owned(),
-            encoding: channel.message_encoding.clone(),
-            data: message.data,
-        });
+        return Ok(other(channel, schema, message));
     };
     fn from<M: Message + Default>(data: Bytes) -> Result<M, String> {
         M::decode(data).map_err(|e| e.to_string())

@@ -133,7 +133,7 @@ impl WriteSettings {
 
 fn encoding(zstd_level: u32, camera: Option<PixelFormat>) -> Encoding {
     let image = match camera {
-        Some(PixelFormat::Mjpg) => Some(Topic::CompressedImage),
+        Some(format) if format.is_compressed() => Some(Topic::CompressedImage),
         Some(_) => Some(Topic::RawImage),
         None => None,
     };
@@ -143,7 +143,7 @@ fn encoding(zstd_level: u32, camera: Option<PixelFormat>) -> Encoding {
         .filter(|t| !is_image(t) || Some(*t) == image)
         .collect();
     // JPEG bytes do not shrink; compressing them again only costs time.
-    let zstd_level = if camera == Some(PixelFormat::Mjpg) {
+    let zstd_level = if camera.is_some_and(PixelFormat::is_compressed) {
         0
     } else {
         zstd_level

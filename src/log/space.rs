@@ -1,6 +1,6 @@
 //! How much room a recording takes, in one place for everything that tells or checks it.
 
-use hydroline_rigs::{Camera, PixelFormat};
+use hydroline_rigs::Camera;
 use std::path::Path;
 
 /// Whether a log can be made in the folder `dir`; if not, why, with what to do.
@@ -36,16 +36,19 @@ pub fn writable_folder(dir: &Path) -> Result<(), String> {
     }
 }
 
+/// A very good JPEG takes 4 bits for a pixel.
+const COMPRESSED_BYTES_PER_PX: f64 = 0.5;
+
 /// Bytes of one frame \[byte\], at most: as it comes from the camera, since what compression saves
-/// is not promised. GREY 1 byte/px, YUYV 4:2:2 2 byte/px (V4L2), MJPG at most 0.5 byte/px (4 bits
-/// per pixel is a very good JPEG).
+/// is not promised. What a format takes is V4L2's; a compressed one has no size of its own.
 pub fn bytes_per_frame(camera: &Camera) -> f64 {
-    let bytes_per_px = match camera.pixel_format {
-        PixelFormat::Grey => 1.0,
-        PixelFormat::Yuyv => 2.0,
-        PixelFormat::Mjpg => 0.5,
-    };
-    f64::from(camera.width_px) * f64::from(camera.height_px) * bytes_per_px
+    if camera.pixel_format.is_compressed() {
+        let pixels = f64::from(camera.width_px) * f64::from(camera.height_px);
+        return pixels * COMPRESSED_BYTES_PER_PX;
+    }
+    camera
+        .pixel_format
+        .image_bytes(camera.width_px, camera.height_px, 0) as f64
 }
 
 /// Bytes of one second of frames \[byte/s\], at most.
@@ -56,6 +59,7 @@ pub fn bytes_per_s(camera: &Camera) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroline_rigs::{BayerDepth, BayerOrder, PixelFormat};
 
     #[test]
     fn a_folder_that_takes_no_log_is_told_with_the_cure() {
@@ -78,6 +82,13 @@ mod tests {
         for (format, bytes) in [
             (PixelFormat::Grey, 414_720.0),
             (PixelFormat::Yuyv, 829_440.0),
+            (PixelFormat::Nv12, 622_080.0),
+            (PixelFormat::Y12, 829_440.0),
+            (PixelFormat::Rgb24, 1_244_160.0),
+            (
+                PixelFormat::Bayer(BayerOrder::Gbrg, BayerDepth::Eight),
+                414_720.0,
+            ),
             (PixelFormat::Mjpg, 207_360.0),
         ] {
             camera.pixel_format = format;

@@ -20,9 +20,10 @@ pub fn frames(path: &Path) -> Vec<(GreyImage, Pose)> {
     let (mut images, mut truths) = (Vec::new(), Vec::new());
     for message in LogReader::open(path).unwrap() {
         match message.unwrap().record {
-            Record::Frame(frame) => {
-                images.push((frame.meta.mid_exposure_ns, frame.to_grey().unwrap()))
-            }
+            Record::Frame(frame) => images.push((
+                frame.meta.mid_exposure_ns,
+                frame.to_grey(&Default::default()).unwrap(),
+            )),
             Record::Truth(t) => {
                 let stamp = t
                     .timestamp

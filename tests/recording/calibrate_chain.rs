@@ -333,7 +333,7 @@ fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() 
 
     let (records, _) = read(&straight);
     let frame = records.iter().find_map(|r| match r {
-        Record::Frame(f) => Some(f.to_grey().unwrap()),
+        Record::Frame(f) => Some(f.to_grey(&Default::default()).unwrap()),
         _ => None,
     });
     let frame = frame.unwrap();
@@ -379,7 +379,7 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
     let log = board_log(dir.path(), "board.mcap", "dots-50", "0", "1");
     let (records, _) = read(&log);
     let good = records.iter().find_map(|r| match r {
-        Record::Frame(f) => Some(f.to_grey().unwrap()),
+        Record::Frame(f) => Some(f.to_grey(&Default::default()).unwrap()),
         _ => None,
     });
     let good = image::GrayImage::from_raw(720, 576, good.unwrap().pixels).unwrap();

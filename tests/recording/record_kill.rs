@@ -86,7 +86,10 @@ fn judge(dir: &Path, log: &Path, killed_ns: u64) -> Lost {
             Record::FrameInfo(info) => indexes.push(info.frame_index),
             Record::Frame(frame) => {
                 images += 1;
-                assert!(frame.to_grey().is_ok(), "a recovered frame is whole");
+                assert!(
+                    frame.to_grey(&Default::default()).is_ok(),
+                    "a recovered frame is whole"
+                );
                 let taken_ns = frame.meta.mid_exposure_ns;
                 frame_ns.push(taken_ns);
                 latest_ns = latest_ns.max(message.log_ns.saturating_sub(taken_ns));

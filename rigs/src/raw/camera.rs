@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use super::{Section, quantity};
-use crate::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat};
+use crate::{
+    Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat, YuvRange,
+};
 
 /// What to do about a `/dev/videoN` or `/dev/ttyX`: the number is handed out in the
 /// order of plugging in, so after a replug it may be another device.
@@ -21,14 +23,10 @@ struct Intrinsics {
 pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
     let backend = s.choice("backend", &[("sim", false), ("v4l", true)]);
     let identity = read_identity(s, backend);
-    let pixel_format = s.choice(
-        "pixel_format",
-        &[
-            ("GREY", PixelFormat::Grey),
-            ("YUYV", PixelFormat::Yuyv),
-            ("MJPG", PixelFormat::Mjpg),
-        ],
-    );
+    let formats: Vec<_> = PixelFormat::of_cameras().map(|f| (f.name(), f)).collect();
+    let pixel_format = s.choice("pixel_format", &formats);
+    let bits = read_bits(s, pixel_format);
+    let yuv_range = read_yuv_range(s, pixel_format);
     let width_px = s.integer("width_px", 16, 16384, "px").map(|v| v as u32);
     let height_px = s.integer("height_px", 16, 16384, "px").map(|v| v as u32);
     let rate_fps = s.number("rate_fps", quantity(0.1, 1000.0, "frames per second"));
@@ -72,14 +70,22 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
             );
         }
     }
-    if let (Some(PixelFormat::Yuyv), Some(width)) = (pixel_format, width_px)
-        && width % 2 == 1
-    {
-        s.rule(
-            "width_px",
-            format!("{width} is odd, but YUYV packs pixels in pairs"),
-            "Enter an even width or another pixel_format",
-        );
+    if let Some(format) = pixel_format {
+        for (key, size, paired, what) in [
+            ("width_px", width_px, format.pairs_columns(), "columns"),
+            ("height_px", height_px, format.pairs_rows(), "rows"),
+        ] {
+            if let Some(size) = size.filter(|size| paired && size % 2 == 1) {
+                s.rule(
+                    key,
+                    format!(
+                        "{size} is odd, but {} shares colour between pairs of {what}",
+                        format.name()
+                    ),
+                    "Enter an even number or another pixel_format",
+                );
+            }
+        }
     }
     let Intrinsics {
         fx_px,
@@ -93,6 +99,8 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
             _ => CameraBackend::Sim,
         },
         pixel_format: pixel_format?,
+        bits: bits?,
+        yuv_range: yuv_range?,
         width_px: width_px?,
         height_px: height_px?,
         rate_fps: rate_fps?,
@@ -106,6 +114,50 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
         seed,
         frozen_after_s,
     })
+}
+
+/// Bits of samples that stand in 16. `Some(None)`: what the format says. `None`: reported.
+fn read_bits(s: &Section<'_>, format: Option<PixelFormat>) -> Option<Option<u8>> {
+    if !s.has("bits") {
+        s.item("bits");
+        return Some(None);
+    }
+    let bits = s.integer("bits", 8, 16, "bits")? as u8;
+    match format {
+        Some(format) if format.bits() != 16 && format.bits() != bits => {
+            s.rule(
+                "bits",
+                format!(
+                    "{bits}, but samples of {} have {} bits",
+                    format.name(),
+                    format.bits()
+                ),
+                "Leave it out: only samples of 16 bits may hold fewer",
+            );
+            None
+        }
+        _ => Some(Some(bits)),
+    }
+}
+
+/// `Some(None)`: the standard one. `None`: reported.
+fn read_yuv_range(s: &Section<'_>, format: Option<PixelFormat>) -> Option<Option<YuvRange>> {
+    if !s.has("yuv_range") {
+        s.item("yuv_range");
+        return Some(None);
+    }
+    let range = s.choice("yuv_range", &YuvRange::ALL)?;
+    match format {
+        Some(format) if !format.is_yuv() => {
+            s.rule(
+                "yuv_range",
+                format!("{} holds no luma and chroma", format.name()),
+                "Leave it out: only YUYV, UYVY and NV12 have one",
+            );
+            None
+        }
+        _ => Some(Some(range)),
+    }
 }
 
 /// `Some(None)`: no device needed. `None`: reported.

@@ -1,9 +1,10 @@
 //! `[laser]`, `[mounts]` and `[port]` as typed.
 
 use super::{Section, quantity};
-use crate::{FlatPort, Laser, Mounts};
+use crate::{Channel, FlatPort, Laser, Mounts, PixelFormat};
 
-pub(super) fn read_laser(s: &Section<'_>) -> Option<Laser> {
+/// `format` = the camera's: a channel needs a colour camera.
+pub(super) fn read_laser(s: &Section<'_>, format: Option<PixelFormat>) -> Option<Laser> {
     let fan_rad = s.angle("fan", quantity(1.0, 170.0, "deg"));
     let sigma_m = s.number(
         "sigma_m",
@@ -19,11 +20,33 @@ pub(super) fn read_laser(s: &Section<'_>) -> Option<Laser> {
             "Turn the camera by 90 degrees; single images go through `hydroline extract --orientation vertical`",
         );
     }
+    let channel = match s.has("channel") {
+        true => s.choice("channel", &Channel::ALL),
+        false => {
+            s.item("channel");
+            Some(Channel::Luma)
+        }
+    };
+    if let (Some(channel), Some(format)) = (channel, format)
+        && channel != Channel::Luma
+        && !format.has_colour()
+    {
+        s.rule(
+            "channel",
+            format!(
+                "the {} channel of a camera without colours: camera.pixel_format = \"{}\" is grey",
+                channel.name(),
+                format.name()
+            ),
+            "Leave out `channel`, or choose a colour format as camera.pixel_format",
+        );
+    }
     s.finish();
     Some(Laser {
         fan_rad: fan_rad?,
         sigma_m: sigma_m?,
         peak: peak?,
+        channel: channel?,
         shadows,
     })
 }

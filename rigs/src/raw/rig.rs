@@ -18,7 +18,10 @@ pub(crate) fn read_rig(root: &Section<'_>, includes: &Includes) -> Option<Rig> {
     let camera_table = root.table("camera");
     let camera = read_camera(&camera_table);
     camera_table.finish();
-    let laser = read_laser(&root.table("laser"));
+    let laser = read_laser(
+        &root.table("laser"),
+        camera.as_ref().map(|camera| camera.pixel_format),
+    );
     let mounts = read_mounts(&root.table("mounts"));
     let port = read_port(root);
     let target = read_rig_target(root, includes);

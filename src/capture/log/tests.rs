@@ -4,6 +4,7 @@ use hydroline_core::event::{Event, Severity};
 use hydroline_core::frame::{FrameFault, LossBefore};
 use hydroline_core::synthetic::{T0_NS, grey_frame};
 use hydroline_log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
+use hydroline_rigs::PixelFormat;
 
 const PERIOD_NS: u64 = 40_000_000;
 

@@ -3,7 +3,6 @@
 use hydroline_rigs::PixelFormat;
 
 use super::device::{BufferInfo, PixFormat};
-use super::setup::bytes_per_px;
 use super::stamp::flags;
 use hydroline_core::frame::FrameFault;
 
@@ -28,9 +27,8 @@ pub fn fault(
             return Some(FrameFault::BrokenJpeg);
         }
     } else {
-        let last_row = u64::from(format.width_px) * u64::from(bytes_per_px(kind));
-        let rows_before = u64::from(format.height_px.saturating_sub(1));
-        if (data.len() as u64) < u64::from(format.stride_bytes) * rows_before + last_row {
+        let needed = kind.image_bytes(format.width_px, format.height_px, format.stride_bytes);
+        if (data.len() as u64) < needed {
             return Some(FrameFault::Truncated);
         }
     }
@@ -54,6 +52,8 @@ mod tests {
         stride_bytes: 6,
         size_bytes: 12,
         field: 1,
+        memory_planes: 1,
+        full_range: false,
     };
 
     fn info(flag_bits: u32) -> BufferInfo {

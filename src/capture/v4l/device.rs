@@ -32,7 +32,7 @@ pub struct Capability {
     pub caps: u32,
 }
 
-/// A single-planar pixel format.
+/// A pixel format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PixFormat {
     /// Four characters.
@@ -47,6 +47,10 @@ pub struct PixFormat {
     pub size_bytes: u32,
     /// V4L2_FIELD_*.
     pub field: u32,
+    /// Planes that lie in memory of their own; 0 and 1 = all in one.
+    pub memory_planes: u32,
+    /// Levels of Y'CbCr from 0 to 255 (V4L2_QUANTIZATION_FULL_RANGE); without meaning for other formats.
+    pub full_range: bool,
 }
 
 /// A control's description.

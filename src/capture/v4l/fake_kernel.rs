@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use hydroline_rigs::DeviceIdentity;
+use hydroline_rigs::{DeviceIdentity, PixelFormat};
 
 use super::device::*;
 use super::setup::{CAP_CAPTURE, CAP_STREAMING};
@@ -53,6 +53,8 @@ pub struct World {
     pub capability: Capability,
     /// What S_FMT makes of any request; `None` = takes it.
     pub format_override: Option<PixFormat>,
+    pub memory_planes: u32,
+    pub full_range: bool,
     pub rate_override: Option<(u32, u32)>,
     pub stream_on_errno: Option<i32>,
     pub open_errno: Option<i32>,
@@ -96,6 +98,8 @@ impl World {
                 caps: CAP_CAPTURE | CAP_STREAMING,
             },
             format_override: None,
+            memory_planes: 1,
+            full_range: false,
             rate_override: None,
             stream_on_errno: None,
             open_errno: None,
@@ -342,11 +346,14 @@ impl V4lDevice for FakeDevice {
             (0, 0),
             "the driver must be free to compute these"
         );
-        let row = format.width_px * if &format.fourcc == b"YUYV" { 2 } else { 1 };
+        let kind = PixelFormat::of_fourcc(format.fourcc).unwrap_or(PixelFormat::Grey);
+        let row = kind.row_bytes(format.width_px) as u32;
         let computed = PixFormat {
             stride_bytes: row,
-            size_bytes: row * format.height_px,
+            size_bytes: kind.image_bytes(format.width_px, format.height_px, 0) as u32,
             field: 1,
+            memory_planes: world.memory_planes,
+            full_range: world.full_range,
             ..*format
         };
         world.format = world.format_override.unwrap_or(computed);

@@ -11,8 +11,12 @@ use v4l::v4l2::{self, vidioc};
 use super::device::{
     BufferInfo, Capability, ControlInfo, Errno, OfferedSize, PixFormat, V4lDevice,
 };
+use super::setup::{CAP_CAPTURE, CAP_CAPTURE_MPLANE};
 
 const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
+const CAPTURE_MPLANE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+/// Planes that a buffer of the multi-planar interface can have (VIDEO_MAX_PLANES).
+const PLANES_MAX: usize = 8;
 const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
 /// Entries asked for at most per enumeration: a broken driver that never ends must not hang us.
 const MOST_ENTRIES: u32 = 256;
@@ -20,12 +24,22 @@ const MOST_ENTRIES: u32 = 256;
 struct Map {
     start: *mut u8,
     length: usize,
+    /// Where the frame begins that was dequeued last (multi-planar interface).
+    data_offset: usize,
 }
 
 /// An opened node.
 pub struct KernelDevice {
     fd: i32,
     maps: Vec<Map>,
+    /// V4L2_BUF_TYPE_*: whether the node speaks the single-planar or the multi-planar interface.
+    kind: u32,
+}
+
+/// A buffer as the kernel takes and gives it, with its planes where the interface has them.
+struct Buffer {
+    buffer: sys::v4l2_buffer,
+    planes: Box<[sys::v4l2_plane; PLANES_MAX]>,
 }
 
 // SAFETY: the maps are owned by this object alone and only reached through `&mut self`.
@@ -53,10 +67,16 @@ impl KernelDevice {
         }
         let fd = v4l2::open(node, libc::O_RDWR | libc::O_NONBLOCK | libc::O_CLOEXEC)
             .map_err(|e| errno(&e))?;
-        Ok(Self {
+        let mut device = Self {
             fd,
             maps: Vec::new(),
-        })
+            kind: CAPTURE,
+        };
+        let caps = device.capability().map_or(0, |c| c.caps);
+        if caps & CAP_CAPTURE == 0 && caps & CAP_CAPTURE_MPLANE != 0 {
+            device.kind = CAPTURE_MPLANE;
+        }
+        Ok(device)
     }
 
     /// One ioctl on a plain C structure of the size its request number states.
@@ -73,6 +93,41 @@ impl KernelDevice {
                 Ok(()) => return Ok(()),
                 Err(e) if e.raw_os_error() == Some(libc::EINTR) => {}
                 Err(e) => return Err(errno(&e)),
+            }
+        }
+    }
+
+    fn multiplanar(&self) -> bool {
+        self.kind == CAPTURE_MPLANE
+    }
+
+    fn buffer(&self, index: u32) -> Buffer {
+        let mut b = Buffer {
+            buffer: zeroed(),
+            planes: Box::new([zeroed(); PLANES_MAX]),
+        };
+        (b.buffer.index, b.buffer.type_, b.buffer.memory) = (index, self.kind, MMAP);
+        if self.multiplanar() {
+            b.buffer.m.planes = b.planes.as_mut_ptr();
+            b.buffer.length = PLANES_MAX as u32;
+        }
+        b
+    }
+
+    /// One ioctl on a buffer; what it says of its (first) plane is read from `planes`.
+    fn buffer_call(&self, request: vidioc::_IOC_TYPE, b: &mut Buffer) -> Result<(), Errno> {
+        // The kernel writes to `planes` through the pointer in `buffer`, which stays valid: the box does not move.
+        self.call(request, &mut b.buffer)
+    }
+
+    /// Length and place of a buffer's memory.
+    fn memory(&self, b: &Buffer) -> (usize, u32) {
+        // SAFETY: memory is MMAP, so the offsets are the members in use.
+        unsafe {
+            if self.multiplanar() {
+                (b.planes[0].length as usize, b.planes[0].m.mem_offset)
+            } else {
+                (b.buffer.length as usize, b.buffer.m.offset)
             }
         }
     }
@@ -213,19 +268,29 @@ impl V4lDevice for KernelDevice {
 
     fn format(&mut self) -> Result<PixFormat, Errno> {
         let mut f: sys::v4l2_format = zeroed();
-        f.type_ = CAPTURE;
+        f.type_ = self.kind;
         self.call(vidioc::VIDIOC_G_FMT, &mut f)?;
         Ok(from_sys(&f))
     }
 
     fn set_format(&mut self, format: &PixFormat) -> Result<PixFormat, Errno> {
         let mut f: sys::v4l2_format = zeroed();
-        f.type_ = CAPTURE;
-        let mut pix: sys::v4l2_pix_format = zeroed();
-        (pix.width, pix.height, pix.field) = (format.width_px, format.height_px, format.field);
-        (pix.bytesperline, pix.sizeimage) = (format.stride_bytes, format.size_bytes);
-        pix.pixelformat = u32::from_le_bytes(format.fourcc);
-        f.fmt.pix = pix;
+        f.type_ = self.kind;
+        let code = u32::from_le_bytes(format.fourcc);
+        if self.multiplanar() {
+            let mut pix: sys::v4l2_pix_format_mplane = zeroed();
+            (pix.width, pix.height, pix.field) = (format.width_px, format.height_px, format.field);
+            (pix.pixelformat, pix.num_planes) = (code, 1);
+            pix.plane_fmt[0].bytesperline = format.stride_bytes;
+            pix.plane_fmt[0].sizeimage = format.size_bytes;
+            f.fmt.pix_mp = pix;
+        } else {
+            let mut pix: sys::v4l2_pix_format = zeroed();
+            (pix.width, pix.height, pix.field) = (format.width_px, format.height_px, format.field);
+            (pix.bytesperline, pix.sizeimage) = (format.stride_bytes, format.size_bytes);
+            pix.pixelformat = code;
+            f.fmt.pix = pix;
+        }
         self.call(vidioc::VIDIOC_S_FMT, &mut f)?;
         Ok(from_sys(&f))
     }
@@ -234,7 +299,7 @@ impl V4lDevice for KernelDevice {
         let mut offers = Vec::new();
         for index in 0..MOST_ENTRIES {
             let mut entry: sys::v4l2_fmtdesc = zeroed();
-            (entry.index, entry.type_) = (index, CAPTURE);
+            (entry.index, entry.type_) = (index, self.kind);
             if self.call(vidioc::VIDIOC_ENUM_FMT, &mut entry).is_err() {
                 break;
             }
@@ -252,7 +317,7 @@ impl V4lDevice for KernelDevice {
 
     fn set_interval(&mut self, interval: (u32, u32)) -> Result<Option<(u32, u32)>, Errno> {
         let mut p: sys::v4l2_streamparm = zeroed();
-        p.type_ = CAPTURE;
+        p.type_ = self.kind;
         let mut capture: sys::v4l2_captureparm = zeroed();
         capture.timeperframe = sys::v4l2_fract {
             numerator: interval.0,
@@ -299,14 +364,13 @@ impl V4lDevice for KernelDevice {
     fn request_buffers(&mut self, count: u32) -> Result<u32, Errno> {
         self.unmap();
         let mut r: sys::v4l2_requestbuffers = zeroed();
-        (r.count, r.type_, r.memory) = (count, CAPTURE, MMAP);
+        (r.count, r.type_, r.memory) = (count, self.kind, MMAP);
         self.call(vidioc::VIDIOC_REQBUFS, &mut r)?;
         for index in 0..r.count {
-            let mut b = buffer(index);
-            self.call(vidioc::VIDIOC_QUERYBUF, &mut b)?;
-            // SAFETY: memory is MMAP, so `offset` is the member in use.
-            let offset = unsafe { b.m.offset };
-            let (length, access) = (b.length as usize, libc::PROT_READ | libc::PROT_WRITE);
+            let mut b = self.buffer(index);
+            self.buffer_call(vidioc::VIDIOC_QUERYBUF, &mut b)?;
+            let (length, offset) = self.memory(&b);
+            let access = libc::PROT_READ | libc::PROT_WRITE;
             // SAFETY: a fresh shared mapping of a buffer the kernel has just described.
             let start = unsafe {
                 v4l2::mmap(
@@ -322,25 +386,36 @@ impl V4lDevice for KernelDevice {
             self.maps.push(Map {
                 start: start.cast(),
                 length,
+                data_offset: 0,
             });
         }
         Ok(r.count)
     }
 
     fn enqueue(&mut self, index: u32) -> Result<(), Errno> {
-        self.call(vidioc::VIDIOC_QBUF, &mut buffer(index))
+        self.buffer_call(vidioc::VIDIOC_QBUF, &mut self.buffer(index))
     }
 
     fn dequeue(&mut self) -> Result<BufferInfo, Errno> {
-        let mut b = buffer(0);
-        self.call(vidioc::VIDIOC_DQBUF, &mut b)?;
+        let mut given = self.buffer(0);
+        self.buffer_call(vidioc::VIDIOC_DQBUF, &mut given)?;
+        let b = &given.buffer;
+        let mut bytes_used = b.bytesused;
+        if self.multiplanar() {
+            // A plane counts what stands before its data.
+            let (plane, before) = (given.planes[0], given.planes[0].data_offset);
+            bytes_used = plane.bytesused.saturating_sub(before);
+            if let Some(map) = self.maps.get_mut(b.index as usize) {
+                map.data_offset = before as usize;
+            }
+        }
         let (seconds, micros) = (
             b.timestamp.tv_sec.max(0) as u64,
             b.timestamp.tv_usec.max(0) as u64,
         );
         Ok(BufferInfo {
             index: b.index,
-            bytes_used: b.bytesused,
+            bytes_used,
             flags: b.flags,
             field: b.field,
             stamp_ns: seconds
@@ -351,11 +426,11 @@ impl V4lDevice for KernelDevice {
     }
 
     fn stream_on(&mut self) -> Result<(), Errno> {
-        self.call(vidioc::VIDIOC_STREAMON, &mut CAPTURE.cast_signed())
+        self.call(vidioc::VIDIOC_STREAMON, &mut self.kind.cast_signed())
     }
 
     fn stream_off(&mut self) -> Result<(), Errno> {
-        self.call(vidioc::VIDIOC_STREAMOFF, &mut CAPTURE.cast_signed())
+        self.call(vidioc::VIDIOC_STREAMOFF, &mut self.kind.cast_signed())
     }
 
     fn poll(&mut self, wait: Duration) -> Result<bool, Errno> {
@@ -378,11 +453,12 @@ impl V4lDevice for KernelDevice {
         let Some(map) = self.maps.get(index as usize) else {
             return 0;
         };
-        let bytes = bytes.min(map.length);
         // SAFETY: the map is `length` bytes long and lives as long as `self`; the queue hands out only buffers that the
         // kernel has given back, so nobody writes to it now.
-        into.extend_from_slice(unsafe { std::slice::from_raw_parts(map.start, bytes) });
-        map.length
+        let memory = unsafe { std::slice::from_raw_parts(map.start, map.length) };
+        let data = memory.get(map.data_offset..).unwrap_or_default();
+        into.extend_from_slice(&data[..bytes.min(data.len())]);
+        data.len()
     }
 }
 
@@ -394,13 +470,22 @@ impl Drop for KernelDevice {
     }
 }
 
-fn buffer(index: u32) -> sys::v4l2_buffer {
-    let mut b: sys::v4l2_buffer = zeroed();
-    (b.index, b.type_, b.memory) = (index, CAPTURE, MMAP);
-    b
-}
-
 fn from_sys(f: &sys::v4l2_format) -> PixFormat {
+    if f.type_ == CAPTURE_MPLANE {
+        // SAFETY: the type says that this is the member in use.
+        let pix = unsafe { f.fmt.pix_mp };
+        let first = pix.plane_fmt[0];
+        return PixFormat {
+            fourcc: pix.pixelformat.to_le_bytes(),
+            width_px: pix.width,
+            height_px: pix.height,
+            stride_bytes: first.bytesperline,
+            size_bytes: first.sizeimage,
+            field: pix.field,
+            memory_planes: u32::from(pix.num_planes),
+            full_range: is_full_range(u32::from(pix.quantization), pix.colorspace),
+        };
+    }
     // SAFETY: `type_` is single-planar capture, so `pix` is the member in use.
     let pix = unsafe { f.fmt.pix };
     PixFormat {
@@ -410,5 +495,16 @@ fn from_sys(f: &sys::v4l2_format) -> PixFormat {
         stride_bytes: pix.bytesperline,
         size_bytes: pix.sizeimage,
         field: pix.field,
+        memory_planes: 1,
+        full_range: is_full_range(pix.quantization, pix.colorspace),
+    }
+}
+
+/// V4L2_MAP_QUANTIZATION_DEFAULT for Y'CbCr: what the driver leaves open is limited, of JPEG's colour space full.
+fn is_full_range(quantization: u32, colorspace: u32) -> bool {
+    match quantization {
+        sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE => true,
+        sys::v4l2_quantization_V4L2_QUANTIZATION_LIM_RANGE => false,
+        _ => colorspace == sys::v4l2_colorspace_V4L2_COLORSPACE_JPEG,
     }
 }

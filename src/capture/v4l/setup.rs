@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hydroline_rigs::{Camera, PixelFormat};
+use hydroline_rigs::{Camera, PixelFormat, YuvRange};
 
 use super::controls;
 use super::device::{Capability, Errno, OfferedSize, PixFormat, V4lDevice, V4lSystem};
@@ -10,6 +10,8 @@ use crate::{CaptureError, ControlReading, NegotiatedFormat};
 
 /// V4L2_CAP_VIDEO_CAPTURE
 pub const CAP_CAPTURE: u32 = 0x1;
+/// V4L2_CAP_VIDEO_CAPTURE_MPLANE
+pub const CAP_CAPTURE_MPLANE: u32 = 0x1000;
 /// V4L2_CAP_VIDEO_OUTPUT
 pub const CAP_OUTPUT: u32 = 0x2;
 /// V4L2_CAP_STREAMING
@@ -35,24 +37,6 @@ pub struct Setup {
     pub buffers: u32,
 }
 
-/// The V4L2 name of a format.
-pub fn fourcc(format: PixelFormat) -> [u8; 4] {
-    match format {
-        PixelFormat::Grey => *b"GREY",
-        PixelFormat::Yuyv => *b"YUYV",
-        PixelFormat::Mjpg => *b"MJPG",
-    }
-}
-
-/// Bytes per pixel; 0 for compressed formats.
-pub fn bytes_per_px(format: PixelFormat) -> u32 {
-    match format {
-        PixelFormat::Grey => 1,
-        PixelFormat::Yuyv => 2,
-        PixelFormat::Mjpg => 0,
-    }
-}
-
 /// V4L2_FIELD_* in words.
 pub fn field_name(field: u32) -> &'static str {
     const NAMES: [&str; 10] = [
@@ -75,7 +59,7 @@ impl PixFormat {
     pub fn words(&self) -> String {
         format!(
             "{} {}x{}",
-            String::from_utf8_lossy(&self.fourcc),
+            String::from_utf8_lossy(&self.fourcc).trim_end(),
             self.width_px,
             self.height_px
         )
@@ -84,12 +68,15 @@ impl PixFormat {
     /// For the log.
     pub fn negotiated(&self) -> NegotiatedFormat {
         NegotiatedFormat {
-            fourcc: String::from_utf8_lossy(&self.fourcc).into_owned(),
+            fourcc: String::from_utf8_lossy(&self.fourcc).trim_end().to_owned(),
             width_px: self.width_px,
             height_px: self.height_px,
             stride_bytes: self.stride_bytes,
             size_bytes: self.size_bytes,
             field: field_name(self.field).into(),
+            yuv_range: PixelFormat::of_fourcc(self.fourcc)
+                .filter(|format| format.is_yuv())
+                .map(|_| if self.full_range { "full" } else { "limited" }.into()),
         }
     }
 }
@@ -157,11 +144,11 @@ pub fn configure(
     let capability = device
         .capability()
         .map_err(|e| failed("VIDIOC_QUERYCAP", e))?;
-    for (bit, missing) in [
-        (CAP_CAPTURE, "V4L2_CAP_VIDEO_CAPTURE"),
+    for (bits, missing) in [
+        (CAP_CAPTURE | CAP_CAPTURE_MPLANE, "V4L2_CAP_VIDEO_CAPTURE"),
         (CAP_STREAMING, "V4L2_CAP_STREAMING"),
     ] {
-        if capability.caps & bit == 0 {
+        if capability.caps & bits == 0 {
             let (node, card, caps) = (node.to_path_buf(), capability.card, capability.caps);
             return Err(CaptureError::NotACamera {
                 node,
@@ -196,23 +183,32 @@ fn set_format(
     camera: &Camera,
 ) -> Result<PixFormat, CaptureError> {
     let wanted = PixFormat {
-        fourcc: fourcc(camera.pixel_format),
+        fourcc: camera.pixel_format.fourcc(),
         width_px: camera.width_px,
         height_px: camera.height_px,
         // Zero: the driver computes them. A stride left from another format would be kept by some drivers.
         stride_bytes: 0,
         size_bytes: 0,
         field: 0,
+        ..PixFormat::default()
     };
     let got = device
         .set_format(&wanted)
         .map_err(|e| call_error(system, node, "VIDIOC_S_FMT", e))?;
-    let row_bytes = camera.width_px * bytes_per_px(camera.pixel_format);
     let same = (got.fourcc, got.width_px, got.height_px)
         == (wanted.fourcc, wanted.width_px, wanted.height_px);
-    let fits = got.stride_bytes >= row_bytes
-        && u64::from(got.size_bytes)
-            >= u64::from(got.stride_bytes) * u64::from(camera.height_px) * u64::from(row_bytes > 0);
+    let (format, stride) = (camera.pixel_format, u64::from(got.stride_bytes));
+    let fits = format.is_compressed()
+        || stride >= format.row_bytes(camera.width_px)
+            && u64::from(got.size_bytes) >= stride * format.memory_rows(camera.height_px);
+    if same && got.memory_planes > 1 {
+        return Err(CaptureError::Planes {
+            node: node.to_path_buf(),
+            format: got.words(),
+            planes: got.memory_planes,
+            offers: offers_text(&device.offers()),
+        });
+    }
     if !same || !fits {
         return Err(CaptureError::Format {
             node: node.to_path_buf(),
@@ -227,6 +223,25 @@ fn set_format(
         });
     }
     Ok(got)
+}
+
+/// A channel is computed over the levels that the rig names; where it names none, the driver must mean the standard ones.
+///
+/// # Errors
+/// [`CaptureError::YuvRange`].
+pub fn check_range(node: &Path, camera: &Camera, format: &PixFormat) -> Result<(), CaptureError> {
+    let said = match format.full_range {
+        true => YuvRange::Full,
+        false => YuvRange::Limited,
+    };
+    if camera.pixel_format.is_yuv() && camera.yuv_range.is_none() && said != YuvRange::default() {
+        return Err(CaptureError::YuvRange {
+            node: node.to_path_buf(),
+            format: format.words(),
+            said: said.name(),
+        });
+    }
+    Ok(())
 }
 
 fn set_rate(

@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use hydroline_rigs::{CameraControl, ImageNoise};
+use hydroline_rigs::{CameraControl, ImageNoise, PixelFormat, YuvRange};
 use proptest::prelude::*;
 
 use super::device::PixFormat;
@@ -18,6 +18,8 @@ fn rig_camera() -> Camera {
     Camera {
         backend: CameraBackend::V4l(DeviceIdentity::ByPath("fake:0".into())),
         pixel_format: PixelFormat::Grey,
+        bits: None,
+        yuv_range: None,
         width_px: 32,
         height_px: 16,
         rate_fps: 25.0,
@@ -449,6 +451,92 @@ fn refused(change: impl FnOnce(&mut World), camera: &Camera) -> String {
     text
 }
 
+/// Every format of a camera: negotiated, delivered, a cut frame marked, and the account exact.
+#[test]
+fn every_format_is_captured_and_accounted_for() {
+    for format in PixelFormat::of_cameras() {
+        let camera = Camera {
+            pixel_format: format,
+            ..rig_camera()
+        };
+        let (system, clock) = system();
+        let start_ns = clock.monotonic_ns();
+        {
+            let mut world = system.world();
+            world.jpeg = format.is_compressed();
+            world.faults = [
+                (start_ns + 500 * MS, Fault::Halve),
+                (start_ns + 900 * MS, Fault::DriverDrop(3)),
+            ]
+            .into();
+        }
+        let mut source = open(&camera, &system, &clock).unwrap();
+        let mut frames = Vec::new();
+        while clock.monotonic_ns() < start_ns + 2_000 * MS {
+            if let Captured::Frame(frame) = source.next(Duration::from_millis(100)).unwrap() {
+                frames.push(frame);
+            }
+        }
+        source.finish();
+        let counts = source.counts();
+        assert_eq!(counts.received, frames.len() as u64, "{format:?}");
+        assert_eq!(counts.lost.total(), 3, "{format:?}");
+        assert_eq!(
+            counts.expected,
+            counts.received + counts.lost.total(),
+            "{format:?}"
+        );
+        let bad = |f: &&Frame| !matches!(f.meta.fault, None | Some(FrameFault::Stale));
+        assert_eq!(frames.iter().filter(bad).count(), 1, "{format:?}");
+        for frame in frames.iter().filter(|f| f.meta.fault.is_none()) {
+            assert_eq!((frame.format, frame.width_px), (format, 32));
+            if !format.is_compressed() {
+                let grey = frame.to_grey(&Default::default()).unwrap();
+                assert_eq!(grey.pixels.len(), 32 * 16, "{format:?}");
+            }
+        }
+        let named = source.describe().format.fourcc;
+        assert_eq!(named.as_bytes(), format.fourcc().trim_ascii_end());
+    }
+}
+
+#[test]
+fn planes_apart_and_levels_that_nobody_named_are_refused_with_what_to_do() {
+    let nv12 = Camera {
+        pixel_format: PixelFormat::Nv12,
+        ..rig_camera()
+    };
+    let text = refused(|w| w.memory_planes = 2, &nv12);
+    for word in ["2 planes of memory", "NV12 32x16", "instead of NM12"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let open_for = |camera: &Camera, full_range: bool, colour: bool| {
+        let (system, clock) = system();
+        system.world().full_range = full_range;
+        let options = OpenOptions {
+            colour,
+            ..OpenOptions::default()
+        };
+        V4lSource::open(camera, options, Box::new(system), clock)
+            .map(|source| source.describe().format.yuv_range)
+            .map_err(|e| e.to_string())
+    };
+    let text = open_for(&nv12, true, true).unwrap_err();
+    for word in ["full range", "camera.yuv_range = \"full\"", "NV12 32x16"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let said = Camera {
+        yuv_range: Some(YuvRange::Limited),
+        ..nv12.clone()
+    };
+    assert!(open_for(&said, true, true).is_ok());
+    assert_eq!(open_for(&nv12, false, true), Ok(Some("limited".into())));
+    // Luma is what stands in the bytes.
+    assert_eq!(open_for(&nv12, true, false), Ok(Some("full".into())));
+    let grey = rig_camera();
+    assert_eq!(open_for(&grey, true, true), Ok(None));
+}
+
 #[test]
 fn every_refusal_names_what_where_and_what_to_do() {
     let camera = rig_camera();
@@ -459,6 +547,7 @@ fn every_refusal_names_what_where_and_what_to_do() {
         stride_bytes: 64,
         size_bytes: 1024,
         field: 1,
+        ..PixFormat::default()
     };
     let has = |text: String, words: &[&str]| {
         words

@@ -1,8 +1,8 @@
 //! Boards out of images and logs.
 
 use crate::print::errln;
-use crate::{CliError, progress};
-use hydroline_core::frame::{Frame, GreyImage};
+use crate::{CliError, images, progress};
+use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
 use rayon::prelude::*;
@@ -40,6 +40,16 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
         })
     };
     paths.iter().map(kind).collect()
+}
+
+/// How images and logs are read.
+pub struct Reading<'a> {
+    /// Every so many frames of a log are looked at.
+    pub every: u32,
+    /// Topic of the logs' images, as named.
+    pub image_topic: Option<&'a str>,
+    /// How grey levels come out of them.
+    pub rule: GreyRule,
 }
 
 /// All boards seen.
@@ -141,7 +151,11 @@ fn look(setup: &Setup, image: Result<GreyImage, String>, reason: bool) -> Looked
 const KEY_HIDDEN: &str = "the board's key is hidden, and which node is which depends on it; show its three discs, here or in another image of the same pose given before";
 
 /// Looks for the board everywhere. Refused image files are named on stderr.
-pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collected, CliError> {
+pub fn collect(
+    setup: &Setup,
+    sources: &[Source],
+    reading: &Reading<'_>,
+) -> Result<Collected, CliError> {
     let mut collected = Collected::default();
     let logs = sources.iter().any(|s| matches!(s, Source::Log(_)));
     let length = if logs { 0 } else { sources.len() as u64 };
@@ -152,7 +166,7 @@ pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collecte
                 let looked: Vec<(bool, Looked)> = paths
                     .par_iter()
                     .map(|path| {
-                        let image = load(path);
+                        let image = images::load(path, &reading.rule);
                         (image.is_err(), look(setup, image, true))
                     })
                     .collect();
@@ -166,7 +180,7 @@ pub fn collect(setup: &Setup, sources: &[Source], every: u32) -> Result<Collecte
                 }
                 bar.set_position(collected.looked);
             }
-            Batch::Log(path) => log(setup, path, every, &mut collected, &bar)?,
+            Batch::Log(path) => log(setup, path, reading, &mut collected, &bar)?,
         }
     }
     bar.finish_and_clear();
@@ -196,7 +210,7 @@ fn batches(sources: &[Source]) -> Vec<Batch<'_>> {
 fn log(
     setup: &Setup,
     path: &Path,
-    every: u32,
+    reading: &Reading<'_>,
     collected: &mut Collected,
     bar: &indicatif::ProgressBar,
 ) -> Result<(), CliError> {
@@ -210,7 +224,7 @@ fn log(
                     let name = hydroline_log::messages::fault_name(fault);
                     return Err(format!("frame excluded: {name}"));
                 }
-                let grey = frame.to_grey().map_err(|e| e.to_string());
+                let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
                 look(setup, grey, k % REASON_EVERY == 0)
             })
             .collect();
@@ -224,7 +238,9 @@ fn log(
         }
         bar.set_position(collected.looked);
     };
-    for message in LogReader::open(path)? {
+    let every = reading.every;
+    let topic = images::topic(path, reading.image_topic)?;
+    for message in LogReader::open(path)?.with_images_of(topic.as_deref()) {
         let message = message?;
         if let Record::Frame(frame) = message.record {
             if index.is_multiple_of(u64::from(every)) {
@@ -239,20 +255,9 @@ fn log(
     flush(&mut frames);
     if index == 0 {
         return Err(CliError::Config(format!(
-            "{}: holds no image (/camera/image); `hydroline info` shows what is in it",
+            "{}: holds no image; `hydroline info` shows what is in it",
             path.display()
         )));
     }
     Ok(())
-}
-
-fn load(path: &Path) -> Result<GreyImage, String> {
-    let image = image::open(path)
-        .map_err(|e| format!("{e}; PNG and JPEG are read"))?
-        .into_luma8();
-    Ok(GreyImage {
-        width_px: image.width() as usize,
-        height_px: image.height() as usize,
-        pixels: image.into_raw(),
-    })
 }

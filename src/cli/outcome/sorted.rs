@@ -5,7 +5,7 @@
 use hydroline_benchmark::ProveError;
 use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
-use hydroline_capture::CaptureError;
+use hydroline_capture::{CaptureError, FolderError};
 use hydroline_core::frame::FrameError;
 use hydroline_daemon::record::RecordError;
 use hydroline_daemon::replay::ReplayError;
@@ -17,7 +17,7 @@ use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
 use hydroline_import::{ImportError, MapError};
-use hydroline_log::LogError;
+use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
 use hydroline_reproduce::ReproduceError;
 use hydroline_rigs::RigError;
@@ -109,8 +109,34 @@ impl Sorted for ReplayError {
     fn is_input(&self) -> bool {
         match self {
             Self::Log(error) => error.is_input(),
+            Self::Folder(error) => error.is_input(),
             Self::NoImages { .. } | Self::Dynamics { .. } => true,
             Self::Refine(_) | Self::Smooth(_) => false,
+        }
+    }
+
+    fn next_step(&self) -> Option<&'static str> {
+        match self {
+            Self::Log(error) => error.next_step(),
+            _ => None,
+        }
+    }
+}
+
+impl Sorted for FolderError {
+    fn is_input(&self) -> bool {
+        match self {
+            Self::Read { source, .. } => is_no_file(source.kind()),
+            Self::Empty { .. } | Self::NoTimes { .. } | Self::Order { .. } => true,
+        }
+    }
+}
+
+impl Sorted for ImageTopicError {
+    fn is_input(&self) -> bool {
+        match self {
+            Self::Log(error) => error.is_input(),
+            Self::Missing { .. } | Self::Several { .. } | Self::Unread { .. } => true,
         }
     }
 

@@ -147,7 +147,7 @@ pub(super) fn analysis(
     let ends = job.length.is_none() && job.plan.is_none();
     // A board in the sheet is neither floor nor target.
     let with_poses = map.is_some() && live.is_none();
-    let mut analyst = Analyst::new(job.extractor.clone(), map);
+    let mut analyst = Analyst::new(job.extractor.clone(), map, job.rig.grey_rule());
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
         step_back(10);

@@ -1,9 +1,8 @@
 //! The camera's response that a replay fits with: the recording's own, else that of the log's opening.
 
 use super::{Options, ReplayError};
-use crate::analysis::Analyst;
 use crate::response::{Found, ResponseReport};
-use hydroline_log::{Closing, LogReader, Record, Topic};
+use hydroline_log::{Closing, Record, Topic};
 use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::PoseRun;
 use std::path::Path;
@@ -14,7 +13,7 @@ pub(super) fn responding(
     options: &Options,
     run: &PoseRun,
 ) -> Result<(PoseRun, Found, ResponseReport), ReplayError> {
-    let (found, found_by) = match stated(log)? {
+    let (found, found_by) = match stated(log, options)? {
         Some(found) => (found, "recording"),
         None => (of_opening(log, options, run)?, "replay"),
     };
@@ -37,7 +36,12 @@ fn under(run: &PoseRun, found: Found, found_by: &'static str) -> (PoseRun, Found
 
 /// What the recording says of it: in its summary, or where it has no end, in an event. (Of a recording in several parts the
 /// first has the event, the last the summary.)
-fn stated(log: &Path) -> Result<Option<Found>, ReplayError> {
+/// Of a folder, of images on another topic and of levels read by another rule it says nothing.
+fn stated(log: &Path, options: &Options) -> Result<Option<Found>, ReplayError> {
+    let input = options.open(log)?;
+    if options.image_topic.is_some() || input.grey_rule() != Some(options.rule) {
+        return Ok(None);
+    }
     let closing = Closing::of(log);
     if let Some(found) = closing
         .as_ref()
@@ -49,7 +53,7 @@ fn stated(log: &Path) -> Result<Option<Found>, ReplayError> {
         // No pose was fitted live.
         return Ok(None);
     }
-    for message in LogReader::open(log)? {
+    for message in input {
         if let Record::Event(event) = message?.record
             && let Some(found) = Found::of_event(&event)
         {
@@ -61,9 +65,9 @@ fn stated(log: &Path) -> Result<Option<Found>, ReplayError> {
 
 /// What its first frames that show the target say.
 fn of_opening(log: &Path, options: &Options, run: &PoseRun) -> Result<Found, ReplayError> {
-    let mut analyst = Analyst::new(options.extractor.clone(), options.map.clone());
+    let mut analyst = options.analyst();
     let mut opening = Opening::new(run, opening::Options::default());
-    for message in LogReader::open(log)? {
+    for message in options.open(log)? {
         let Record::Frame(frame) = message?.record else {
             continue;
         };

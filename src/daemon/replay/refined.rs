@@ -1,9 +1,8 @@
 //! `replay --refine`: what the frames of a log share is refined first, then each is fitted under it.
 
 use super::{BATCH, Options, ReplayError, posed};
-use crate::analysis::Analyst;
 use hydroline_core::frame::{Frame, GreyImage};
-use hydroline_log::{LogReader, Record};
+use hydroline_log::Record;
 use hydroline_pose::joint::Hint;
 use hydroline_pose::joint::refine::{Refined, Wanted, refine};
 use hydroline_pose::run::PoseRun;
@@ -106,7 +105,7 @@ pub(super) fn refined(
         next: 0,
     };
     let mut pending: Vec<Frame> = Vec::with_capacity(BATCH);
-    for message in LogReader::open(log)? {
+    for message in options.open(log)? {
         if let Record::Frame(frame) = message?.record {
             pending.push(frame);
             if pending.len() == BATCH {
@@ -125,7 +124,7 @@ fn look(pending: &mut Vec<Frame>, follow: &mut PoseRun, options: &Options, sprea
     let analysed: Vec<_> = pending
         .par_iter()
         .map_init(
-            || Analyst::new(options.extractor.clone(), options.map.clone()),
+            || options.analyst(),
             |analyst, frame| posed(analyst, follow, frame).1,
         )
         .collect();

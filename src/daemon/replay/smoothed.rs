@@ -1,13 +1,12 @@
 //! `replay --smooth`: the poses of a whole log first, bound together, then written frame by frame.
 
 use super::{BATCH, Options, ReplayError, posed};
-use crate::analysis::Analyst;
 use hydroline_core::frame::Frame;
+use hydroline_log::Record;
 use hydroline_log::messages::{
     pb::{ThrusterCommand, VehicleMotion},
     timestamp, unix_ns,
 };
-use hydroline_log::{LogReader, Record};
 use hydroline_pose::run::{PoseRun, RunPose};
 use hydroline_pose::smooth::{Dynamics, MeasuredFrame, Smoothed, smooth};
 use hydroline_rigs::Rig;
@@ -54,7 +53,7 @@ pub(super) fn bound(
     let mut frames: Vec<MeasuredFrame> = Vec::new();
     let mut commands: Vec<(u64, String, f64)> = Vec::new();
     let mut pending: Vec<Frame> = Vec::with_capacity(BATCH);
-    for message in LogReader::open(log)? {
+    for message in options.open(log)? {
         match message?.record {
             Record::Frame(frame) => {
                 pending.push(frame);
@@ -116,7 +115,7 @@ fn measure(
     let analysed: Vec<_> = pending
         .par_iter()
         .map_init(
-            || Analyst::new(options.extractor.clone(), options.map.clone()),
+            || options.analyst(),
             |analyst, frame| run.as_ref().and_then(|run| posed(analyst, run, frame).1),
         )
         .collect();

@@ -122,13 +122,14 @@ pub fn read(path: &Path, rig: &Rig, most: usize) -> Result<ImageRun, LoadError> 
         (k * n) / in_log != ((k + 1) * n) / in_log
     };
     let (mut commands, mut images, mut index) = (Vec::new(), Vec::new(), 0);
+    let rule = rig.grey_rule();
     let mut reader = LogReader::open(path)?;
     for message in reader.by_ref() {
         match message?.record {
             Record::Command(command) => commands.push(command),
             Record::Frame(frame) if frame.meta.fault.is_none() => {
                 if keep(index)
-                    && let Ok(image) = frame.to_grey()
+                    && let Ok(image) = frame.to_grey(&rule)
                 {
                     images.push((frame.meta.mid_exposure_ns, image));
                 }

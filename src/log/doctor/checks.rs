@@ -9,6 +9,7 @@ use crate::reader::Record;
 use crate::records::{ChannelRecord, Damage};
 use crate::topic::Topic;
 use hydroline_core::event::Severity;
+use hydroline_core::frame::{ClippingWatch, GreyRule};
 
 /// Realtime steps beyond this are reported \[ns\].
 const STEP_NS: i128 = 10_000_000;
@@ -40,6 +41,9 @@ pub(super) struct Checks {
     pub(super) wide_brackets: u64,
     pub(super) step_events: u64,
     pub(super) error_events: BTreeMap<String, u64>,
+    /// How grey levels come out of the frames.
+    pub(super) rule: GreyRule,
+    pub(super) clipping: ClippingWatch,
     pub(super) warning_events: BTreeMap<String, u64>,
 }
 
@@ -152,8 +156,9 @@ impl Checks {
             Record::FrameInfo(info) => self.frame_info(offset, info),
             Record::Frame(frame) => {
                 self.frames.images += 1;
-                if frame.meta.fault.is_none() && frame.to_grey().is_err() {
-                    self.frames.short += 1;
+                if frame.meta.fault.is_none() {
+                    self.frames.short += u64::from(frame.to_grey(&self.rule).is_err());
+                    self.clipping.see(frame, &self.rule);
                 }
             }
             Record::Command(c) => {

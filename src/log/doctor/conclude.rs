@@ -78,6 +78,10 @@ impl Checks {
             );
         }
         self.obeyed();
+        if let Some(words) = self.clipping.words() {
+            let next = "a rig with the channel, or a shorter exposure; `hydroline replay --rig` reads these frames by it";
+            self.add(Grade::Note, "clipping", None, words, next);
+        }
         let warnings = std::mem::take(&mut self.warning_events);
         if !warnings.is_empty() {
             let counted: Vec<String> = warnings

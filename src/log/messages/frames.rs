@@ -3,6 +3,7 @@
 use bytes::Bytes;
 use hydroline_rigs::PixelFormat;
 
+use super::encodings::{READ, compression, encoded, encoding};
 use super::{
     CAMERA_FRAME, CompressedImage, FrameInfo, RawImage, Stamped, foxglove_time, timestamp,
 };
@@ -11,9 +12,9 @@ use hydroline_core::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock
 /// The image part of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImageMessage {
-    /// GREY as `mono8`, YUYV as `yuyv`.
+    /// Pixels as they come from the camera; [`encoding`] names them.
     Raw(RawImage),
-    /// MJPG as `jpeg`.
+    /// MJPG as `jpeg`, PNG as `png`.
     Compressed(CompressedImage),
 }
 
@@ -21,7 +22,7 @@ pub enum ImageMessage {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ImageError {
     /// An encoding we do not read.
-    #[error("image encoding `{0}`; hydroline reads mono8, 8UC1, yuyv, yuv422_yuy2, jpeg and png")]
+    #[error("image encoding `{0}`; hydroline reads {READ}")]
     Encoding(String),
     /// The compressed image's header does not decode.
     #[error("{format} image of {bytes} bytes does not decode: {reason}")]
@@ -39,25 +40,20 @@ pub enum ImageError {
 pub fn image_message(frame: &Frame) -> ImageMessage {
     let timestamp = Some(foxglove_time(frame.meta.mid_exposure_ns));
     let frame_id = CAMERA_FRAME.to_owned();
-    let encoding = match frame.format {
-        PixelFormat::Grey => "mono8",
-        PixelFormat::Yuyv => "yuyv",
-        PixelFormat::Mjpg => {
-            let data = frame.data.clone();
-            return ImageMessage::Compressed(CompressedImage {
-                timestamp,
-                frame_id,
-                data,
-                format: "jpeg".to_owned(),
-            });
-        }
-    };
+    if frame.format.is_compressed() {
+        return ImageMessage::Compressed(CompressedImage {
+            timestamp,
+            frame_id,
+            data: frame.data.clone(),
+            format: encoding(frame.format).to_owned(),
+        });
+    }
     ImageMessage::Raw(RawImage {
         timestamp,
         frame_id,
         width: frame.width_px,
         height: frame.height_px,
-        encoding: encoding.to_owned(),
+        encoding: encoding(frame.format).to_owned(),
         step: frame.stride_bytes,
         data: frame.data.clone(),
     })
@@ -83,7 +79,7 @@ pub fn frame_info(frame: &Frame, frame_index: u64) -> FrameInfo {
         width_px: frame.width_px,
         height_px: frame.height_px,
         stride_bytes: frame.stride_bytes,
-        pixel_format: format_name(frame.format).to_owned(),
+        pixel_format: format_name(frame.format),
     }
 }
 
@@ -103,11 +99,7 @@ pub fn frame_from(
     let (format, width_px, height_px, stride_bytes, data, stamp_ns) = match image {
         ImageMessage::Raw(raw) => {
             let stamp = raw.stamp_ns().unwrap_or(fallback_ns);
-            let format = match raw.encoding.as_str() {
-                "mono8" | "8UC1" => PixelFormat::Grey,
-                "yuyv" | "yuv422_yuy2" => PixelFormat::Yuyv,
-                _ => return Err(ImageError::Encoding(raw.encoding)),
-            };
+            let format = encoded(&raw.encoding).ok_or(ImageError::Encoding(raw.encoding))?;
             (format, raw.width, raw.height, raw.step, raw.data, stamp)
         }
         ImageMessage::Compressed(image) => compressed_parts(image, info, fallback_ns)?,
@@ -150,36 +142,18 @@ fn compressed_parts(
         bytes: image.data.len(),
         reason,
     };
-    match image.format.as_str() {
-        "jpeg" | "jpg" => {
-            let (w, h) = match info {
-                Some(info) if info.width_px > 0 => (info.width_px, info.height_px),
-                _ => image::ImageReader::with_format(
-                    std::io::Cursor::new(&image.data),
-                    image::ImageFormat::Jpeg,
-                )
-                .into_dimensions()
-                .map_err(|e| failed(e.to_string()))?,
-            };
-            Ok((PixelFormat::Mjpg, w, h, 0, image.data, stamp))
-        }
-        "png" => {
-            // The decoder's own limit (512 MiB) keeps a forged header from exhausting memory.
-            let grey = image::load_from_memory_with_format(&image.data, image::ImageFormat::Png)
-                .map_err(|e| failed(e.to_string()))?
-                .into_luma8();
-            let (w, h) = grey.dimensions();
-            Ok((
-                PixelFormat::Grey,
-                w,
-                h,
-                w,
-                Bytes::from(grey.into_raw()),
-                stamp,
-            ))
-        }
-        other => Err(ImageError::Encoding(other.to_owned())),
-    }
+    let (format, kind) = match compression(&image.format) {
+        Some(PixelFormat::Png) => (PixelFormat::Png, image::ImageFormat::Png),
+        Some(jpeg) => (jpeg, image::ImageFormat::Jpeg),
+        None => return Err(ImageError::Encoding(image.format)),
+    };
+    let (w, h) = match info {
+        Some(info) if info.width_px > 0 => (info.width_px, info.height_px),
+        _ => image::ImageReader::with_format(std::io::Cursor::new(&image.data), kind)
+            .into_dimensions()
+            .map_err(|e| failed(e.to_string()))?,
+    };
+    Ok((format, w, h, 0, image.data, stamp))
 }
 
 fn meta_from(info: &FrameInfo, stamp_ns: u64) -> FrameMeta {
@@ -245,11 +219,9 @@ pub fn fault_name(fault: FrameFault) -> &'static str {
     }
 }
 
-/// V4L2 four-character code.
-pub fn format_name(format: PixelFormat) -> &'static str {
-    match format {
-        PixelFormat::Grey => "GREY",
-        PixelFormat::Yuyv => "YUYV",
-        PixelFormat::Mjpg => "MJPG",
-    }
+/// V4L2's four characters, without the spaces at their end.
+pub fn format_name(format: PixelFormat) -> String {
+    String::from_utf8_lossy(&format.fourcc())
+        .trim_end()
+        .to_owned()
 }

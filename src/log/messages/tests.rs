@@ -2,17 +2,18 @@
 
 use super::*;
 use bytes::Bytes;
-use hydroline_core::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
+use hydroline_core::frame::{
+    Frame, FrameFault, FrameMeta, GreyRule, LossBefore, StampClock, StampSource,
+};
 use hydroline_rigs::PixelFormat;
 use proptest::prelude::*;
 use prost::Message;
 
 fn frames() -> impl Strategy<Value = Frame> {
-    let format = prop::sample::select(vec![
-        PixelFormat::Grey,
-        PixelFormat::Yuyv,
-        PixelFormat::Mjpg,
-    ]);
+    let all: Vec<PixelFormat> = PixelFormat::of_cameras()
+        .chain([PixelFormat::Png])
+        .collect();
+    let format = prop::sample::select(all);
     let clock = prop::sample::select(vec![
         StampClock::Unknown,
         StampClock::Monotonic,
@@ -58,11 +59,7 @@ fn frames() -> impl Strategy<Value = Frame> {
         // A JPEG always has a size; 0 would mean "not told".
         width_px: shape.1.max(1),
         height_px: shape.2,
-        stride_bytes: if shape.0 == PixelFormat::Mjpg {
-            0
-        } else {
-            shape.3
-        },
+        stride_bytes: if shape.0.is_compressed() { 0 } else { shape.3 },
         data: shape.4.into(),
         meta: FrameMeta {
             sequence: stamps.0,
@@ -124,7 +121,7 @@ fn an_image_without_info_takes_the_records_word() {
     };
     let frame = frame_from(ImageMessage::Raw(raw.clone()), None, 7, 99).unwrap();
     assert_eq!((frame.meta.sequence, frame.meta.mid_exposure_ns), (7, 99));
-    assert_eq!(frame.to_grey().unwrap().pixels, [1, 2]);
+    assert_eq!(frame.to_grey(&GreyRule::default()).unwrap().pixels, [1, 2]);
     let odd = RawImage {
         encoding: "32FC1".into(),
         ..raw

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use bytes::Bytes;
-use hydroline_core::frame::{Frame, FrameError, PixelFormat};
+use hydroline_core::frame::{Frame, FrameError, GreyRule, PixelFormat};
 use hydroline_core::synthetic::{T0_NS, grey_frame};
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_log::export::{ExportOptions, export};
@@ -250,13 +250,13 @@ fn image_geometry_from_a_log_is_checked_before_it_is_used() {
         (64, 48, all),
     ] {
         for format in [PixelFormat::Grey, PixelFormat::Yuyv] {
-            let refused = of(format, w, h, stride).to_grey();
+            let refused = of(format, w, h, stride).to_grey(&GreyRule::default());
             let geometry = matches!(refused, Err(FrameError::Geometry { .. }));
             assert!(geometry, "{w} x {h}, {stride} bytes a row: {refused:?}");
         }
     }
     // Believable, but the bytes are not there: refused without taking the memory.
-    let short = of(PixelFormat::Yuyv, 32_768, 32_768, 0).to_grey();
+    let short = of(PixelFormat::Yuyv, 32_768, 32_768, 0).to_grey(&GreyRule::default());
     assert!(matches!(short, Err(FrameError::Short { .. })), "{short:?}");
 }
 
@@ -286,7 +286,7 @@ fn jpeg_bomb(sequence: u32) -> Frame {
 #[test]
 fn a_jpeg_bomb_is_a_frame_that_was_lost() {
     let bomb = jpeg_bomb(0);
-    let refused = bomb.to_grey();
+    let refused = bomb.to_grey(&GreyRule::default());
     assert!(
         matches!(refused, Err(FrameError::TooLarge { .. })),
         "{refused:?}"

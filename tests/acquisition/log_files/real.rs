@@ -167,7 +167,7 @@ fn logs_made_elsewhere_read_without_metadata() {
         match message.unwrap().record {
             Record::Frame(f) => {
                 assert_eq!((f.width_px, f.height_px), (720, 576));
-                f.to_grey().unwrap();
+                f.to_grey(&Default::default()).unwrap();
                 frames += 1;
             }
             Record::Command(_) => commands += 1,

@@ -17,7 +17,7 @@ use super::support::{T0_NS, command, frame, head, noise};
 fn record_like(path: &Path, falsify: bool) {
     let settings = WriteSettings::offline(Some(PixelFormat::Grey));
     let mut log = FileRecorder::create(path, false, head(), settings).unwrap();
-    let mut analyst = Analyst::new(ExtractorConfig::default(), None);
+    let mut analyst = Analyst::new(ExtractorConfig::default(), None, Default::default());
     // Commands are never dropped: their own count has no gap.
     for (sequence, i) in (0..9).filter(|i| ![3, 4].contains(i)).enumerate() {
         let t = T0_NS + u64::from(i) * 40_000_000;

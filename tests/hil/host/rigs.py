@@ -44,8 +44,9 @@ SERIAL = f"/dev/serial/by-id/usb-QEMU_QEMU_USB_SERIAL_{ADAPTER_SERIAL}-if00-port
 LOG = {"min_free_bytes": 16 << 20, "zstd_level": 0}
 
 
-def write(repository: Path, folder: Path, cameras: dict[str, dict]) -> None:
-    """Copies rigs/ (the data, not the code) into `folder` and adds one NAME.toml per camera, from bench-v4l.toml."""
+def write(repository: Path, folder: Path, cameras: dict[str, dict], lasers: dict[str, dict] | None = None) -> None:
+    """Copies rigs/ (the data, not the code) into `folder` and adds one NAME.toml per camera, from bench-v4l.toml,
+    with the keys of `lasers` put into its [laser]."""
     for p in (repository / "rigs").rglob("*.toml"):
         if p.name != "Cargo.toml":
             target = folder / p.relative_to(repository / "rigs")
@@ -55,6 +56,7 @@ def write(repository: Path, folder: Path, cameras: dict[str, dict]) -> None:
     for name, camera in cameras.items():
         rig = {**bench, "camera": {**bench["camera"], **camera}}
         rig["thrusters"] = {**bench["thrusters"], "link": {**bench["thrusters"]["link"], "kind": "stamped", "port": SERIAL}}
+        rig["laser"] = {**bench["laser"], **(lasers or {}).get(name, {})}
         rig["log"] = {**bench.get("log", {}), **LOG}
         if "fx_px" in rig["camera"]:
             # Another image size than the bench camera's: keep the principal point in the middle.

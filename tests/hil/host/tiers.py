@@ -1,4 +1,4 @@
-"""tiers.py [a|b|c|d|all|self]...: boots each tier's guest and judges what it brought back."""
+"""tiers.py [a|b|c|d|e|all|self]...: boots each tier's guest and judges what it brought back."""
 from __future__ import annotations
 
 import os
@@ -14,17 +14,18 @@ import tier_a  # noqa: E402
 import tier_b  # noqa: E402
 import tier_c  # noqa: E402
 import tier_d  # noqa: E402
+import tier_e  # noqa: E402
 import tier_self  # noqa: E402
 import vm  # noqa: E402
 from report import Report  # noqa: E402
 
-TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "d": tier_d, "self": tier_self}
+TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "d": tier_d, "e": tier_e, "self": tier_self}
 # A tier that failed while other work held up the guest is run again: the verdict is about the daemon, and a guest without
 # processor time loses frames before any driver sees them. One stall of a frame's length is enough for that, and far too
 # short to show in the share of a whole tier. On a machine of its own the first attempt counts.
 # On two busy processors one attempt in three loses a frame inside vivid (stalls of 30 ms): five are enough.
 ATTEMPTS, BUSY_SHARE, STALL_MS = int(os.environ.get("HYDROLINE_HIL_ATTEMPTS", "5")), 0.02, 40.0
-ALL = ["a", "b", "c", "d"]         # self judges the injectors, not the daemon
+ALL = ["a", "b", "c", "d", "e"]         # self judges the injectors, not the daemon
 
 
 class Bench:
@@ -63,7 +64,7 @@ def main(words: list[str]) -> int:
     names = ALL if not words or "all" in words else words
     unknown = [n for n in names if n not in TIERS]
     if unknown:
-        print(f"run: no tier {unknown}; there are a, b, c, d, all and self", file=sys.stderr)
+        print(f"run: no tier {unknown}; there are a, b, c, d, e, all and self", file=sys.stderr)
         return 2
     report = Report()
     for name in names:

@@ -113,6 +113,7 @@ const INPUTS: &[&str] = &[
     "export BAD --out OUTtables",
     "replay BAD --out OUTp.mcap",
     "replay LOG BAD --out OUTfolder",
+    "replay BAD --rate-hz 25 --out OUTp.mcap",
     "replay LOG --rig BAD --out OUTp.mcap",
     "replay LOG --calibration BAD --out OUTp.mcap",
     "extract BAD --csv",
@@ -182,6 +183,20 @@ const VALUES: &[(&str, &[&str])] = &[
     (
         "extract IMAGE IMAGE --annotate OUTa.png",
         &["--annotate", "one image"],
+    ),
+    ("extract IMAGE --channel infrared", &["infrared", "green"]),
+    ("extract IMAGE --bits 17", &["--bits", "8..=16"]),
+    (
+        "replay LOG --rate-hz 25 --out OUTp.mcap",
+        &["--rate-hz", "folders of images"],
+    ),
+    (
+        "replay LOG --image-topic /none --out OUTp.mcap",
+        &["good.mcap", "/none", "no images at all"],
+    ),
+    (
+        "calibrate LOG --image-topic /none --rig lshpi --board dots-50 --out OUTc.toml",
+        &["good.mcap", "/none", "no images at all"],
     ),
     ("import DATA --out OUTi.mcap", &["--map"]),
     (

@@ -158,6 +158,78 @@ fn rules_between_keys() {
 }
 
 #[test]
+fn a_colour_cameras_keys_are_held_against_its_format() {
+    let with = |edits: &[(&str, &str, Value)]| {
+        let mut table = full_rig("lshpi");
+        for (section, key, value) in edits {
+            table[*section]
+                .as_table_mut()
+                .unwrap()
+                .insert((*key).to_owned(), value.clone());
+        }
+        Rig::from_toml(&table.to_string(), "a", None)
+    };
+    let word = |text: &str| Value::String(text.to_owned());
+    let rig = with(&[
+        ("camera", "pixel_format", word("GBRG16")),
+        ("camera", "bits", Value::Integer(12)),
+        ("laser", "channel", word("green")),
+    ])
+    .unwrap();
+    let rule = rig.grey_rule();
+    assert_eq!((rule.channel, rule.bits), (crate::Channel::Green, Some(12)));
+    let again = Rig::from_toml(&rig.to_toml(), "b", None).unwrap();
+    assert_eq!(again.grey_rule(), rule);
+    assert_eq!(again.camera, rig.camera);
+    let full = with(&[
+        ("camera", "pixel_format", word("NV12")),
+        ("camera", "yuv_range", word("full")),
+    ])
+    .unwrap();
+    assert_eq!(full.grey_rule().yuv_range, crate::YuvRange::Full);
+    // A rig that says none of them is the same text as before there were any.
+    let plain = with(&[]).unwrap().to_toml();
+    for key in ["bits", "yuv_range", "channel = \"luma"] {
+        assert!(!plain.contains(key), "{key}");
+    }
+    for (edits, words) in [
+        (
+            vec![("laser", "channel", word("green"))],
+            vec!["laser.channel", "GREY", "Leave out `channel`"],
+        ),
+        (
+            vec![("laser", "channel", word("infrared"))],
+            vec!["laser.channel", "red", "luma"],
+        ),
+        (
+            vec![("camera", "bits", Value::Integer(12))],
+            vec!["camera.bits", "GREY have 8 bits"],
+        ),
+        (
+            vec![("camera", "bits", Value::Integer(17))],
+            vec!["camera.bits", "8", "16"],
+        ),
+        (
+            vec![("camera", "yuv_range", word("full"))],
+            vec!["camera.yuv_range", "only YUYV, UYVY and NV12"],
+        ),
+        (
+            vec![
+                ("camera", "pixel_format", word("NV12")),
+                ("camera", "height_px", Value::Integer(481)),
+            ],
+            vec!["camera.height_px", "481 is odd", "pairs of rows"],
+        ),
+        (
+            vec![("camera", "pixel_format", word("Y14"))],
+            vec!["camera.pixel_format", "RGGB10", "UYVY"],
+        ),
+    ] {
+        tells(&with(&edits).expect_err("refused"), &words);
+    }
+}
+
+#[test]
 fn physics_entries_keep_their_order_and_kinds() {
     let text = format!(
         "{}\n[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n\n[[physics]]\neffect = \"cubic_damping\"\nd3 = 40\ndof = \"surge\"\na_b-c = -1e-3\n",

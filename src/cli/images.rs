@@ -1,0 +1,93 @@
+//! Image files and folders of them as arguments, and how their grey levels are read.
+
+use super::CliError;
+use super::print::errln;
+use hydroline_capture::ImageFolder;
+use hydroline_capture::folder::read_image;
+use hydroline_core::frame::{
+    Channel, GreyImage, GreyRule, HiddenClipping, StillError, hidden_in_still, read_still,
+};
+use hydroline_log::image_topic;
+use std::path::{Path, PathBuf};
+
+/// How grey levels come out of images.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct GreyArgs {
+    /// What of a colour image is read: luma, or the laser's red, green or blue; default: the rig's laser.channel, else luma
+    #[arg(long, value_parser = channel, value_name = "CHANNEL")]
+    channel: Option<Channel>,
+    /// Bits that samples of 16 really have, right-aligned (8 to 16); default: the rig's camera.bits, else 16
+    #[arg(long, value_parser = clap::value_parser!(u8).range(8..=16), value_name = "N")]
+    bits: Option<u8>,
+}
+
+impl GreyArgs {
+    /// What was said, else what `rig` says.
+    pub fn over(&self, rig: GreyRule) -> GreyRule {
+        GreyRule {
+            channel: self.channel.unwrap_or(rig.channel),
+            bits: self.bits.or(rig.bits),
+            ..rig
+        }
+    }
+}
+
+fn channel(name: &str) -> Result<Channel, String> {
+    let known = Channel::ALL.iter().find(|(word, _)| *word == name);
+    known.map(|(_, channel)| *channel).ok_or_else(|| {
+        let words = Channel::ALL.map(|(word, _)| word);
+        format!("'{name}' is none of {}", words.join(", "))
+    })
+}
+
+/// A number of frames in a second.
+pub fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rate) if (1e-3..=1e4).contains(&rate) => Ok(rate),
+        _ => Err(format!(
+            "'{text}' is not a number of frames in a second from 0.001 to 10000"
+        )),
+    }
+}
+
+/// The files named, with the images of a folder in its place, in the order of their names. What else is in a folder is
+/// named on stderr.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, CliError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            let folder = ImageFolder::open(path)?;
+            if let Some(words) = folder.skipped() {
+                errln!("hydroline: {words}");
+            }
+            files.extend(folder.images);
+        } else {
+            files.push(path.clone());
+        }
+    }
+    Ok(files)
+}
+
+/// The topic of a log's images where it is not ours; says which, where nobody named it.
+pub fn topic(log: &Path, named: Option<&str>) -> Result<Option<String>, CliError> {
+    let found = image_topic(log, named)?;
+    if let (Some(topic), None) = (&found, named) {
+        errln!("hydroline: {}: images are read from {topic}", log.display());
+    }
+    Ok(found.map(|topic| topic.topic))
+}
+
+/// An image file's grey levels.
+pub fn load(path: &Path, rule: &GreyRule) -> Result<GreyImage, String> {
+    loaded(path, |bytes| read_still(bytes, rule))
+}
+
+/// Clipping that an image file's luma does not show.
+pub fn hidden(path: &Path, rule: &GreyRule) -> Result<Option<HiddenClipping>, String> {
+    loaded(path, |bytes| hidden_in_still(bytes, rule))
+}
+
+fn loaded<T>(path: &Path, of: impl Fn(&[u8]) -> Result<T, StillError>) -> Result<T, String> {
+    let bytes = read_image(path).map_err(|e| e.to_string())?;
+    of(&bytes).map_err(|e| e.to_string())
+}
