@@ -8,10 +8,9 @@ use hydroline_stripe::Profile;
 /// How long an opening is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Frames with a pose over the target that are put together, at least. One tells ln γ to 0.05–0.25.
+    /// Frames with a pose over the target that are put together. One tells ln γ to 0.05–0.25, eight to 0.02–0.1; more of
+    /// them, all from the same place at rest, go below what the model itself leaves.
     pub frames: usize,
-    /// At most, where those leave it open ([`CameraResponse::is_enough`]).
-    pub frames_max: usize,
     /// Frames looked at, at most: where fewer than three of them show the target the response stays unknown.
     pub looked_at_max: usize,
 }
@@ -20,7 +19,6 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             frames: 8,
-            frames_max: 24,
             looked_at_max: 64,
         }
     }
@@ -60,14 +58,7 @@ impl Opening {
 
     /// Whether it is over.
     pub fn is_over(&self) -> bool {
-        let Options {
-            frames,
-            frames_max,
-            looked_at_max,
-        } = self.options;
-        self.looked_at >= looked_at_max
-            || self.seen.len() >= frames_max
-            || self.seen.len() >= frames && CameraResponse::is_enough(&self.seen)
+        self.seen.len() >= self.options.frames || self.looked_at >= self.options.looked_at_max
     }
 
     /// Frames that say something of the response.

@@ -5,7 +5,9 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, RunDoubts, State, TONE};
+use super::super::photometric::{
+    ACROSS, BLACK, DOUBTS, LINE, Left, OF_RUN, RunDoubts, State, TONE,
+};
 use nalgebra::{SMatrix, SVector};
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
@@ -26,9 +28,6 @@ const LINEAR_PROBABILITY: f64 = 0.5;
 /// Where it does not, ln γ is one of these beforehand: shares and sds. Half are cameras for people, half leave light nearly as
 /// it is: sensors that bend a little, and pictures that a curve was taken off.
 const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
-/// Sd of ln γ from which on more frames of an opening add nothing: it moves x by 0.06 m per unit, a third of what a frame
-/// itself leaves open.
-const ENOUGH_SD: f64 = 0.005;
 
 /// A camera's response g = b + 255 (L/255)^γ and what the line has across it, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,22 +92,20 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 }
 
 impl CameraResponse {
-    /// The moves in which it is doubted most, an sd each: its covariance's principal axes, in units of what is thought
-    /// beforehand. `None` where it is known for certain.
+    /// The moves in which it is doubted, an sd each: first that of ln γ, which all else follows, then what is left of the black
+    /// level, and so on (Cholesky). `None` where it is known for certain.
     pub(super) fn doubts(&self) -> Option<RunDoubts> {
-        let scale = OfRun::from(PRIOR_SD);
-        let own = self
-            .covariance
-            .map_with_location(|i, j, v| v / (scale[i] * scale[j]));
-        let axes = own.symmetric_eigen();
-        let mut order: Vec<usize> = (0..OF_RUN).collect();
-        order.sort_by(|a, b| axes.eigenvalues[*b].total_cmp(&axes.eigenvalues[*a]));
-        (axes.eigenvalues[order[0]] > 0.0).then(|| {
-            RunDoubts::from_fn(|i, k| {
-                let axis = order[k];
-                scale[i] * axes.eigenvectors[(i, axis)] * axes.eigenvalues[axis].max(0.0).sqrt()
-            })
-        })
+        let mut rest = self.covariance;
+        let mut moves = RunDoubts::zeros();
+        for k in 0..DOUBTS {
+            let variance = rest[(k, k)];
+            if variance > 0.0 {
+                let column = rest.column(k) / variance.sqrt();
+                moves.set_column(k, &column);
+                rest -= column * column.transpose();
+            }
+        }
+        (moves != RunDoubts::zeros()).then_some(moves)
     }
 }
 
@@ -129,12 +126,6 @@ pub struct ResponseSeen {
 }
 
 impl CameraResponse {
-    /// Whether frames say as much as is needed.
-    pub fn is_enough(seen: &[ResponseSeen]) -> bool {
-        let known = |c: CameraResponse| c.covariance[(0, 0)] < ENOUGH_SD * ENOUGH_SD;
-        Self::of_opening(seen).is_some_and(known)
-    }
-
     /// What some frames say together; `None` where they are fewer than three.
     ///
     /// That the camera leaves light as it is is one hypothesis, with half of the probability beforehand; that it has a power

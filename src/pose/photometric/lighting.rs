@@ -12,7 +12,7 @@
 //! derivatives by the coefficients, up to a factor: pixels add up nine parameters, and a cell's sums are turned into those
 //! of all once.
 
-use super::{BACKGROUND, BRIGHTNESS, Column, LOCAL, PARAMETERS, Square, State};
+use super::{BACKGROUND, BRIGHTNESS, Column, LOCAL, PARAMETERS, State};
 
 /// Coefficients of the brightness: P₁…P₄ of the column, the row, and the row times the column. A lens' cos⁴ and a line dimmer
 /// at its ends need the fourth along the line; target and floor lie some tens of rows apart.
@@ -57,6 +57,9 @@ pub(crate) fn line_range(state: &State) -> [[f64; 2]; 2] {
         ranges
     })
 }
+
+/// The lower triangle of the information by all parameters, by rows.
+pub(super) type Lower = [[f64; PARAMETERS]; PARAMETERS];
 
 /// Some columns of one level of the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,27 +120,49 @@ impl Cell {
         state: &State,
         used: usize,
         (information, gradient): (&[[f64; LOCAL]; LOCAL], &[f64; LOCAL]),
-        all: (&mut Square, &mut Column),
+        (all, right): (&mut Lower, &mut Column),
     ) {
-        // Of each parameter that is: which of those of a pixel it moves, and by how much.
-        let mut moves = [(0, 0, 0.0); PARAMETERS];
-        let places = (0..used).chain(LOCAL..PARAMETERS);
-        let mut count = 0;
-        for (k, to) in places.zip(&mut moves) {
-            *to = match k {
-                BRIGHTNESS => (k, BRIGHTNESS, self.of_gain(state)),
-                _ if k < LOCAL => (k, k, 1.0),
-                _ if k < LOCAL + GAINS => (k, BRIGHTNESS, state.brightness * self.basis[k - LOCAL]),
-                _ => (k, BACKGROUND, self.basis[k - LOCAL]),
-            };
-            count += 1;
-        }
-        for (n, &(a, i, by)) in moves[..count].iter().enumerate() {
-            all.1[a] += by * gradient[i];
-            for &(b, j, with) in &moves[..=n] {
-                // The lower triangle holds all.
-                all.0[(a, b)] += by * with * information[i.max(j)][i.min(j)];
+        let of_gain = self.of_gain(state);
+        let scaled = |k: usize| if k == BRIGHTNESS { of_gain } else { 1.0 };
+        // Of brightness and background: their products with each of the pixels' own.
+        let rows = [BRIGHTNESS, BACKGROUND].map(|of| {
+            let mut row = [0.0; LOCAL];
+            for (k, to) in row.iter_mut().enumerate().take(used) {
+                *to = scaled(k) * information[k.max(of)][k.min(of)];
             }
+            row
+        });
+        for (a, (own, to)) in information
+            .iter()
+            .zip(all.iter_mut())
+            .enumerate()
+            .take(used)
+        {
+            let by = scaled(a);
+            for (sum, of) in to.iter_mut().zip(&own[..=a]) {
+                *sum += by * of;
+            }
+            if a >= BRIGHTNESS {
+                to[BRIGHTNESS] += by * (of_gain - 1.0) * own[BRIGHTNESS];
+            }
+            right[a] += by * gradient[a];
+        }
+        // Coefficients move one of the two, by so much.
+        let moves: [(usize, f64); UNEVEN] = std::array::from_fn(|k| match k {
+            _ if k < GAINS => (0, state.brightness * self.basis[k]),
+            _ => (1, self.basis[k]),
+        });
+        for (n, &(of, by)) in moves.iter().enumerate() {
+            let to = &mut all[LOCAL + n];
+            for (sum, own) in to.iter_mut().zip(&rows[of]).take(used) {
+                *sum += by * own;
+            }
+            let pixels = [BRIGHTNESS, BACKGROUND];
+            for (sum, &(with, times)) in to[LOCAL..].iter_mut().zip(&moves[..=n]) {
+                let (i, j) = (pixels[of], pixels[with]);
+                *sum += by * times * information[i.max(j)][i.min(j)];
+            }
+            right[LOCAL + n] += by * gradient[pixels[of]];
         }
     }
 

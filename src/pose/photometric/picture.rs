@@ -213,7 +213,7 @@ impl Away {
             differ(&mut seen.iter().zip(counts).filter_map(with_sd))
         };
         let even = vec![0.0; image.height_px];
-        let mut rows = flickering(self.rows_and_columns(image, by_columns));
+        let mut rows = flickering(self.rows_and_columns(image, by_columns, by_rows));
         let mut lamps = None;
         // What lamps light and what flickers are told apart by turns: the one is smooth, the other the same along a row.
         for _ in 0..ROUNDS {
@@ -223,7 +223,7 @@ impl Away {
                 break;
             }
             let smooth = smooth_over(&seen, &counts, across)?;
-            rows = flickering(self.rows(image, &smooth, by_columns));
+            rows = flickering(self.rows(image, &smooth, by_columns, by_rows));
             lamps = Some((smooth, seen, across, counts));
         }
         let across = image.width_px.div_ceil(BLOCK_PX);
@@ -257,6 +257,7 @@ impl Away {
         &self,
         image: &GreyImage,
         by_columns: usize,
+        by_rows: usize,
     ) -> (Vec<Option<f64>>, Vec<f64>) {
         let width = image.width_px;
         let most = FLICKER_MOST + WITHIN_SDS * self.noise_sd;
@@ -264,7 +265,8 @@ impl Away {
         let (mut rows, mut sd) = (vec![None; image.height_px], vec![0.0; image.height_px]);
         for _ in 0..ROUNDS {
             let mut of_columns = vec![(0.0, 0.0); width];
-            for (k, line) in image.pixels.chunks_exact(width.max(1)).enumerate() {
+            let lines = image.pixels.chunks_exact(width.max(1)).enumerate();
+            for (k, line) in lines.step_by(by_rows) {
                 let row_by = rows[k].unwrap_or(0.0);
                 let (mut sum, mut n) = (0.0, 0.0);
                 for column in (0..width).step_by(by_columns) {
@@ -291,6 +293,7 @@ impl Away {
         image: &GreyImage,
         lamps: &[f64],
         by_columns: usize,
+        by_rows: usize,
     ) -> (Vec<Option<f64>>, Vec<f64>) {
         let width = image.width_px;
         let most = FLICKER_MOST + WITHIN_SDS * self.noise_sd;
@@ -301,6 +304,9 @@ impl Away {
             blocks_sd: BLOCKS_SD,
         };
         let row = |(k, line): (usize, &[u8])| {
+            if k % by_rows != 0 {
+                return (None, 0.0);
+            }
             let (mut sum, mut n) = (0.0, 0.0);
             for (column, grey) in line.iter().enumerate().step_by(by_columns) {
                 if self.holds(k, column) {

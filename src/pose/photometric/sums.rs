@@ -4,12 +4,13 @@ use super::across::{ACROSS, Left};
 pub(super) use super::doubts::Torn;
 use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
-use super::lighting::Cell;
+use super::lighting::{Cell, Lower};
 use super::picture::Uneven;
 use super::plan::Strip;
 use super::response::{Bends, Response};
 use super::{
-    BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, Square, State, THICKNESS, TONE,
+    BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, Square, State,
+    THICKNESS, TONE,
 };
 use crate::normal::Tables;
 use nalgebra::SMatrix;
@@ -75,8 +76,9 @@ pub(crate) struct Weighting {
     pub curve: Curve,
 }
 
-/// Directions in which what is the run's is doubted: that of the curve, which the line's terms follow, and two more.
-pub(crate) const DOUBTS: usize = 3;
+/// Directions in which what is the run's is doubted: that of the curve, which all else follows, the black level, and what is
+/// left of the line's first four terms.
+pub(crate) const DOUBTS: usize = 6;
 /// Moves of what is the run's, an sd each.
 pub(crate) type RunDoubts = SMatrix<f64, OF_RUN, DOUBTS>;
 
@@ -170,6 +172,8 @@ pub(super) struct Counter<'a> {
     /// 1 / noise².
     of_variance: f64,
     pub sums: Sums,
+    /// By all parameters, the lower triangle.
+    lower: Box<Lower>,
     waiting: Lanes<LOCAL>,
     state: &'a State,
     /// Where the pixels at hand are.
@@ -205,6 +209,7 @@ impl<'a> Counter<'a> {
             near: 4.0 * weighting.noise_sd,
             of_variance: 1.0 / (weighting.noise_sd * weighting.noise_sd),
             sums: Sums::default(),
+            lower: Box::new([[0.0; PARAMETERS]; PARAMETERS]),
             waiting: Lanes::new(),
             state,
             cell: None,
@@ -286,7 +291,7 @@ impl<'a> Counter<'a> {
         self.empty();
         if let Some(cell) = self.cell.take() {
             self.leave_dark_open();
-            let all = (&mut self.sums.information, &mut self.sums.gradient);
+            let all = (&mut *self.lower, &mut self.sums.gradient);
             cell.spread(
                 self.state,
                 self.used,
@@ -518,9 +523,9 @@ impl<'a> Counter<'a> {
 
     pub fn done(mut self) -> Sums {
         self.leave();
-        let lower = self.sums.information;
+        let lower = &self.lower;
         Sums {
-            information: Square::from_fn(|a, b| lower[(a.max(b), a.min(b))]),
+            information: Square::from_fn(|a, b| lower[a.max(b)][a.min(b)]),
             edges: EdgesSeen {
                 edges: self.edges,
                 grid_share: self.grid_share,

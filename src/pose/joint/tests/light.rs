@@ -208,19 +208,13 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
         let clean = lines.render(&line, &rest);
         let open = fitter.with_response_open();
         let options = crate::opening::Options::default();
-        let mut said: Vec<ResponseSeen> = Vec::new();
-        for looked_at in 0..options.frames_max {
-            if looked_at >= options.frames && CameraResponse::is_enough(&said) {
-                break;
-            }
-            let image = seen(&clean, &mut rng);
-            let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
-            said.extend(
-                fit.ok()
-                    .filter(|fit| !fit.doubtful())
-                    .and_then(|f| f.response),
-            );
-        }
+        let said: Vec<ResponseSeen> = (0..options.frames)
+            .filter_map(|_| {
+                let image = seen(&clean, &mut rng);
+                let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
+                fit.ok().filter(|fit| !fit.doubtful())?.response
+            })
+            .collect();
         if only.is_some() {
             println!("{light:?} {line:?}");
             for s in &said {
@@ -238,7 +232,14 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
         let left = said
             .iter()
             .fold(photometric::Left::default(), |l, f| l.and(&f.left));
-        println!("{k}: left {:.2}, tone {:.3} (sd {:.4}) of {} frames, is {:.3}", left.in_noise(), response.mean[0], response.covariance[(0, 0)].sqrt(), said.len(), light.tone);
+        println!(
+            "{k}: left {:.2}, tone {:.3} (sd {:.4}) of {} frames, is {:.3}",
+            left.in_noise(),
+            response.mean[0],
+            response.covariance[(0, 0)].sqrt(),
+            said.len(),
+            light.tone
+        );
 
         if only.is_some() {
             println!(
@@ -340,7 +341,14 @@ fn no_pose_is_wrong_under_a_rooms_light() {
 #[test]
 #[ignore = "300 runs take minutes"]
 fn no_pose_is_wrong_under_300_lights() {
-    let (given, wrong) = judge(std::env::var("RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(301), 0x0051_1e57, false);
+    let (given, wrong) = judge(
+        std::env::var("RUNS")
+            .ok()
+            .and_then(|v| v.parse().ok())
+            .unwrap_or(301),
+        0x0051_1e57,
+        false,
+    );
     println!(
         "{given} of 602 frames have a pose, {} are off by more than 4.5 sd",
         wrong.len()
