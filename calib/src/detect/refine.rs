@@ -443,10 +443,6 @@ impl Refiner<'_> {
             let Some(lines) = local.lines(p[2] - shift[0], p[3] - shift[1]) else {
                 return true;
             };
-            let lines = match &self.tone {
-                Some(tone) => lines.map(|v| tone.shown(v, local.range(), theta[3] > 0.0).0),
-                None => lines,
-            };
             let row = nalgebra::Vector2::from(lines);
             let rest = p[4] - theta[0] - theta[1] * p[0] - theta[2] * p[1];
             normal_matrix += row * row.transpose();
