@@ -62,7 +62,9 @@ impl Ends<'_> {
         let margin = self.board.margin_m / self.board.pitch_m;
         let step = STEP * self.contrast;
         let places = self.seen[1 - axis].saturating_sub(1);
-        let shown = (0..places).filter(|&k| {
+        let mut beyond = Vec::with_capacity(places as usize);
+        let mut shown = 0;
+        for k in 0..places {
             let grey = |beyond: f64| {
                 let [c, r] = self.at(axis, last + beyond * out, f64::from(k) + 0.5)?;
                 Some(f64::from(self.image.sample(c, r)))
@@ -72,12 +74,19 @@ impl Ends<'_> {
                 grey(margin - BESIDE),
                 grey(margin + BESIDE),
             ) else {
-                return false;
+                continue;
             };
-            (inside - face).abs() < step && (outside - inside).abs() > step
-        });
-        // A chessboard's dark squares may be as dark as what is behind it.
-        shown.count() * 5 > places as usize * 2
+            beyond.push(outside);
+            shown += u32::from((inside - face).abs() < step && (outside - inside).abs() > step);
+        }
+        beyond.sort_by(f64::total_cmp);
+        let Some(middle) = beyond.get(beyond.len() / 2) else {
+            return false;
+        };
+        // A chessboard's squares alternate: after another row of them light and dark are found.
+        let alike = beyond.iter().filter(|v| (*v - middle).abs() < step).count();
+        // And its dark squares may be as dark as what is behind it.
+        shown * 5 > places * 2 && alike * 10 >= places as usize * 7
     }
 
     /// Whether the board's edges are seen at both ends.

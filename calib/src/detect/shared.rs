@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 
+use hydroline_rigs::BoardPattern;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::lattice::Index;
@@ -38,6 +39,11 @@ pub(super) type Known = HashMap<Index, Option<Refined>>;
 /// Finds the curve that these nodes show and sets it, with the blur that goes with it: nothing is
 /// changed where there is no curve that matters. Answers with the fits of these nodes.
 pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
+    // A line thinner than its blur never shows its dark level: width, contrast, blur and curve look
+    // alike there, and crossings are symmetric without any of them.
+    if matches!(refiner.board.pattern, BoardPattern::Lines { .. }) {
+        return known(places, &settle(refiner, places));
+    }
     let blur_px = refiner.blur_px;
     let mut log = Vector3::new(0.0, USUAL_EPSILON.ln(), blur_px.ln());
     let mut straight_fits = None;
