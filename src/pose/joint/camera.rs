@@ -8,7 +8,7 @@
 use super::super::photometric::{
     ACROSS, BLACK, DOUBTS, LINE, Left, OF_RUN, RunDoubts, State, TONE,
 };
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
@@ -128,8 +128,9 @@ pub struct ResponseSeen {
 impl CameraResponse {
     /// What some frames say together; `None` where they are fewer than three.
     ///
-    /// That the camera leaves light as it is is one hypothesis, with half of the probability beforehand; that it has a power
-    /// and a black level is the other. Each has its evidence, and what comes out is the mean and covariance of the two.
+    /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with half of the
+    /// probability beforehand. The four that they make up have their evidence (Savage and Dickey: how likely the values of a
+    /// simpler one were beforehand over how likely they are now), and what comes out is the mean and covariance of all.
     pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
@@ -141,33 +142,85 @@ impl CameraResponse {
             .iter()
             .fold(Left::default(), |left, frame| left.and(&frame.left));
         let times = scatter(seen, at_first).max(left.in_noise());
-        let (mean, covariance) = pooled(seen, times)?;
-        // Evidence of a curve over that of none, where the black level is one with the background and tells nothing: how likely
-        // ln γ is to be found where it is.
-        let tone2 = covariance[(0, 0)];
-        let density = |sd2: f64| (-0.5 * mean[0] * mean[0] / sd2).exp() / sd2.sqrt();
-        let of_none = density(tone2).max(f64::MIN_POSITIVE);
-        let of_curve = CURVES
+        let all = pooled(seen, times)?;
+        let found: Vec<Simpler> = [[false, false], [true, false], [false, true], [true, true]]
+            .into_iter()
+            .filter_map(|[straight, gaussian]| Simpler::of(&all, straight, gaussian))
+            .collect();
+        let best = found
             .iter()
-            .map(|[share, sd]| share * density(tone2 + sd * sd))
-            .sum::<f64>();
-        let beforehand = (1.0 - LINEAR_PROBABILITY) / LINEAR_PROBABILITY;
-        let odds = beforehand * of_curve / of_none;
-        let curve = odds.min(1e9) / (1.0 + odds.min(1e9));
-        // Where there is none, the line is what goes with that: what is known given ln γ = 0. The black level is none then.
-        let with_tone = covariance.column(0) / tone2;
-        let mut straight = mean - with_tone * mean[0];
-        let mut of_straight = covariance - with_tone * covariance.row(0);
-        straight[1] = 0.0;
-        of_straight.row_mut(1).fill(0.0);
-        of_straight.column_mut(1).fill(0.0);
-        let apart = mean - straight;
-        Some(CameraResponse {
-            mean: straight + apart * curve,
-            covariance: covariance * curve
-                + of_straight * (1.0 - curve)
-                + apart * apart.transpose() * (curve * (1.0 - curve)),
-        })
+            .map(|h| h.ln_evidence)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let weight = |h: &Simpler| (h.ln_evidence - best).exp();
+        let sum: f64 = found.iter().map(weight).sum();
+        let mean = found
+            .iter()
+            .fold(OfRun::zeros(), |mean, h| mean + h.mean * (weight(h) / sum));
+        let covariance = found.iter().fold(OfRun2::zeros(), |covariance, h| {
+            let apart = h.mean - mean;
+            covariance + (h.covariance + apart * apart.transpose()) * (weight(h) / sum)
+        });
+        Some(CameraResponse { mean, covariance })
+    }
+}
+
+/// What is known under a hypothesis by which some of it is zero.
+struct Simpler {
+    mean: OfRun,
+    covariance: OfRun2,
+    /// Of its probability, over that of the one by which nothing is.
+    ln_evidence: f64,
+}
+
+impl Simpler {
+    fn of((mean, covariance): &(OfRun, OfRun2), straight: bool, gaussian: bool) -> Option<Simpler> {
+        let zero: Vec<usize> = (0..OF_RUN)
+            .filter(|k| {
+                if *k < 2 {
+                    *k == 0 && straight
+                } else {
+                    gaussian
+                }
+            })
+            .collect();
+        let among = |of: &dyn Fn(usize, usize) -> f64| {
+            DMatrix::from_fn(zero.len(), zero.len(), |i, j| of(zero[i], zero[j]))
+        };
+        let own = among(&|i, j| covariance[(i, j)]).cholesky()?;
+        let off = DVector::from_fn(zero.len(), |i, _| mean[zero[i]]);
+        let with = DMatrix::from_fn(OF_RUN, zero.len(), |i, j| covariance[(i, zero[j])]);
+        let inverse = own.inverse();
+        let gains = &with * &inverse;
+        let mut found = Simpler {
+            mean: mean - OfRun::from_iterator((&gains * &off).iter().copied()),
+            covariance: covariance
+                - OfRun2::from_iterator((&gains * with.transpose()).iter().copied()),
+            ln_evidence: -0.5 * (off.transpose() * &inverse * &off)[0]
+                - own.l().diagonal().iter().map(|l| l.ln()).sum::<f64>(),
+        };
+        for &k in &zero {
+            // How wide the prior is, where a normal one of an sd has 1/sd at zero.
+            found.ln_evidence -= match k {
+                0 => CURVES
+                    .iter()
+                    .map(|[share, sd]| share / sd)
+                    .sum::<f64>()
+                    .ln(),
+                _ => -PRIOR_SD[k].ln(),
+            };
+            found.put_to_zero(k);
+        }
+        if straight {
+            // The black level is one with the background.
+            found.put_to_zero(1);
+        }
+        Some(found)
+    }
+
+    fn put_to_zero(&mut self, k: usize) {
+        self.mean[k] = 0.0;
+        self.covariance.row_mut(k).fill(0.0);
+        self.covariance.column_mut(k).fill(0.0);
     }
 }
 
@@ -243,6 +296,6 @@ mod tests {
         // So near to none they are not believed to show a curve at all.
         let near = frames(&[-0.03, 0.008, -0.007, -0.018, -0.03], 0.006, 3.0);
         let found = CameraResponse::of_opening(&near).unwrap();
-        assert!(found.mean[0].abs() < 0.2 * 0.0154, "{found:?}");
+        assert!(found.mean[0].abs() < 0.5 * 0.0154, "{found:?}");
     }
 }
