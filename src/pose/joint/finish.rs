@@ -1,8 +1,8 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, Weighting,
-    light_per_grey,
+    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums,
+    Weighting, light_per_grey,
 };
 use super::settle::{lit_noise, sane};
 use super::solve::{covariances, response_seen};
@@ -19,6 +19,9 @@ const ITERATIONS: usize = 14;
 /// left straight: at an approach, and at the end.
 const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
 const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
+/// Where more of the columns than this are clipped at their peak, the flanks that are left are fitted by a Gaussian: what of the
+/// line they show follows from there.
+const CLIPPED_LINE: f64 = 0.3;
 /// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
 const PLANS: usize = 4;
 /// The same where the camera's curve is sought too.
@@ -64,6 +67,11 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         mut caveats: Vec<PoseCaveat>,
     ) -> Result<JointPose, PoseFault> {
+        let all_free = free;
+        let mut free = free;
+        if picture.clipped_share > CLIPPED_LINE {
+            free[LINE..LOCAL].fill(false);
+        }
         let doubts = self.camera.and_then(|held| held.doubts());
         let [curve, curve_at_last] = match (self.camera, doubts) {
             (None, _) => [Curve::Sought; 2],
@@ -123,7 +131,7 @@ impl PoseFitter {
         let [alone, covariance_with_thickness] =
             covariances(&sums, &free, doubts.is_some()).ok_or(PoseFault::Unsettled)?;
         let response = match self.camera {
-            None => self.response_seen(model, picture, &state, &weighting, &free),
+            None => self.response_seen(model, picture, &state, &weighting, &all_free),
             Some(_) => None,
         };
         let mut measured = [false; 6];
