@@ -31,6 +31,8 @@ const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
 /// A longer stride, and the eighth difference for it.
 const LONG_STRIDE: usize = 24;
 const LONG_WEIGHTS: [f64; 9] = [1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0];
+/// Rows from one column to the next that no stripe climbs.
+const STEEP_ROWS: f64 = 3.0;
 /// Fewest differences that tell: 1 in 8 is independent, which gives the scale to a fifth.
 const MIN_DIFFERENCES: usize = 80;
 /// Differences beyond so many times the middle one are particles and ends of things.
@@ -103,20 +105,37 @@ fn over_sd(points: &[StripePoint]) -> Option<f64> {
     short.into_iter().chain(long).reduce(f64::max)
 }
 
+/// Whether a smooth course goes on from a point to the next: not at steps, and not where a path leads from one thing to
+/// another.
+fn goes_on(a: &StripePoint, b: &StripePoint) -> bool {
+    let sound = |p: &StripePoint| p.quality & quality::NEAR_STEP == 0;
+    sound(a)
+        && sound(b)
+        && b.column_px - a.column_px == 1.0
+        && (b.row_px - a.row_px).abs() < STEEP_ROWS
+}
+
 fn over_sd_at<const N: usize>(
     points: &[StripePoint],
     stride: usize,
     weights: &[f64; N],
 ) -> Option<f64> {
-    let sound = |p: &StripePoint| p.quality & quality::NEAR_STEP == 0;
     let span = (N - 1) * stride;
+    // Points after which the course breaks off, up to each.
+    if points.len() <= span {
+        return None;
+    }
+    let mut broken = 0u32;
+    let mut breaks = vec![0u32; points.len()];
+    for ((a, b), sum) in points.iter().zip(&points[1..]).zip(&mut breaks[1..]) {
+        broken += u32::from(!goes_on(a, b));
+        *sum = broken;
+    }
     let mut squares: Vec<f64> = points
         .windows(span + 1)
-        .filter(|run| {
-            let (first, last) = (run[0].column_px, run[span].column_px);
-            last - first == span as f64 && run.iter().step_by(stride).all(sound)
-        })
-        .map(|run| {
+        .zip(breaks.windows(span + 1))
+        .filter(|(_, breaks)| breaks[0] == breaks[span])
+        .map(|(run, _)| {
             let (mut sum, mut variance) = (0.0, 0.0);
             for (p, w) in run.iter().step_by(stride).zip(weights) {
                 sum += w * p.row_px;

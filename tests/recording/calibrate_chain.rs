@@ -407,7 +407,7 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
             ),
             "360 x 288 px",
         ),
-        (dir.path().join("text.png"), "PNG and JPEG"),
+        (dir.path().join("text.png"), "PNG (8 or 16 bit) and JPEG"),
     ];
     let calibrate = |out: &str, images: &[&Path]| {
         let out = dir.path().join(out);

@@ -8,6 +8,7 @@ use hydroline::frame::{
 };
 use hydroline::log::messages::pb::StripeProfile;
 use hydroline::log::{Entry, FileRecorder, Head, LogReader, Record, SummaryInput, WriteSettings};
+use hydroline::stripe::quality;
 use hydroline_rigs::Rig;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -136,10 +137,11 @@ fn profiles(log: &Path) -> Vec<StripeProfile> {
 
 /// Mean and largest difference of two stripes' rows where both have a point; the columns are nearly all of them.
 fn difference_px(a: &StripeProfile, b: &StripeProfile) -> (f64, f64) {
+    // Beside steps a row is that of a stripe cut in part, by what of it each format shows.
     let rows = |p: &StripeProfile| -> BTreeMap<i64, f64> {
-        let columns = p.column_px.iter().map(|c| c.round() as i64);
-        columns
-            .zip(p.row_px.iter().map(|r| f64::from(*r)))
+        (0..p.row_px.len())
+            .filter(|k| p.quality[*k] & quality::NEAR_STEP == 0)
+            .map(|k| (p.column_px[k].round() as i64, f64::from(p.row_px[k])))
             .collect()
     };
     let (a, b) = (rows(a), rows(b));

@@ -160,6 +160,8 @@ impl CameraResponse {
             let apart = h.mean - mean;
             covariance + (h.covariance + apart * apart.transpose()) * (weight(h) / sum)
         });
+        // Its lower triangle is what a log keeps: replays are to have the same bits.
+        let covariance = OfRun2::from_fn(|i, j| covariance[(i.max(j), i.min(j))]);
         Some(CameraResponse { mean, covariance })
     }
 }
