@@ -31,7 +31,7 @@ Examples:
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
-  hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml    # a folder of images
+  hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml
 
 Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
 image or log; 3 done, but some of the given images were refused.")]

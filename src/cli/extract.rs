@@ -16,7 +16,7 @@ Examples:
   hydroline extract frame.png
   hydroline extract frame.png --csv > stripe.csv
   hydroline extract frame.png --annotate stripe.png
-  hydroline extract frames/ --csv --channel green    # every image of a folder, by the laser's colour
+  hydroline extract frames/ --csv --channel green    # all of a folder, by the laser's colour
 
 Exit codes: 0 done; 2 bad arguments, an image that is not there, or none that is one; 3 done, but some of the given \
 files are no images.")]
@@ -49,7 +49,9 @@ pub struct Args {
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum LineOrientation {
+    /// Along the image's rows: one point per column
     Horizontal,
+    /// Along the image's columns: one point per row
     Vertical,
 }
 

@@ -6,7 +6,8 @@
 //!
 //! with Hermite's polynomials: blur turns such a line into another one of the same kind, of which each term has faded by κⁿ.
 //! The first and second terms are the line's place and thickness. Four terms hold lines with a flat top, wings or a side
-//! lobe to a hundredth of their peak, where the Gaussian is off by 2 to 13. The cₙ are the laser's, the same in all frames
+//! lobe to a hundredth of their peak, where the Gaussian is off by 2 to 13; a camera's curve takes up that hundredth and is
+//! then off by many of its sds, so that there are eight. The cₙ are the laser's, the same in all frames
 //! of a run. Where an edge cuts the line inside one point spread the tilt of what is left of it is the Gaussian's.
 
 /// Terms.
