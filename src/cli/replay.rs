@@ -30,7 +30,7 @@ Examples:
   hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
   hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
   hydroline replay frames/ --rate-hz 25 --rig my.toml --out poses.mcap    # a folder of images
-  hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap    # of ROS 2 or Foxglove
+  hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \

@@ -27,7 +27,7 @@ pub type Uneven = [f64; UNEVEN];
 /// One of v, as a share of the image's height.
 const ROWS_SHARE: f64 = 0.125;
 /// Columns of a cell \[px\]: brightness that falls by a tenth towards the ends changes by half a hundredth within it.
-const CELL_PX: usize = 12;
+pub(super) const CELL_PX: usize = 12;
 
 /// What is thought of them beforehand: none, with these standard deviations. A half of the line's brightness is more than
 /// any lens takes; of thirty grey levels of background a frame tells to a hundredth.

@@ -2,6 +2,7 @@
 
 use super::Response;
 use super::flicker::{self, Rows};
+use super::lighting::CELL_PX;
 use crate::segments::background_level;
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::{Profile, StripePoint};
@@ -64,7 +65,10 @@ impl Uneven {
     /// Sd of what is told of a row where blocks and rows are told apart \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
-        rows.hypot(self.blocks_sd)
+        // A row is off by the same all along it, and each cell's dark is eliminated by itself: so many of them, each with this
+        // sd, are together off by the row's.
+        let cells = (self.across * BLOCK_PX) as f64 / CELL_PX as f64;
+        (rows * cells.sqrt()).hypot(self.blocks_sd)
     }
 
     /// At rows of a column, the rows' own left out: in the first of them, and what it gains per row.
