@@ -6,6 +6,8 @@ from pathlib import Path
 
 from .cases import STAGES
 
+# Of the checkout: what is committed names its files from here.
+ROOT = Path(__file__).resolve().parents[3]
 # A file of the repository is to stay small [bytes].
 LARGEST = 1_000_000
 
@@ -18,6 +20,6 @@ def write(result: dict, commit: str, path: Path) -> int:
     binary = {"version": f"{result['binary']['version']}, {commit}", "sha256": result["binary"]["sha256"]}
     parts = [f'"binary": {json.dumps(binary)}']
     parts += [f'"{key}": {{\n{lines(result[key])}\n}}' for key in ("inputs", *STAGES)]
-    text = "{\n" + ",\n".join(parts) + "\n}\n"
+    text = ("{\n" + ",\n".join(parts) + "\n}\n").replace(f"{ROOT}/", "")
     path.write_text(text)
     return len(text)
