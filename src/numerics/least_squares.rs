@@ -82,6 +82,12 @@ where
         true
     }
 
+    /// The squared decrement that [`Options::decrement_enough`] is held against, where the problem knows better than gᵀH⁻¹g: in
+    /// unknowns in which it is linear a step of any length leaves nothing.
+    fn left(&self, _normal: &Normal<D>) -> Option<f64> {
+        None
+    }
+
     /// Whether a step just accepted is so short that the point counts as the minimum.
     fn negligible(&self, _from: &Self::Point, _to: &Self::Point, _step: &OVector<f64, D>) -> bool {
         false
@@ -299,7 +305,7 @@ impl<'a> Search<'a> {
                 return Tried::Lower(next, step, f64::INFINITY);
             }
             if options.decrement_enough > 0.0 {
-                match left() {
+                match problem.left(normal).or_else(&mut left) {
                     None => return Tried::Nothing(Ended::Singular),
                     Some(left) if left < options.decrement_enough => return Tried::Last(next),
                     Some(_) => {}

@@ -8,7 +8,7 @@ use super::outline::{Edge, Outline, Surfaces, Top};
 use super::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 pub(crate) mod assigned;
 
@@ -55,6 +55,17 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     }
     let start = level_pose(levels, mounts, 0.0);
     let middle_xi_m = 0.5 * (steps[0].0.xi_m + steps[steps.len() - 1].0.xi_m);
+    // ψ = 0 turns what is seen of each step once for all starts: ψ only turns it on about the vertical.
+    let level = start.body_to_tank_rotation();
+    let arm = |s: &Step| level * hydroline_calib::frames::plane_to_body(mounts, s.xi_m, s.eta_m);
+    let steps: Vec<Seen<'_>> = steps
+        .iter()
+        .map(|(step, top)| Seen {
+            arm: arm(step).xy(),
+            to_starboard: step.to_starboard,
+            outline: &top.outline,
+        })
+        .collect();
     let [first_m, last_m] = surfaces.span_m;
     let count = ((last_m - first_m) / GRID_X_M).ceil().clamp(1.0, 400.0) as usize;
     let (mut found, mut refused): (Vec<Guess>, Vec<Guess>) = (Vec::new(), Vec::new());
@@ -73,7 +84,7 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 let mut both = found.iter().chain(&refused);
                 both.any(|g| joined(&g.pose, p))
             };
-            let Some(guess) = settle(pose, &steps, mounts, known) else {
+            let Some(guess) = settle(pose, &steps, known) else {
                 continue;
             };
             if guess.rms_m > MATCH_RMS_M {
@@ -98,6 +109,13 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     found
 }
 
+/// A step as a start with ψ = 0 sees it: the way to it from the CG over the ground, and the top that ends there.
+struct Seen<'a> {
+    arm: Vector2<f64>,
+    to_starboard: bool,
+    outline: &'a Outline,
+}
+
 /// The steps with the tops that end there.
 fn steps_on_tops<'a>(levels: &'a Levels, surfaces: &'a Surfaces) -> Vec<(&'a Step, &'a Top)> {
     let tops = &surfaces.tops;
@@ -118,34 +136,30 @@ fn joined(a: &Pose, b: &Pose) -> bool {
 
 /// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
 /// ends on the right side. `None` where there is no such place, or a `known` one.
-fn settle(
-    mut pose: Pose,
-    steps: &[(&Step, &Top)],
-    mounts: &Mounts,
-    known: impl Fn(&Pose) -> bool,
-) -> Option<Guess> {
+fn settle(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
     // Of each step the edge that it was last given to.
     let mut given = [None; STEPS_REMEMBERED];
     for _ in 0..8 {
-        let rotation = pose.body_to_tank_rotation();
         // To starboard of a step the top ends: the inward normal looks to port, −Y turned by ψ.
         let (sin, cos) = pose.psi_rad.sin_cos();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
         let mut sum = 0.0;
-        for (i, (measured, top)) in steps.iter().enumerate() {
-            let arm = rotation
-                * hydroline_calib::frames::plane_to_body(mounts, measured.xi_m, measured.eta_m);
+        for (i, step) in steps.iter().enumerate() {
+            let arm = Vector2::new(
+                cos * step.arm.x - sin * step.arm.y,
+                sin * step.arm.x + cos * step.arm.y,
+            );
             let p = [pose.x_m + arm.x, pose.y_m + arm.y];
-            let sign = if measured.to_starboard { 1.0 } else { -1.0 };
+            let sign = if step.to_starboard { 1.0 } else { -1.0 };
             let last = given.get(i).copied().flatten();
             let side = [sign * sin, -sign * cos];
-            let (square, k) = nearest_facing(&top.outline, p, side, last)?;
+            let (square, k) = nearest_facing(step.outline, p, side, last)?;
             if let Some(given) = given.get_mut(i) {
                 *given = Some(k);
             }
-            let edge = &top.outline.edges[k];
+            let edge = &step.outline.edges[k];
             let d = edge.inside_m(p);
             let [nx, ny] = edge.inward;
             let j = Vector3::new(nx, ny, -nx * arm.y + ny * arm.x);
@@ -181,35 +195,35 @@ fn nearest_facing(
     before: Option<usize>,
 ) -> Option<(f64, usize)> {
     let faces = |e: &Edge| side[0] * e.inward[0] + side[1] * e.inward[1] > 0.1;
-    let mut best = before
+    let (mut least, mut first) = before
         .and_then(|k| outline.edges.get(k).map(|e| (k, e)))
         .filter(|(_, e)| faces(e))
-        .map(|(k, e)| (e.distance2_m2(p), k));
-    let mut reach_m = best.map_or(f64::INFINITY, |(square, _)| square.sqrt());
+        .map_or((f64::INFINITY, usize::MAX), |(k, e)| (e.distance2_m2(p), k));
+    let mut reach_m = least.sqrt();
     for (k, e) in outline.edges.iter().enumerate() {
         let [low, high] = e.x_range_m;
         if low > p[0] + reach_m || high < p[0] - reach_m || !faces(e) {
             continue;
         }
         let square = e.distance2_m2(p);
-        let (least, first) = best.unwrap_or((f64::INFINITY, usize::MAX));
         if square < least || (square == least && k < first) {
-            best = Some((square, k));
+            (least, first) = (square, k);
             // A hair more, for what rounding takes.
             reach_m = square.sqrt() * (1.0 + 1e-12) + 1e-12;
         }
     }
-    best
+    (first < outline.edges.len()).then_some((least, first))
 }
 
 /// Whether the middle of each segment lies on a top of that height.
 fn agrees(pose: &Pose, levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> bool {
     let (mut right, mut all) = (0.0, 0.0);
+    let (rotation, position_m) = (pose.body_to_tank_rotation(), pose.position_m());
     for s in &levels.segments {
         for k in 1..8 {
             let xi = s.xi_m[0] + (s.xi_m[1] - s.xi_m[0]) * f64::from(k) / 8.0;
             let eta = levels.eta0_m + levels.slope * xi + s.height_m;
-            let p = pose.body_to_tank(&hydroline_calib::frames::plane_to_body(mounts, xi, eta));
+            let p = position_m + rotation * hydroline_calib::frames::plane_to_body(mounts, xi, eta);
             let weight = s.columns_px[1] - s.columns_px[0];
             all += weight;
             if (surfaces.height_at_m([p.x, p.y]) - s.height_m).abs() < 1e-6 {

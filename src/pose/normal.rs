@@ -3,6 +3,8 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::LazyLock;
 
+/// Divisions take ten times as long as products.
+pub(super) const SIXTH: f64 = 1.0 / 6.0;
 /// Nodes per unit of the tables.
 const PER_UNIT: f64 = 32.0;
 /// Beyond this Φ is 0 or 1 to 1e-15.
@@ -51,8 +53,8 @@ impl Tables {
         // d²φ/dx² = (x² − 1)φ, d³φ/dx³ = −x(x² − 3)φ.
         let second = node * node - 1.0;
         (
-            share + slope * d * (1.0 - d * (0.5 * node - d * second / 6.0)),
-            slope * (1.0 - d * (node - d * (0.5 * second - d * node * (second - 2.0) / 6.0))),
+            share + slope * d * (1.0 - d * (0.5 * node - d * second * SIXTH)),
+            slope * (1.0 - d * (node - d * (0.5 * second - d * node * (second - 2.0) * SIXTH))),
         )
     }
 
@@ -65,7 +67,7 @@ impl Tables {
         }
         let k = (a * PER_UNIT + 0.5) as u32;
         let d = a - f64::from(k) / PER_UNIT;
-        self.exp[k as usize] * (1.0 - d * (1.0 - d * (0.5 - d / 6.0)))
+        self.exp[k as usize] * (1.0 - d * (1.0 - d * (0.5 - d * SIXTH)))
     }
 }
 

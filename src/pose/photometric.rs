@@ -33,7 +33,7 @@ pub(super) use doubts::Doubts;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{Curve, DOUBTS, RunDoubts, Sums, Weighting};
+pub(super) use sums::{Curve, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
@@ -199,6 +199,7 @@ impl Photometric {
     ) -> Sums {
         let turned = Turned::new(&state.pose, &self.surfaces);
         let mut counter = Counter::new(weighting, Tables::get(), state);
+        let one_cell = weighting.even && picture.uneven.is_none();
         counter.grid_share = doubts.grid_share;
         let grid_share = doubts.grid_share;
         counter.uneven = picture.lit(&weighting.response);
@@ -220,10 +221,16 @@ impl Photometric {
         let mut scratch = Scratch::default();
         for strips in groups(&plan.strips) {
             let cut = strips.iter().any(Strip::cut);
-            let cell = self.cell(plan, strips);
-            counter.enter(&cell);
-            let state = &cell.of(state);
-            counter.strips(strips);
+            let even = *state;
+            let state = if one_cell {
+                counter.enter(&Cell::EVEN);
+                &even
+            } else {
+                let cell = self.cell(plan, strips);
+                counter.enter(&cell);
+                &cell.of(state)
+            };
+            counter.strips(strips, cut);
             if let ([strip], false) = (strips, cut) {
                 self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
                 continue;
@@ -233,55 +240,73 @@ impl Photometric {
                 share = doubts.of(name).filter(|_| first);
             }
             if strips.iter().all(|s| s.simple) {
-                self.compare_torn(
+                let of_pixel = |doubt: &Doubt| doubt_sd(doubt, share);
+                let all = (
                     &turned,
                     plan,
                     strips,
                     pixels,
                     state,
                     derivatives,
-                    &mut counter,
-                    &mut scratch,
                     grid_share,
-                    |doubt| doubt_sd(doubt, share),
                 );
+                if derivatives && counter.asked() != Curve::Known {
+                    self.compare_torn::<true>(all, &mut counter, &mut scratch, of_pixel);
+                } else {
+                    self.compare_torn::<false>(all, &mut counter, &mut scratch, of_pixel);
+                }
                 continue;
             }
-            self.each_row(&turned, plan, state, strips, grid_share, |row, light| {
-                let doubt_sd = match (cut, &light) {
-                    (true, Some(light)) => doubt_sd(&light.doubt, share),
-                    (true, None) => doubt_sd(&Doubt::default(), share),
-                    _ => 0.0,
-                };
-                let (Some(light), Some(&grey)) = (
-                    light,
-                    pixels.get(row * self.table.width_px + strips[0].column),
-                ) else {
-                    counter.skip();
-                    return;
-                };
-                let background = state.background + counter.of_row(row);
-                let judged = if cut {
-                    let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
-                    let seen = torn.map(|torn| Torn {
-                        light: torn,
-                        bent: light.bent,
-                    });
-                    counter.edge(grey, light.level, background, seen, doubt_sd)
-                } else {
-                    counter.bulk(grey, light.level, background)
-                };
-                let Some(judged) = judged.filter(|_| derivatives) else {
-                    return;
-                };
-                let mut j = light.j;
-                j[BACKGROUND] = 1.0;
-                if judged.share != 1.0 {
-                    j = j.map(|d| d * judged.share);
-                }
-                counter.put_run(&mut j, judged.by_camera);
-                counter.add(&j, judged.weight, judged.residual);
-            });
+            let of_run = derivatives && counter.asked() != Curve::Known;
+            self.each_row(
+                &turned,
+                plan,
+                state,
+                strips,
+                grid_share,
+                of_run,
+                |row, light| {
+                    let doubt_sd = match (cut, &light) {
+                        (true, Some(light)) => doubt_sd(&light.doubt, share),
+                        (true, None) => doubt_sd(&Doubt::default(), share),
+                        _ => 0.0,
+                    };
+                    let (Some(light), Some(&grey)) = (
+                        light,
+                        pixels.get(row * self.table.width_px + strips[0].column),
+                    ) else {
+                        counter.skip();
+                        return;
+                    };
+                    let background = state.background + counter.of_row(row);
+                    let judged = if cut {
+                        let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
+                        let seen = torn.map(|torn| Torn {
+                            light: torn,
+                            bent: light.bent,
+                        });
+                        counter.edge::<true>(grey, light.level, background, seen, doubt_sd)
+                    } else {
+                        let mut tally = counter.sums.tally;
+                        let judged =
+                            counter.bulk::<true>(grey, light.level, background, &mut tally);
+                        counter.sums.tally = tally;
+                        judged
+                    };
+                    let Some(judged) = judged.filter(|_| derivatives) else {
+                        return;
+                    };
+                    let mut j = light.j;
+                    j[BACKGROUND] = 1.0;
+                    if judged.share != 1.0 {
+                        j = j.map(|d| d * judged.share);
+                    }
+                    if of_run {
+                        counter.put_run(&mut j, judged.by_camera);
+                    }
+                    counter.add(&j, judged.weight, judged.residual);
+                },
+            );
         }
         if first {
             doubts.of_pixels = found;
@@ -298,13 +323,14 @@ impl Photometric {
             redescending: false,
             response: Response::linear(u8::MAX),
             curve: Curve::Known,
+            even: false,
         };
         let mut counter = Counter::new(&weighting, Tables::get(), state);
         for strips in groups(&plan.strips) {
             let cell = self.cell(plan, strips);
             counter.enter(&cell);
             let state = &cell.of(state);
-            self.each_row(&turned, plan, state, strips, 0.0, |_, light| {
+            self.each_row(&turned, plan, state, strips, 0.0, false, |_, light| {
                 let Some(light) = light.filter(|l| l.doubt.corner < 0.1) else {
                     return;
                 };
@@ -332,6 +358,7 @@ impl Photometric {
         state: &State,
         strips: &[Strip],
         grid_share: f64,
+        of_run: bool,
         mut then: impl FnMut(usize, Option<Light>),
     ) {
         let Some(strip) = strips.first() else {
@@ -359,6 +386,7 @@ impl Photometric {
                     tables,
                     grid: &self.grid,
                     grid_share,
+                    of_run,
                 };
                 let at = row as f64;
                 let lit = strips
@@ -417,7 +445,12 @@ impl Photometric {
                 continue;
             }
             let of_total = of_total2.sqrt();
-            let line = across.at(s, of_total2, true);
+            let mut by_terms = [0.0; ACROSS];
+            let line = if look.of_run {
+                across.at_by(s, of_total2, &mut by_terms)
+            } else {
+                across.at(s, of_total2)
+            };
             let round = self.albedo(strip.level) * sigma * of_total * look.tables.exp(exponent);
             let bare = round * line.light;
             let mut share = 1.0;
@@ -448,8 +481,10 @@ impl Photometric {
             out.j[BRIGHTNESS] += bare * share;
             out.j[THICKNESS] += light * (1.0 / sigma - sigma * of_total2 * (1.0 - 2.0 * exponent))
                 + of_line * line.by_sigma;
-            for (j, by) in out.j[LINE..].iter_mut().zip(&line.by) {
-                *j += of_line * by;
+            if look.of_run {
+                for (j, by) in out.j[LINE..].iter_mut().zip(&by_terms) {
+                    *j += of_line * by;
+                }
             }
         }
         Some(out)

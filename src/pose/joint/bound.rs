@@ -48,6 +48,6 @@ impl PoseFitter {
             ..Sums::default()
         };
         self.know(&mut sums, &state);
-        covariances(&sums, &free, false).map(|[alone, _]| alone)
+        covariances(&sums, &free, None).map(|[alone, _]| alone)
     }
 }

@@ -5,9 +5,7 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{
-    ACROSS, BLACK, DOUBTS, LINE, Left, OF_RUN, RunDoubts, State, TONE,
-};
+use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, State, TONE};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
@@ -92,20 +90,9 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 }
 
 impl CameraResponse {
-    /// The moves in which it is doubted, an sd each: first that of ln γ, which all else follows, then what is left of the black
-    /// level, and so on (Cholesky). `None` where it is known for certain.
-    pub(super) fn doubts(&self) -> Option<RunDoubts> {
-        let mut rest = self.covariance;
-        let mut moves = RunDoubts::zeros();
-        for k in 0..DOUBTS {
-            let variance = rest[(k, k)];
-            if variance > 0.0 {
-                let column = rest.column(k) / variance.sqrt();
-                moves.set_column(k, &column);
-                rest -= column * column.transpose();
-            }
-        }
-        (moves != RunDoubts::zeros()).then_some(moves)
+    /// What is not known of it; `None` where it is known for certain.
+    pub(super) fn doubt(&self) -> Option<&OfRun2> {
+        (self.covariance != OfRun2::zeros()).then_some(&self.covariance)
     }
 }
 
@@ -130,7 +117,7 @@ impl CameraResponse {
     ///
     /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with half of the
     /// probability beforehand. The four that they make up have their evidence (Savage and Dickey: how likely the values of a
-    /// simpler one were beforehand over how likely they are now), and what comes out is the mean and covariance of all.
+    /// simpler one were beforehand over how likely they are now), and what comes out is the mean of the likeliest and the spread of all about it.
     pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
@@ -153,9 +140,12 @@ impl CameraResponse {
             .fold(f64::NEG_INFINITY, f64::max);
         let weight = |h: &Simpler| (h.ln_evidence - best).exp();
         let sum: f64 = found.iter().map(weight).sum();
-        let mean = found
+        // Held at the likeliest of them: where a camera leaves light as it is and nothing speaks against it, its poses are those
+        // of one that is known to. What the others say is in the covariance, which is about there.
+        let likeliest = found
             .iter()
-            .fold(OfRun::zeros(), |mean, h| mean + h.mean * (weight(h) / sum));
+            .max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence))?;
+        let mean = likeliest.mean;
         let covariance = found.iter().fold(OfRun2::zeros(), |covariance, h| {
             let apart = h.mean - mean;
             covariance + (h.covariance + apart * apart.transpose()) * (weight(h) / sum)

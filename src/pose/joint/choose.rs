@@ -3,7 +3,7 @@
 use super::super::photometric::{
     Choice, Curve, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
 };
-use super::settle::{first_step, sane};
+use super::settle::{Settled, first_step, sane};
 use super::solve::{equations, in_si};
 use super::valley::Valley;
 use super::{PoseCaveat, PoseFitter};
@@ -47,6 +47,7 @@ impl PoseFitter {
             redescending: true,
             response: self.response(picture.ceiling),
             curve: Curve::Known,
+            even: true,
         };
         // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
         // height that a degree moves their edges by millimetres against each other.
@@ -55,9 +56,9 @@ impl PoseFitter {
         held[4] = free[4] && tall;
         held[TONE..].fill(false);
         let (choice, tries) = if tall {
-            (TO_CHOOSE_TALL, (6, 4e-4))
+            (TO_CHOOSE_TALL, (6, Settled::All(4e-4)))
         } else {
-            (TO_CHOOSE, (2, 0.04))
+            (TO_CHOOSE, (2, Settled::All(0.04)))
         };
         let huber = Weighting {
             cut: 4.0,
@@ -82,7 +83,7 @@ impl PoseFitter {
             let near = sane(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
             let start = if near { next } else { start };
             let least = 0.1 * sums.cost;
-            let pixels = sums.pixels.max(1) as f64;
+            let pixels = sums.tally.pixels.max(1) as f64;
             ((sums.cost - gain).max(least) / pixels, start, plan)
         };
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
@@ -111,7 +112,7 @@ impl PoseFitter {
                 let sums = self
                     .model
                     .compare(&plan, picture, &state, &weighting, none, false);
-                let pixels = sums.pixels.max(1) as f64;
+                let pixels = sums.tally.pixels.max(1) as f64;
                 Some((sums.cost / pixels, state, pixels))
             })
             .collect();

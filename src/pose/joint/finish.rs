@@ -1,12 +1,14 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums,
+    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums, TONE,
     Weighting, light_per_grey,
 };
-use super::settle::{lit_noise, sane};
-use super::solve::{covariances, response_seen};
-use super::{JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen};
+use super::settle::{Settled, lit_noise, sane};
+use super::solve::{covariances, response_seen, tone_sd};
+use super::{
+    CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
+};
 use hydroline_calib::Pose;
 use hydroline_stripe::Profile;
 
@@ -19,6 +21,8 @@ const ITERATIONS: usize = 14;
 /// left straight: at an approach, and at the end.
 const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
 const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
+/// At the end it may take so many sds of ln γ.
+const BENT_SDS: f64 = 0.1;
 /// Where more of the columns than this are clipped at their peak, the flanks that are left are fitted by a Gaussian: what of the
 /// line they show follows from there.
 const CLIPPED_LINE: f64 = 0.3;
@@ -40,7 +44,7 @@ const ROUGHLY: f64 = 1000.0;
 const FEW: usize = 3;
 const TO_APPROACH: Choice = Choice {
     step: 3,
-    keep: 2,
+    keep: 4,
     room_m: 0.003,
 };
 /// After that it moves by its sd.
@@ -72,18 +76,22 @@ impl PoseFitter {
         if picture.clipped_share > CLIPPED_LINE {
             free[LINE..LOCAL].fill(false);
         }
-        let doubts = self.camera.and_then(|held| held.doubts());
-        let [curve, curve_at_last] = match (self.camera, doubts) {
+        let doubt = self.camera.as_ref().and_then(CameraResponse::doubt);
+        // What is sought is sought from the start and at last; between them it stays where the approach has found it.
+        let [curve, curve_at_last] = match (self.camera, doubt) {
             (None, _) => [Curve::Sought; 2],
-            (_, Some(doubts)) => [Curve::Known, Curve::Doubted(doubts)],
+            (_, Some(_)) => [Curve::Known, Curve::Doubted],
             _ => [Curve::Known; 2],
         };
+        let mut held = free;
+        held[TONE..LOCAL].fill(false);
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
             curve,
+            even: false,
         };
         let (mut from, mut sums) = self
             .approach(model, picture, start, &free, &mut weighting)
@@ -94,22 +102,26 @@ impl PoseFitter {
         let (state, sums, edge_doubt) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, curve| {
+            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, free, curve| {
                 weighting.curve = curve;
                 weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                 let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
-                let limits = (ITERATIONS, settled);
+                let limits = (ITERATIONS, Settled::Bending(settled));
                 weighting.respond(&from, picture.ceiling);
-                self.settle(
-                    model, plan, picture, from, &free, &weighting, doubts, limits,
-                )
-                .ok_or(PoseFault::Unsettled)
+                self.settle(model, plan, picture, from, free, &weighting, doubts, limits)
+                    .ok_or(PoseFault::Unsettled)
             };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = settle(&few, from, &sums, NEARLY, curve)?;
-            let (state, all) = settle(&plan, near, &edges, SETTLED, curve_at_last)?;
-            let bent = bent(&near, &state, BENT_SETTLED);
+            let (near, edges) = settle(&few, from, &sums, NEARLY, &held, Curve::Known)?;
+            let (state, all) = settle(&plan, near, &edges, SETTLED, &free, curve_at_last)?;
+            // What a curve that is left straight takes of ln γ is half the square of what it lacks.
+            let [tone, black] = BENT_SETTLED;
+            let of_sd = match self.camera {
+                None => (2.0 * BENT_SDS * tone_sd(&all, &free).unwrap_or(0.0)).sqrt(),
+                Some(_) => 0.0,
+            };
+            let bent = bent(&near, &state, [of_sd.max(tone), black]);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
             if again == 0 || !(moved || bent) {
                 let edge_doubt = edges.edges.doubt(weighting.noise_sd);
@@ -117,7 +129,8 @@ impl PoseFitter {
             }
             (from, sums) = (state, all);
         };
-        let rejected = sums.rejected as f64 / (sums.edge_count + sums.bright_count).max(1) as f64;
+        let rejected = sums.tally.rejected as f64
+            / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual says whether the model holds at all.
         let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
         let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
@@ -129,7 +142,7 @@ impl PoseFitter {
             caveats.push(PoseCaveat::Misfit);
         }
         let [alone, covariance_with_thickness] =
-            covariances(&sums, &free, doubts.is_some()).ok_or(PoseFault::Unsettled)?;
+            covariances(&sums, &free, doubt).ok_or(PoseFault::Unsettled)?;
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &all_free),
             Some(_) => None,
@@ -154,7 +167,7 @@ impl PoseFitter {
             noise_sd: weighting.noise_sd,
             rejected,
             edge_doubt,
-            pixels: sums.pixels,
+            pixels: sums.tally.pixels,
             caveats,
         })
     }
@@ -194,7 +207,7 @@ impl PoseFitter {
             let plan = model.plan(&from, TO_APPROACH);
             let mut settle = |from: State, settled: f64| {
                 let none = &mut Doubts::default();
-                let limits = (6, settled);
+                let limits = (6, Settled::All(settled));
                 weighting.respond(&from, picture.ceiling);
                 let found = self.settle(model, &plan, picture, from, free, weighting, none, limits);
                 // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is

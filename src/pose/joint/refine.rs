@@ -20,7 +20,7 @@ use super::super::photometric::{
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;
-use super::settle::lit_noise;
+use super::settle::{Settled, lit_noise};
 use super::{Hint, PoseFitter};
 use crate::initial;
 use hydroline_calib::Pose;
@@ -396,7 +396,7 @@ impl PoseFitter {
         let plan = self.model.plan(&start, COLUMNS);
         let huber = self.first_weighting(picture, profile);
         let none = &mut Doubts::default();
-        let limits = (FRAME_ITERATIONS, FRAME_SETTLED);
+        let limits = (FRAME_ITERATIONS, Settled::All(FRAME_SETTLED));
         let settled = self.settle(
             &self.model,
             &plan,
@@ -417,6 +417,7 @@ impl PoseFitter {
             redescending: false,
             response: self.response(picture.ceiling),
             curve: Curve::Known,
+            even: false,
         }
     }
 
@@ -483,7 +484,7 @@ impl PoseFitter {
         weighting: &Weighting,
         doubts: &mut Doubts,
     ) -> Option<(State, Sums)> {
-        let limits = (FRAME_ITERATIONS, FRAME_SETTLED);
+        let limits = (FRAME_ITERATIONS, Settled::All(FRAME_SETTLED));
         self.settle(model, plan, picture, start, free, weighting, doubts, limits)
     }
 

@@ -1,12 +1,12 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture, Plan, State, Sums,
-    THICKNESS, TONE, Weighting,
+    BACKGROUND, BRIGHTNESS, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture,
+    Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
 };
 use super::PoseFitter;
 use super::camera;
-use super::solve::{equations, in_si};
+use super::solve::{equations, in_si, squared_decrement};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::Scaling;
 use hydroline_numerics::least_squares::{
@@ -39,16 +39,37 @@ const STEPS: Options = Options {
     ..Options::DEFAULT
 };
 
+/// The squared way to go, in sds, from which one more step is enough without looking at it again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Settled {
+    /// In all that is free.
+    All(f64),
+    /// In what the light bends with, all that it is linear in following.
+    Bending(f64),
+}
+
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
 /// is kinks of the light at corners.
 const KINKS: f64 = 0.1;
+
+/// What light is linear in: a step of any length leaves nothing there. (Brightness multiplies what moves the line, by a hundredth.)
+const LINEAR: [usize; 2 + UNEVEN] = {
+    let mut linear = [BRIGHTNESS; 2 + UNEVEN];
+    linear[1] = BACKGROUND;
+    let mut k = 0;
+    while k < UNEVEN {
+        linear[2 + k] = LOCAL + k;
+        k += 1;
+    }
+    linear
+};
 
 /// No step is longer than the weights say by more than this.
 const STRIDE_MOST: f64 = 1.5;
 
 impl PoseFitter {
-    /// The fit of the free parameters, in so many steps at most and so near to the end (a squared distance in sds):
-    /// the state, and the sums that near to it.
+    /// The fit of the free parameters, in so many steps at most and so near to the end: the state, and the sums that near to
+    /// it.
     #[allow(clippy::too_many_arguments)]
     pub(super) fn settle(
         &self,
@@ -59,7 +80,7 @@ impl PoseFitter {
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
         doubts: &mut Doubts,
-        (iterations, settled): (usize, f64),
+        (iterations, settled): (usize, Settled),
     ) -> Option<(State, Sums)> {
         let mut frame = Frame {
             fitter: self,
@@ -69,15 +90,17 @@ impl PoseFitter {
             free,
             weighting,
             doubts,
+            linear_too: matches!(settled, Settled::All(_)),
             here: None,
         };
+        let (Settled::All(enough) | Settled::Bending(enough)) = settled;
         let options = Options {
             trials_max: iterations,
-            decrement_enough: settled,
+            decrement_enough: enough,
             ..STEPS
         };
         let found = minimise(&mut frame, start, &options).ok()?;
-        let solved = found.ended != Ended::Singular && found.evaluated.pixels > 200;
+        let solved = found.ended != Ended::Singular && found.evaluated.tally.pixels > 200;
         solved.then_some((found.at, found.evaluated))
     }
 
@@ -123,6 +146,8 @@ struct Frame<'a> {
     free: &'a [bool; PARAMETERS],
     weighting: &'a Weighting,
     doubts: &'a mut Doubts,
+    /// Whether what the light is linear in counts for the way that is left.
+    linear_too: bool,
     /// Where the last linearisation was made: its valley, and how much longer than said steps are.
     here: Option<(Valley, f64)>,
 }
@@ -155,6 +180,19 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
         Ok(equations)
     }
 
+    fn left(&self, normal: &Normal<Const<PARAMETERS>>) -> Option<f64> {
+        let free = |k: &usize| self.free[*k];
+        let linear = LINEAR.into_iter().filter(free);
+        let bending = (0..PARAMETERS).filter(|k| free(k) && !LINEAR.contains(k));
+        squared_decrement(normal, linear, bending).map(|[linear, bending]| {
+            if self.linear_too {
+                linear + bending
+            } else {
+                bending
+            }
+        })
+    }
+
     fn moves(&self, _: &State, _: &Column, k: usize) -> bool {
         self.free[k]
     }
@@ -170,7 +208,7 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
 /// changes by less than its weight (Tukey's at 6 noise sds: 0.84 instead of 0.95). A step as long as the
 /// weights say stops an eighth short of its goal.
 fn stride(sums: &Sums) -> f64 {
-    let found = sums.weights / sums.slopes;
+    let found = sums.tally.weights / sums.tally.slopes;
     if found.is_finite() {
         found.clamp(1.0, STRIDE_MOST)
     } else {
@@ -191,6 +229,6 @@ pub(super) fn sane(state: &State) -> bool {
 
 /// Noise of the lit pixels away from edges \[grey levels\].
 pub(super) fn lit_noise(sums: &Sums) -> Option<f64> {
-    (sums.bright_count > 100)
-        .then(|| (sums.bright_square / (sums.bright_count as f64 - 4.0)).sqrt())
+    (sums.tally.bright_count > 100)
+        .then(|| (sums.tally.bright_square / (sums.tally.bright_count as f64 - 4.0)).sqrt())
 }

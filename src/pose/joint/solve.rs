@@ -1,7 +1,7 @@
 //! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
 use super::super::photometric::{
-    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, DOUBTS, LINE, LOCAL, PARAMETERS, PRIOR_SD,
+    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, PRIOR_SD,
     Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
@@ -46,6 +46,46 @@ pub(super) fn equations(sums: &Sums, valley: &Valley) -> Normal<Const<PARAMETERS
     }
 }
 
+/// gᵀH⁻¹g, twice what a full step gains: by some unknowns where others are held, and by these, all of the former following.
+/// Each may come once.
+pub(super) fn squared_decrement(
+    equations: &Normal<Const<PARAMETERS>>,
+    first: impl Iterator<Item = usize>,
+    then: impl Iterator<Item = usize>,
+) -> Option<[f64; 2]> {
+    let Normal {
+        gradient, hessian, ..
+    } = equations;
+    // L y = g by rows of Cholesky's L, in this order.
+    let mut lower = [[0.0; PARAMETERS]; PARAMETERS];
+    let mut order = [0; PARAMETERS];
+    let mut y = [0.0; PARAMETERS];
+    let mut sums = [0.0; 2];
+    let parts = first.map(|k| (0, k)).chain(then.map(|k| (1, k)));
+    for (n, (part, k)) in parts.take(PARAMETERS).enumerate() {
+        let (above, own) = lower.split_at_mut(n);
+        let own = &mut own[0];
+        let mut left = hessian[(k, k)];
+        let mut by = gradient[k];
+        for (m, (row, y)) in above.iter().zip(&y).enumerate() {
+            let products = own[..m].iter().zip(&row[..m]).map(|(a, b)| a * b);
+            let entry = (hessian[(k, order[m])] - products.sum::<f64>()) / row[m];
+            own[m] = entry;
+            left -= entry * entry;
+            by -= entry * y;
+        }
+        // NaN is no sound pivot either.
+        if left.is_nan() || left <= 0.0 {
+            return None;
+        }
+        own[n] = left.sqrt();
+        order[n] = k;
+        y[n] = by / own[n];
+        sums[part] += y[n] * y[n];
+    }
+    Some(sums)
+}
+
 /// A step in SI from one in units of the parameters' sizes.
 pub(super) fn in_si(step: &Column) -> Column {
     Column::from_fn(|i, _| step[i] * SIZES[i])
@@ -71,13 +111,21 @@ pub(super) fn response_seen(
     })
 }
 
+/// Sd of ln γ, all that is free following.
+pub(super) fn tone_sd(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<f64> {
+    let sized = sized(&sums.information);
+    let solved = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?;
+    let mut one = Column::zeros();
+    one[TONE] = 1.0;
+    Some(solved.solve(&one)[TONE].max(0.0).sqrt() * SIZES[TONE])
+}
+
 /// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
-fn considered(inverse: &Square, sized: &Square) -> Square {
-    (0..DOUBTS).fold(Square::zeros(), |sum, k| {
-        let by = inverse * sized.column(TONE + k) / SIZES[TONE + k];
-        sum + by * by.transpose()
-    })
+fn considered(inverse: &Square, sized: &Square, doubt: &OfRun2) -> Square {
+    let of_run = OfRun::from_fn(|k, _| 1.0 / SIZES[TONE + k]);
+    let by = inverse * sized.fixed_columns::<OF_RUN>(TONE) * OfRun2::from_diagonal(&of_run);
+    by * doubt * by.transpose()
 }
 
 /// Covariance of pose and thickness with all light marginalised; zero where held: what the frame's own pixels say, and the
@@ -85,14 +133,13 @@ fn considered(inverse: &Square, sized: &Square) -> Square {
 pub(super) fn covariances(
     sums: &Sums,
     free: &[bool; PARAMETERS],
-    doubted: bool,
+    doubt: Option<&OfRun2>,
 ) -> Option<[Matrix7; 2]> {
     let sized = sized(&sums.information);
     let alone = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
-    let all = if doubted {
-        alone + considered(&alone, &sized)
-    } else {
-        alone
+    let all = match doubt {
+        Some(doubt) => alone + considered(&alone, &sized, doubt),
+        None => alone,
     };
     let place = |i: usize| if i == 6 { THICKNESS } else { i };
     Some([alone, all].map(|inverse| {

@@ -240,6 +240,7 @@ fn the_last_step_leaves_little() {
             redescending: true,
             response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
             curve: Curve::Sought,
+            even: false,
         };
         let plan = fitter.model.plan(&state, Choice::ALL);
         let none = &mut Doubts::default();

@@ -69,6 +69,35 @@ pub(super) struct Across {
     sigma_m: f64,
 }
 
+/// Powers of x in the series.
+const POWERS: usize = FIRST + ACROSS;
+
+/// Heₙ by powers of x.
+const HERMITE: [[f64; POWERS]; POWERS] = {
+    let mut he = [[0.0; POWERS]; POWERS];
+    (he[0][0], he[1][1]) = (1.0, 1.0);
+    let mut n = 2;
+    while n < POWERS {
+        he[n][0] = -((n - 1) as f64) * he[n - 2][0];
+        let mut k = 1;
+        while k <= n {
+            he[n][k] = he[n - 1][k - 1] - (n - 1) as f64 * he[n - 2][k];
+            k += 1;
+        }
+        n += 1;
+    }
+    he
+};
+
+/// The series where blur fades it by the same: over the rows of a strip κ changes by a thousandth.
+pub(super) struct Faded {
+    /// q, and κ dq/dκ, by powers of x.
+    light: [f64; POWERS],
+    by_fading: [f64; POWERS],
+    gaussian: bool,
+    sigma_m: f64,
+}
+
 /// At one place across the line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct At {
@@ -78,8 +107,6 @@ pub(super) struct At {
     pub slope: f64,
     /// dq/dσ \[1/m\]: a thicker line fades less, and s/S is less of it.
     pub by_sigma: f64,
-    /// dq/dcₙ; zero where it was not asked for.
-    pub by: [f64; ACROSS],
 }
 
 impl At {
@@ -87,7 +114,6 @@ impl At {
         light: 1.0,
         slope: 0.0,
         by_sigma: 0.0,
-        by: [0.0; ACROSS],
     };
 }
 
@@ -100,16 +126,51 @@ impl Across {
         }
     }
 
-    /// At a distance s from the sheet, of 1/S²; `by` asks for the derivatives by the coefficients.
+    /// At a distance s from the sheet, of 1/S².
     #[inline]
-    pub fn at(&self, s: f64, of_total2: f64, by: bool) -> At {
-        if self.gaussian && !by {
+    pub fn at(&self, s: f64, of_total2: f64) -> At {
+        if self.gaussian {
             return At::GAUSSIAN;
         }
-        self.series(s, of_total2.sqrt())
+        self.series(s, of_total2.sqrt(), &mut [0.0; ACROSS])
     }
 
-    fn series(&self, s: f64, of_total: f64) -> At {
+    /// For places whose 1/S² is about this.
+    pub fn faded(&self, of_total2: f64) -> Faded {
+        let mut faded = Faded {
+            light: [0.0; POWERS],
+            by_fading: [0.0; POWERS],
+            gaussian: self.gaussian,
+            sigma_m: self.sigma_m,
+        };
+        faded.light[0] = 1.0;
+        if self.gaussian {
+            return faded;
+        }
+        let kappa = self.sigma_m * of_total2.sqrt();
+        let mut fading = kappa * kappa;
+        for (n, (c, he)) in (FIRST..).zip(self.coefficients.iter().zip(&HERMITE[FIRST..])) {
+            fading *= kappa;
+            let term = c * fading;
+            let by = n as f64 * term;
+            for (q, he) in faded.light.iter_mut().zip(he) {
+                *q += term * he;
+            }
+            for (f, he) in faded.by_fading.iter_mut().zip(he) {
+                *f += by * he;
+            }
+        }
+        faded
+    }
+
+    /// The same with dq/dcₙ.
+    #[inline]
+    pub fn at_by(&self, s: f64, of_total2: f64, by: &mut [f64; ACROSS]) -> At {
+        self.series(s, of_total2.sqrt(), by)
+    }
+
+    #[inline(always)]
+    fn series(&self, s: f64, of_total: f64, by: &mut [f64; ACROSS]) -> At {
         let x = s * of_total;
         let kappa = self.sigma_m * of_total;
         let (mut by_x, mut by_fading) = (0.0, 0.0);
@@ -122,7 +183,7 @@ impl Across {
             (before, here) = (here, x * here - (order - 1.0) * before);
             fading *= kappa;
             let term = c * fading;
-            out.by[n] = fading * here;
+            by[n] = fading * here;
             out.light += term * here;
             by_x += order * term * before;
             by_fading += order * term * here;
@@ -135,9 +196,47 @@ impl Across {
     }
 }
 
+impl Faded {
+    /// At a distance s from the sheet, of 1/S².
+    #[inline]
+    pub fn at(&self, s: f64, of_total2: f64) -> At {
+        if self.gaussian {
+            return At::GAUSSIAN;
+        }
+        let of_total = of_total2.sqrt();
+        let (x, kappa) = (s * of_total, self.sigma_m * of_total);
+        let (mut light, mut by_x, mut by_fading) = (0.0, 0.0, 0.0);
+        for (q, f) in self.light.iter().zip(&self.by_fading).rev() {
+            by_x = by_x * x + light;
+            light = light * x + q;
+            by_fading = by_fading * x + f;
+        }
+        At {
+            light,
+            slope: by_x * of_total,
+            by_sigma: by_fading * (1.0 - kappa * kappa) / self.sigma_m
+                - by_x * x * kappa * of_total,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_faded_series_is_the_series() {
+        let (sigma, blur) = (2.0f64, 1.1f64);
+        let of_total2 = sigma.hypot(blur).powi(-2);
+        let across = Across::new(&LINE, sigma);
+        let faded = across.faded(of_total2);
+        for s in [-7.0, -1.7, 0.0, 0.4, 2.5, 6.0f64] {
+            let (a, b) = (across.at(s, of_total2), faded.at(s, of_total2));
+            assert!((a.light - b.light).abs() < 1e-10, "{s}: {a:?} {b:?}");
+            assert!((a.slope - b.slope).abs() < 1e-10, "{s}: {a:?} {b:?}");
+            assert!((a.by_sigma - b.by_sigma).abs() < 1e-10, "{s}: {a:?} {b:?}");
+        }
+    }
 
     const LINE: [f64; ACROSS] = [0.03, -0.04, 0.01, 0.006, -1e-3, 2e-4, 3e-5, -1e-5];
 
@@ -150,12 +249,12 @@ mod tests {
         for s in [-5.0, -1.7, 0.0, 0.4, 2.5, 6.0f64] {
             let closed = sigma / total
                 * (-0.5 * (s / total).powi(2)).exp()
-                * sharp.at(s, total.powi(-2), false).light;
+                * sharp.at(s, total.powi(-2)).light;
             let (mut sum, step) = (0.0, 0.01);
             for k in -2000..=2000 {
                 let by = f64::from(k) * step;
                 let light = (-0.5 * ((s - by) / sigma).powi(2)).exp()
-                    * sharp.at(s - by, sigma.powi(-2), false).light;
+                    * sharp.at(s - by, sigma.powi(-2)).light;
                 sum += light * (-0.5 * (by / blur).powi(2)).exp() * step;
             }
             let summed = sum / (blur * std::f64::consts::TAU.sqrt());
@@ -168,11 +267,12 @@ mod tests {
         let (sigma, blur, s, h) = (2.0f64, 1.1f64, 1.3f64, 1e-5);
         let q = |c: &[f64; ACROSS], sigma: f64, s: f64| {
             let total = sigma.hypot(blur);
-            Across::new(c, sigma).at(s, total.powi(-2), true).light
+            Across::new(c, sigma).at(s, total.powi(-2)).light
         };
         let total = sigma.hypot(blur);
         let across = Across::new(&LINE, sigma);
-        let at = across.at(s, total.powi(-2), true);
+        let mut by_terms = [0.0; ACROSS];
+        let at = across.at_by(s, total.powi(-2), &mut by_terms);
         let by_s = (q(&LINE, sigma, s + h) - q(&LINE, sigma, s - h)) / (2.0 * h);
         assert!((by_s - at.slope).abs() < 1e-8, "{by_s}");
         let by_sigma = (q(&LINE, sigma + h, s) - q(&LINE, sigma - h, s)) / (2.0 * h);
@@ -181,7 +281,7 @@ mod tests {
             let mut more = LINE;
             more[n] += h;
             let by = (q(&more, sigma, s) - at.light) / h;
-            assert!((by - at.by[n]).abs() < 1e-6, "{n}: {by}");
+            assert!((by - by_terms[n]).abs() < 1e-6, "{n}: {by}");
         }
     }
 }

@@ -4,10 +4,10 @@
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 
-use super::across::Across;
+use super::across::{ACROSS, Across};
 use super::lanes::Lanes;
 use super::plan::Strip;
-use super::sums::{BULK, Counter, DOUBTS};
+use super::sums::{BULK, Counter, Curve};
 use super::turned::{Ray, Turned, dot};
 use super::{OF_RUN, Photometric, State};
 use crate::normal::Tables;
@@ -51,16 +51,18 @@ impl Photometric {
         counter: &mut Counter<'_>,
     ) {
         let all = (turned, strip, pixels, state, derivatives);
-        match counter.of_run() {
-            0 => self.compare_bulk_by::<FRAME>(all, counter),
-            DOUBTS => self.compare_bulk_by::<{ FRAME + DOUBTS }>(all, counter),
-            _ => self.compare_bulk_by::<{ FRAME + OF_RUN }>(all, counter),
+        match counter.asked() {
+            Curve::Known => self.compare_bulk_by::<FRAME, FRAME>(all, counter),
+            Curve::Doubted => self.compare_bulk_by::<{ FRAME + OF_RUN }, FRAME>(all, counter),
+            Curve::Sought => {
+                self.compare_bulk_by::<{ FRAME + OF_RUN }, { FRAME + OF_RUN }>(all, counter)
+            }
         }
     }
 
-    /// The same with so many of [`FRAME`] and what is the run's.
+    /// The same with so many of [`FRAME`] and what is the run's; of those after the first OWN no products with each other.
     #[inline]
-    fn compare_bulk_by<const N: usize>(
+    fn compare_bulk_by<const N: usize, const OWN: usize>(
         &self,
         (turned, strip, pixels, state, derivatives): (&Turned, &Strip, &[u8], &State, bool),
         counter: &mut Counter<'_>,
@@ -93,15 +95,20 @@ impl Photometric {
         let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
         let of_sigma = 1.0 / sigma;
         let across = Across::new(&state.across, sigma);
-        let by_line = derivatives && N > FRAME;
+        let faded = across.faded(1.0 / total2);
         // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black, and
         // by what the line has across.
         let mut products = [[0.0; N]; N];
         let mut right = [0.0; N];
         let mut waiting = Lanes::<N>::new();
+        let mut tally = counter.sums.tally;
         let sights = self.table.sights(strip.column, first, last + 1);
-        let greys = pixels.get(first * width + strip.column..).unwrap_or(&[]);
-        for (k, ([y, z], grey)) in sights.iter().zip(greys.iter().step_by(width)).enumerate() {
+        let mut at = first * width + strip.column;
+        for (k, [y, z]) in sights.iter().enumerate() {
+            let Some(&grey) = pixels.get(at) else {
+                break;
+            };
+            at += width;
             let u = k as f64 - middle;
             let down = ahead + r3[1] * y + r3[2] * z;
             let seen = down > 0.0;
@@ -114,17 +121,23 @@ impl Photometric {
             let s = lever * (over - down) * (both * total2);
             let off = s * s * of_total2;
             let round = tables.exp(0.5 * off) * (height + height_slope * u);
-            let line = across.at(s, of_total2, by_line);
+            let mut by_terms = [0.0; ACROSS];
+            let line = if N > FRAME {
+                across.at_by(s, of_total2, &mut by_terms)
+            } else {
+                faded.at(s, of_total2)
+            };
             let bare = round * line.light;
             let light = state.brightness * bare;
-            let Some(judged) =
-                counter.bulk(*grey, light, state.background + counter.of_row(first + k))
-            else {
+            let background = state.background + counter.of_row(first + k);
+            let judged = if N > FRAME {
+                counter.bulk::<true>(grey, light, background, &mut tally)
+            } else {
+                counter.bulk::<false>(grey, light, background, &mut tally)
+            };
+            let Some(judged) = judged.filter(|_| derivatives) else {
                 continue;
             };
-            if !derivatives {
-                continue;
-            }
             let of_line = state.brightness * round * judged.share;
             let by_s = of_line * line.slope - light * s * of_total2 * judged.share;
             let mut j = [0.0; N];
@@ -134,23 +147,24 @@ impl Photometric {
                 + of_line * line.by_sigma;
             j[4] = judged.share;
             if N > FRAME {
-                let by_run = counter.by_run(judged.by_camera, line.by.map(|by| of_line * by));
+                let by_run = counter.by_run(judged.by_camera, &by_terms.map(|by| of_line * by));
                 for (j, by) in j[FRAME..].iter_mut().zip(by_run) {
                     *j = by;
                 }
             }
-            if N == FRAME + OF_RUN {
+            if OWN == FRAME + OF_RUN {
                 let x = s * of_total2.sqrt();
                 counter.sums.left.see(x, judged.weight, judged.residual);
             }
             if waiting.push(&j, judged.weight, judged.residual) {
-                waiting.empty_into(&mut products, &mut right);
+                waiting.empty_first_into::<N, OWN>(&mut products, &mut right);
             }
         }
+        counter.sums.tally = tally;
         if !derivatives {
             return;
         }
-        waiting.empty_into(&mut products, &mut right);
+        waiting.empty_first_into::<N, OWN>(&mut products, &mut right);
         // Of each pose parameter: ds in the middle, and what it gains per row.
         let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
         for (n, &(m, g)) in pose.iter().enumerate() {

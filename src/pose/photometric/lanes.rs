@@ -5,8 +5,8 @@
 
 use wide::f64x4;
 
-/// Pixels that are added up together.
-pub(super) const LANES: usize = 16;
+/// Pixels that are added up together, at most: most strips are no longer.
+pub(super) const LANES: usize = 20;
 
 /// Pixels that wait to be added up, with N derivatives each.
 pub(super) struct Lanes<const N: usize> {
@@ -17,15 +17,15 @@ pub(super) struct Lanes<const N: usize> {
 }
 
 /// Four numbers at a time.
-type Fours = [f64x4; LANES / 4];
+type Fours<const F: usize> = [f64x4; F];
 
-fn fours(v: &[f64; LANES]) -> Fours {
+fn fours<const F: usize>(v: &[f64; LANES]) -> Fours<F> {
     std::array::from_fn(|k| f64x4::from([v[4 * k], v[4 * k + 1], v[4 * k + 2], v[4 * k + 3]]))
 }
 
-fn sum_of_products(a: &Fours, b: &Fours) -> f64 {
+fn sum_of_products<const F: usize>(a: &Fours<F>, b: &Fours<F>) -> f64 {
     let mut sum = a[0] * b[0];
-    for k in 1..LANES / 4 {
+    for k in 1..F {
         sum += a[k] * b[k];
     }
     sum.reduce_add()
@@ -62,12 +62,12 @@ impl<const N: usize> Lanes<N> {
 
     /// Adds what waits to the lower triangle of Jᵀ W J and to Jᵀ W r, and forgets it.
     pub fn empty_into(&mut self, information: &mut [[f64; N]; N], gradient: &mut [f64; N]) {
-        self.empty_first_into::<N>(information, gradient);
+        self.empty_first_into::<N, N>(information, gradient);
     }
 
-    /// The same of the first K derivatives alone.
+    /// The same of the first K derivatives alone; of those after the first OWN no products with each other.
     #[inline]
-    pub fn empty_first_into<const K: usize>(
+    pub fn empty_first_into<const K: usize, const OWN: usize>(
         &mut self,
         information: &mut [[f64; N]; N],
         gradient: &mut [f64; N],
@@ -76,16 +76,33 @@ impl<const N: usize> Lanes<N> {
             return;
         }
         // Of the rest the old derivatives count for nothing.
-        self.weight[self.len..].fill(0.0);
+        let used = self.len.div_ceil(4);
+        self.weight[self.len..4 * used].fill(0.0);
         self.len = 0;
-        let weight = fours(&self.weight);
-        let residual = fours(&self.residual);
+        match used {
+            1 => self.add_up::<K, OWN, 1>(information, gradient),
+            2 => self.add_up::<K, OWN, 2>(information, gradient),
+            3 => self.add_up::<K, OWN, 3>(information, gradient),
+            4 => self.add_up::<K, OWN, 4>(information, gradient),
+            _ => self.add_up::<K, OWN, { LANES / 4 }>(information, gradient),
+        }
+    }
+
+    /// The same of the first F fours of pixels.
+    #[inline]
+    fn add_up<const K: usize, const OWN: usize, const F: usize>(
+        &self,
+        information: &mut [[f64; N]; N],
+        gradient: &mut [f64; N],
+    ) {
+        let weight = fours::<F>(&self.weight);
+        let residual = fours::<F>(&self.residual);
         for (a, (row, slope)) in information.iter_mut().zip(gradient).enumerate().take(K) {
-            let j = fours(&self.j[a]);
-            let weighted: Fours = std::array::from_fn(|k| j[k] * weight[k]);
+            let j = fours::<F>(&self.j[a]);
+            let weighted: Fours<F> = std::array::from_fn(|k| j[k] * weight[k]);
             *slope += sum_of_products(&weighted, &residual);
-            for (sum, j) in row.iter_mut().zip(&self.j[..=a]) {
-                *sum += sum_of_products(&weighted, &fours(j));
+            for (sum, j) in row.iter_mut().zip(&self.j[..=a.min(OWN - 1)]) {
+                *sum += sum_of_products(&weighted, &fours::<F>(j));
             }
         }
     }

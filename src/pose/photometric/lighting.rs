@@ -71,6 +71,12 @@ pub(super) struct Cell {
 }
 
 impl Cell {
+    /// All of the image, where nothing is uneven.
+    pub const EVEN: Cell = Cell {
+        key: (0, 0),
+        basis: [0.0; UNEVEN],
+    };
+
     /// The cell about a pixel of a level, in an image of this size.
     pub fn at(
         [column, row]: [usize; 2],
@@ -146,6 +152,9 @@ impl Cell {
                 to[BRIGHTNESS] += by * (of_gain - 1.0) * own[BRIGHTNESS];
             }
             right[a] += by * gradient[a];
+        }
+        if *self == Cell::EVEN {
+            return;
         }
         // Coefficients move one of the two, by so much.
         let moves: [(usize, f64); UNEVEN] = std::array::from_fn(|k| match k {

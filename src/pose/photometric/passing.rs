@@ -105,6 +105,8 @@ pub(super) struct Look<'a> {
     pub grid: &'a Grid,
     /// Share of the blur that is formed on the pixel grid.
     pub grid_share: f64,
+    /// Whether derivatives by what is the run's are asked for.
+    pub of_run: bool,
 }
 
 impl Photometric {

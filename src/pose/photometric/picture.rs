@@ -14,6 +14,8 @@ const STRIPE_ROWS: f64 = 25.0;
 const EDGE_COLUMNS: usize = 12;
 /// Nor those within so many of its sds.
 const STRIPE_SDS: f64 = 6.0;
+/// So few numbers are sorted one by one.
+const SORTED_MOST: usize = 16;
 /// Every so many columns and rows say whether the dark is even, and if not, how.
 const FEW: [usize; 2] = [16, 4];
 const ALL: [usize; 2] = [1, 1];
@@ -160,9 +162,12 @@ impl<'a> Picture<'a> {
 struct Away {
     dark: f64,
     noise_sd: f64,
-    /// First and last row near the stripe in each column; `None` where it has no stripe and nothing is known.
-    near: Vec<Option<[usize; 2]>>,
+    /// First and last row near the stripe in each column; [`UNKNOWN`] where it has no stripe and nothing is known.
+    near: Vec<[usize; 2]>,
 }
+
+/// All rows.
+const UNKNOWN: [usize; 2] = [0, usize::MAX];
 
 impl Away {
     fn new(image: &GreyImage, profile: &Profile) -> Self {
@@ -178,9 +183,11 @@ impl Away {
         let near = (0..near.len())
             .map(|k| {
                 let about = k.saturating_sub(EDGE_COLUMNS)..(k + EDGE_COLUMNS + 1).min(near.len());
-                let own = near[k]?;
+                let Some(own) = near[k] else {
+                    return UNKNOWN;
+                };
                 let others = near[about].iter().flatten();
-                Some(others.fold(own, |[a, b], [c, d]| [a.min(*c), b.max(*d)]))
+                others.fold(own, |[a, b], [c, d]| [a.min(*c), b.max(*d)])
             })
             .collect();
         Away {
@@ -191,7 +198,8 @@ impl Away {
     }
 
     fn holds(&self, row: usize, column: usize) -> bool {
-        self.near[column].is_some_and(|[a, b]| row < a || row > b)
+        let [first, last] = self.near[column];
+        row < first || row > last
     }
 
     /// Rows and blocks that differ, by every so many pixels; `None` where they do not by more than their noise says.
@@ -273,13 +281,15 @@ impl Away {
             for (k, line) in lines.step_by(by_rows) {
                 let row_by = rows[k].unwrap_or(0.0);
                 let (mut sum, mut n) = (0.0, 0.0);
-                for column in (0..width).step_by(by_columns) {
+                let mut column = 0;
+                while column < width {
                     let by = f64::from(line[column]) - columns[column];
                     if by.abs() < most && self.holds(k, column) {
                         (sum, n) = (sum + by, n + 1.0);
                         let of = &mut of_columns[column];
                         *of = (of.0 + by - row_by, of.1 + 1.0);
                     }
+                    column += by_columns;
                 }
                 rows[k] = (n * by_columns as f64 >= DARK_LEAST).then(|| sum / n);
                 sd[k] = self.noise_sd / f64::sqrt(n);
@@ -349,12 +359,18 @@ impl Away {
         for block in 0..across * down {
             let (left, top) = (block % across * BLOCK_PX, block / across * BLOCK_PX);
             seen.clear();
-            for row in (top..(top + BLOCK_PX).min(height)).step_by(by_rows) {
-                for column in (left..(left + BLOCK_PX).min(width)).step_by(by_columns) {
+            let (right, bottom) = ((left + BLOCK_PX).min(width), (top + BLOCK_PX).min(height));
+            let mut row = top;
+            while row < bottom {
+                let (line, of_row) = (&image.pixels[row * width..(row + 1) * width], rows[row]);
+                let mut column = left;
+                while column < right {
                     if self.holds(row, column) {
-                        seen.push(f64::from(image.pixels[row * width + column]) - rows[row]);
+                        seen.push(f64::from(line[column]) - of_row);
                     }
+                    column += by_columns;
                 }
+                row += by_rows;
             }
             let n = seen.len() as f64;
             let enough = n * (by_columns * by_rows) as f64 >= BLOCK_LEAST;
@@ -367,11 +383,24 @@ impl Away {
     /// Mean of those about the median: grey levels are whole, and what glitters is no background.
     fn level(&self, seen: &mut [f64]) -> f64 {
         let middle = seen.len() / 2;
-        let median = *seen.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let within = seen
-            .iter()
-            .filter(|v| (**v - median).abs() < WITHIN_SDS * self.noise_sd);
-        let (sum, n) = within.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+        let median = if seen.len() <= SORTED_MOST {
+            for k in 1..seen.len() {
+                let (mut at, new) = (k, seen[k]);
+                while at > 0 && seen[at - 1] > new {
+                    seen[at] = seen[at - 1];
+                    at -= 1;
+                }
+                seen[at] = new;
+            }
+            seen[middle]
+        } else {
+            *seen.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let within = WITHIN_SDS * self.noise_sd;
+        let (mut sum, mut n) = (0.0, 0.0);
+        for v in seen.iter().filter(|v| (**v - median).abs() < within) {
+            (sum, n) = (sum + v, n + 1.0);
+        }
         sum / f64::max(n, 1.0)
     }
 }

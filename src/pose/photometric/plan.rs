@@ -252,9 +252,9 @@ impl Photometric {
     ) -> Option<Meeting> {
         let last = self.table.height_px as f64 - 2.0;
         let mut row = start_row;
-        let mut found = None;
-        for _ in 0..8 {
-            let at = row.round().clamp(1.0, last) as usize;
+        for again in (0..8).rev() {
+            // The nearest one; casts go down.
+            let at = (row + 0.5).clamp(1.0, last) as usize;
             let ray = self.ray(column, at);
             let hit = self.hit(turned, &ray, height_m)?;
             let next = at as f64 - (hit.t - 1.0) / hit.t_slope[1];
@@ -264,12 +264,11 @@ impl Photometric {
             // Newton's method: from within 4 rows it is right to a hundredth.
             let done = (next - row).abs() < 4.0;
             row = next;
-            found = Some(Meeting { hit, row, ray });
-            if done {
-                break;
+            if done || again == 0 {
+                return Some(Meeting { hit, row, ray });
             }
         }
-        found
+        None
     }
 
     fn plan_column(
@@ -296,15 +295,14 @@ impl Photometric {
                 continue;
             }
             let metres_per_row = (self.table.lever_m * hit.t_slope[1]).abs();
-            let reach_m = REACH
-                * state
-                    .thickness_m
-                    .hypot(metres_per_row * self.spread_px2.sqrt());
+            let thickness2 = state.thickness_m * state.thickness_m;
+            let reach_m =
+                REACH * (thickness2 + metres_per_row * metres_per_row * self.spread_px2).sqrt();
             let half = reach_m / metres_per_row + MOVE_PX;
-            let (low, high) = (
-                (row - half).ceil().max(1.0),
-                (row + half).floor().min(self.table.height_px as f64 - 2.0),
-            );
+            // The first and last whole rows between; casts go down, and to zero from below it.
+            let last = self.table.height_px.saturating_sub(2);
+            let low = ((row - half).max(0.0) as usize + 1).max(1);
+            let high = ((row + half).max(0.0) as usize).min(last);
             if low > high {
                 *found = None;
                 continue;
@@ -319,7 +317,7 @@ impl Photometric {
                     let mut slack_m = LOOK_AHEAD_M;
                     let span = Span {
                         column,
-                        rows: [low as usize, high as usize],
+                        rows: [low, high],
                         middle: met.ray,
                         p: hit.p,
                         reach_m,
@@ -340,8 +338,8 @@ impl Photometric {
             };
             plan.strips.push(Strip {
                 column,
-                first_row: low as usize,
-                end_row: high as usize + 1,
+                first_row: low,
+                end_row: high + 1,
                 level,
                 cuts,
                 shares: false,

@@ -12,8 +12,7 @@ use super::{
     BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, Square, State,
     THICKNESS, TONE,
 };
-use crate::normal::Tables;
-use nalgebra::SMatrix;
+use crate::normal::{SIXTH, Tables};
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
@@ -36,15 +35,11 @@ pub(super) const BULK: [usize; 8 + ACROSS] = {
     bulk
 };
 
-/// Sums over the pixels.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Sums {
-    /// Jᵀ W J.
-    pub information: Square,
-    /// Jᵀ W r.
-    pub gradient: Column,
+/// How pixels fared.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Tally {
     /// Σ ρ(r / noise).
-    pub cost: f64,
+    cost: f64,
     /// Pixels.
     pub pixels: usize,
     /// Squared residuals of lit pixels away from edges, robustly cut, and their number.
@@ -57,6 +52,18 @@ pub(crate) struct Sums {
     pub edge_count: usize,
     /// Pixels whose weight is below one half.
     pub rejected: usize,
+}
+
+/// Sums over the pixels.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sums {
+    /// Jᵀ W J.
+    pub information: Square,
+    /// Jᵀ W r.
+    pub gradient: Column,
+    /// Σ ρ(r / noise).
+    pub cost: f64,
+    pub tally: Tally,
     /// The edges met.
     pub edges: EdgesSeen,
     /// Where what is the run's is sought: what is left across the line.
@@ -74,22 +81,21 @@ pub(crate) struct Weighting {
     /// The camera's.
     pub response: Response,
     pub curve: Curve,
+    /// Nothing is asked of how light is uneven, of a state in which it is even.
+    pub even: bool,
 }
 
-/// Directions in which what is the run's is doubted: that of the curve, which all else follows, the black level, and what is
-/// left of the line's first four terms.
-pub(crate) const DOUBTS: usize = 6;
-/// Moves of what is the run's, an sd each.
-pub(crate) type RunDoubts = SMatrix<f64, OF_RUN, DOUBTS>;
+/// How much its doubt makes of all else is smooth along the line: every so many columns say it, of those that no edge cuts, and
+/// of those that one cuts.
+const DOUBTED_EVERY: [usize; 2] = [8, 2];
 
 /// What a comparison is to say of what is the run's: the camera's response, and the line across.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(clippy::large_enum_variant)] // One per fit, and copied with it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Curve {
     /// Nothing.
     Known,
-    /// How much its doubt makes of all else. Its derivatives are those by these moves of it; the rest are zero.
-    Doubted(RunDoubts),
+    /// How much it makes of all else: of its derivatives there are the products with others, none with each other.
+    Doubted,
     /// Where it lies.
     Sought,
 }
@@ -99,8 +105,7 @@ impl Curve {
     fn used(&self) -> usize {
         match self {
             Curve::Known => TONE,
-            Curve::Doubted(_) => TONE + DOUBTS,
-            Curve::Sought => LOCAL,
+            Curve::Doubted | Curve::Sought => LOCAL,
         }
     }
 }
@@ -116,18 +121,18 @@ impl Weighting {
 
     /// Cost, weight and d(weight r)/dr of a residual, squared, in units of the noise.
     #[inline]
-    fn weigh(&self, square: f64) -> (f64, f64, f64) {
+    fn weigh(&self, square: f64, of_cut2: f64) -> (f64, f64, f64) {
         let c2 = self.cut * self.cut;
         if self.redescending {
             // Tukey's biweight, scaled so that ρ = r²/2 near zero.
-            let share = square / c2;
+            let share = square * of_cut2;
             let rest = 1.0 - share;
             if rest <= 0.0 {
-                (c2 / 6.0, 0.0, 0.0)
+                (c2 * SIXTH, 0.0, 0.0)
             } else {
                 let rest2 = rest * rest;
                 (
-                    c2 / 6.0 * (1.0 - rest2 * rest),
+                    c2 * SIXTH * (1.0 - rest2 * rest),
                     rest2,
                     rest2 - 4.0 * share * rest,
                 )
@@ -158,6 +163,11 @@ pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
     /// How many of a pixel's derivatives there are.
     used: usize,
+    /// What is asked for in the columns at hand, and for how many these stand.
+    asked: Curve,
+    stands_for: f64,
+    /// Columns met, those that no edge cuts and others.
+    met: [usize; 2],
     tables: &'static Tables,
     bends: Bends,
     bright: f64,
@@ -169,8 +179,9 @@ pub(super) struct Counter<'a> {
     top: f64,
     /// Light nearer to either than this is cut off in part.
     near: f64,
-    /// 1 / noise².
+    /// 1 / noise², and 1 / cut².
     of_variance: f64,
+    of_cut2: f64,
     pub sums: Sums,
     /// By all parameters, the lower triangle.
     lower: Box<Lower>,
@@ -199,6 +210,9 @@ impl<'a> Counter<'a> {
         Counter {
             weighting,
             used: weighting.curve.used(),
+            asked: weighting.curve,
+            stands_for: 1.0,
+            met: [0; 2],
             tables,
             bends: Bends::get(),
             bright: LIT * state.brightness,
@@ -208,6 +222,7 @@ impl<'a> Counter<'a> {
             top: weighting.response.top,
             near: 4.0 * weighting.noise_sd,
             of_variance: 1.0 / (weighting.noise_sd * weighting.noise_sd),
+            of_cut2: 1.0 / (weighting.cut * weighting.cut),
             sums: Sums::default(),
             lower: Box::new([[0.0; PARAMETERS]; PARAMETERS]),
             waiting: Lanes::new(),
@@ -224,25 +239,21 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// By how much of what is the run's derivatives are asked for.
-    pub fn of_run(&self) -> usize {
-        self.used - TONE
+    /// What is asked of what is the run's in the columns at hand.
+    pub fn asked(&self) -> Curve {
+        self.asked
     }
 
-    /// Those, from the derivatives by camera and line.
+    /// Derivatives by what is the run's, from those by camera and line.
     #[inline]
-    pub fn by_run(&self, by_camera: [f64; 2], by_line: [f64; ACROSS]) -> [f64; OF_RUN] {
+    pub fn by_run(&self, by_camera: [f64; 2], by_line: &[f64; ACROSS]) -> [f64; OF_RUN] {
         let mut by = [0.0; OF_RUN];
-        [by[0], by[1]] = by_camera;
-        by[2..].copy_from_slice(&by_line);
-        if let Curve::Doubted(moves) = &self.weighting.curve {
-            let one_by_one = by;
-            by = [0.0; OF_RUN];
-            for (k, d) in one_by_one.iter().enumerate() {
-                for (by, moved) in by.iter_mut().zip(moves.row(k).iter()) {
-                    *by += d * moved;
-                }
-            }
+        let (camera, line) = by.split_at_mut(2);
+        for (by, of) in camera.iter_mut().zip(by_camera) {
+            *by = self.stands_for * of;
+        }
+        for (by, of) in line.iter_mut().zip(by_line) {
+            *by = self.stands_for * of;
         }
         by
     }
@@ -250,14 +261,28 @@ impl<'a> Counter<'a> {
     /// Puts them into a pixel's derivatives, in which those by the line are.
     #[inline]
     pub fn put_run(&self, j: &mut [f64; LOCAL], by_camera: [f64; 2]) {
-        if self.of_run() > 0 {
-            let by_line = std::array::from_fn(|k| j[LINE + k]);
-            j[TONE..].copy_from_slice(&self.by_run(by_camera, by_line));
-        }
+        let by_line = std::array::from_fn(|k| j[LINE + k]);
+        j[TONE..].copy_from_slice(&self.by_run(by_camera, &by_line));
     }
 
-    /// What comes next are the pixels of these strips.
-    pub fn strips(&mut self, strips: &[Strip]) {
+    /// What comes next are the pixels of these strips, which an edge cuts or none.
+    pub fn strips(&mut self, strips: &[Strip], cut: bool) {
+        if self.weighting.curve == Curve::Doubted {
+            let (met, every) = (
+                &mut self.met[usize::from(cut)],
+                DOUBTED_EVERY[usize::from(cut)],
+            );
+            let asked = if *met % every == every / 2 {
+                Curve::Doubted
+            } else {
+                Curve::Known
+            };
+            *met += 1;
+            if asked != self.asked {
+                self.empty();
+            }
+            (self.asked, self.stands_for) = (asked, every as f64);
+        }
         if let (Some(uneven), Some(strip)) = (&self.uneven, strips.first()) {
             let (first, last) = (strip.first_row, strip.end_row);
             let (by, per_row) = uneven.along(strip.column, first, last);
@@ -345,25 +370,33 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Judges a pixel that no edge cuts; `None` where it is clipped.
-    #[inline]
-    pub fn bulk(&mut self, grey: u8, light: f64, background: f64) -> Option<Judged> {
-        let (residual, share, by_camera) = self.residual(grey, light + background)?;
-        let (cost, weight, slope) = self.weighting.weigh(residual * residual * self.of_variance);
-        self.sums.cost += cost;
-        self.sums.pixels += 1;
+    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by what is the run's may be asked for.
+    #[inline(always)]
+    pub fn bulk<const RUN: bool>(
+        &self,
+        grey: u8,
+        light: f64,
+        background: f64,
+        tally: &mut Tally,
+    ) -> Option<Judged> {
+        let (residual, share, by_camera) = self.residual::<RUN>(grey, light + background)?;
+        let (cost, weight, slope) = self
+            .weighting
+            .weigh(residual * residual * self.of_variance, self.of_cut2);
+        tally.cost += cost;
+        tally.pixels += 1;
         if light > self.bright {
             let square = residual * residual;
             let most = OUTLYING * self.weighting.noise_sd;
-            self.sums.bright_square += if square <= most * most {
+            tally.bright_square += if square <= most * most {
                 square
             } else {
                 most * residual.abs()
             };
-            self.sums.bright_count += 1;
-            self.sums.weights += weight;
-            self.sums.slopes += slope;
-            self.sums.rejected += usize::from(weight < 0.5);
+            tally.bright_count += 1;
+            tally.weights += weight;
+            tally.slopes += slope;
+            tally.rejected += usize::from(weight < 0.5);
         }
         Some(Judged {
             residual,
@@ -375,7 +408,8 @@ impl<'a> Counter<'a> {
 
     /// Judges a pixel that an edge may cut: what is `torn` of its light (all of one cut in half) hangs on
     /// where exactly, and by that it is doubted (`doubt_sd`) beyond its noise.
-    pub fn edge(
+    #[inline]
+    pub fn edge<const RUN: bool>(
         &mut self,
         grey: u8,
         light: f64,
@@ -383,7 +417,8 @@ impl<'a> Counter<'a> {
         torn: Option<Torn>,
         doubt_sd: f64,
     ) -> Option<Judged> {
-        let Some((residual, share, by_camera)) = self.residual(grey, light + background) else {
+        let Some((residual, share, by_camera)) = self.residual::<RUN>(grey, light + background)
+        else {
             self.skip();
             return None;
         };
@@ -393,13 +428,16 @@ impl<'a> Counter<'a> {
         } else {
             1.0 / (noise_sd * noise_sd + doubt_sd * doubt_sd)
         };
-        let (cost, weight, slope) = self.weighting.weigh(residual * residual * of_variance);
-        self.sums.cost += cost;
-        self.sums.pixels += 1;
-        self.sums.edge_count += 1;
-        self.sums.weights += weight;
-        self.sums.slopes += slope;
-        self.sums.rejected += usize::from(weight < 0.5);
+        let (cost, weight, slope) = self
+            .weighting
+            .weigh(residual * residual * of_variance, self.of_cut2);
+        let tally = &mut self.sums.tally;
+        tally.cost += cost;
+        tally.pixels += 1;
+        tally.edge_count += 1;
+        tally.weights += weight;
+        tally.slopes += slope;
+        tally.rejected += usize::from(weight < 0.5);
         match (torn, self.edges.get_mut(self.edge)) {
             (Some(torn), Some(edge)) => {
                 // Where the sensor cuts off at zero, less of it shows.
@@ -419,15 +457,15 @@ impl<'a> Counter<'a> {
     /// Residual against what a sensor that gives no negative level would show of `level`:
     /// E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ), derivative Φ(m/σ), with m counted from the light of grey level 0.
     #[inline(always)]
-    fn residual(&self, grey: u8, level: f64) -> Option<(f64, f64, [f64; 2])> {
+    fn residual<const RUN: bool>(&self, grey: u8, level: f64) -> Option<(f64, f64, [f64; 2])> {
         let response = &self.weighting.response;
         let seen = response.light(grey);
-        match self.weighting.curve {
-            Curve::Known => {
+        match self.asked {
+            asked if !RUN || asked == Curve::Known => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((residual, share, [0.0; 2]))
             }
-            Curve::Doubted(_) => {
+            Curve::Doubted => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((
                     residual,
@@ -435,7 +473,7 @@ impl<'a> Counter<'a> {
                     response.moved_by(level).map(|by| share * by),
                 ))
             }
-            Curve::Sought => self.residual_and_curve(seen, level),
+            _ => self.residual_and_curve(seen, level),
         }
     }
 
@@ -476,12 +514,9 @@ impl<'a> Counter<'a> {
     /// Adds one pixel to the normal equations.
     #[inline]
     pub fn add(&mut self, j: &[f64; LOCAL], weight: f64, residual: f64) {
-        let full = match self.weighting.curve {
+        let full = match self.asked {
             Curve::Known => self.waiting.push_first::<TONE>(j, weight, residual),
-            Curve::Doubted(_) => self
-                .waiting
-                .push_first::<{ TONE + DOUBTS }>(j, weight, residual),
-            Curve::Sought => self.waiting.push(j, weight, residual),
+            Curve::Doubted | Curve::Sought => self.waiting.push(j, weight, residual),
         };
         if full {
             self.empty();
@@ -490,12 +525,13 @@ impl<'a> Counter<'a> {
 
     fn empty(&mut self) {
         let (information, gradient) = (&mut self.information, &mut self.gradient);
-        match self.weighting.curve {
-            Curve::Known => self.waiting.empty_first_into::<TONE>(information, gradient),
-            Curve::Doubted(_) => {
-                self.waiting
-                    .empty_first_into::<{ TONE + DOUBTS }>(information, gradient);
-            }
+        match self.asked {
+            Curve::Known => self
+                .waiting
+                .empty_first_into::<TONE, TONE>(information, gradient),
+            Curve::Doubted => self
+                .waiting
+                .empty_first_into::<LOCAL, TONE>(information, gradient),
             Curve::Sought => self.waiting.empty_into(information, gradient),
         }
     }
@@ -506,16 +542,18 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if self.of_run() == 0 {
+        if self.asked == Curve::Known {
             return;
         }
-        let of_run = self.by_run(judged.by_camera, [0.0; ACROSS]);
-        for (k, by) in of_run.iter().enumerate().take(self.used - TONE) {
+        let of_camera = judged.by_camera.map(|by| self.stands_for * by);
+        for (k, by) in of_camera.iter().enumerate() {
             let weighted = judged.weight * by;
             let row = &mut self.information[TONE + k];
             row[BACKGROUND] += weighted * judged.share;
-            for (sum, with) in row[TONE..].iter_mut().zip(&of_run[..=k]) {
-                *sum += weighted * with;
+            if self.asked == Curve::Sought {
+                for (sum, with) in row[TONE..].iter_mut().zip(&of_camera[..=k]) {
+                    *sum += weighted * with;
+                }
             }
             self.gradient[TONE + k] += weighted * judged.residual;
         }
@@ -524,6 +562,7 @@ impl<'a> Counter<'a> {
     pub fn done(mut self) -> Sums {
         self.leave();
         let lower = &self.lower;
+        self.sums.cost += self.sums.tally.cost;
         Sums {
             information: Square::from_fn(|a, b| lower[a.max(b)][a.min(b)]),
             edges: EdgesSeen {

@@ -184,6 +184,7 @@ fn compare_strips(at: State, within: f64) {
         redescending: false,
         response: Response::linear(254),
         curve: Curve::Sought,
+        even: false,
     };
     let mut plan = model.plan(&at, Choice::ALL);
     let alone = |g: &[Strip]| g.len() == 1 && !g[0].cut();
@@ -245,6 +246,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         redescending: false,
         response: Response::linear(254),
         curve: Curve::Sought,
+        even: false,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
     let places = [0.13, 0.1457, 0.2496, 0.243, 0.31];
@@ -320,6 +322,7 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         redescending: false,
         response: Response::linear(254),
         curve: Curve::Sought,
+        even: false,
     };
     let renderer = Renderer::new(&rig).unwrap();
     for x_m in [0.1, 0.13, 0.19] {

@@ -5,13 +5,15 @@
 //! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
 //! per pixel, and [`Photometric::light`] is left for upright corners.
 
-use super::across::Across;
+use super::across::{ACROSS, Across, Faded};
 use super::grid::Bend;
 use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
 use super::plan::{Near, Plan, Strip};
 use super::sums::{Counter, Torn};
 use super::turned::{Hit, Ray, Turned, dot};
-use super::{BACKGROUND, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS};
+use super::{
+    BACKGROUND, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS, TONE,
+};
 use crate::normal::{Pair, Tables};
 
 /// Value in the middle, and gain per row.
@@ -134,6 +136,8 @@ struct Ready {
     lit: [f64; 2],
     /// In [`Scratch::cuts`].
     cuts: (usize, usize),
+    /// What the line has across it.
+    faded: Faded,
 }
 
 /// Memory that is used again from strip to strip.
@@ -152,6 +156,18 @@ struct Node {
 /// Most cuts of a strip.
 pub(super) const CUTS_MOST: usize = 4;
 
+/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are asked for, and the
+/// share of the blur that is formed on the pixel grid.
+type Compared<'a> = (
+    &'a Turned,
+    &'a Plan,
+    &'a [Strip],
+    &'a [u8],
+    &'a State,
+    bool,
+    f64,
+);
+
 /// Three rows of a strip, their places about the middle, and the pose that sees them.
 struct Rows<'a> {
     turned: &'a Turned,
@@ -161,20 +177,13 @@ struct Rows<'a> {
 }
 
 impl Photometric {
-    /// Adds strips that share their rows and that no upright corner cuts; `doubt_sd` says
+    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by what is the run's; `doubt_sd` says
     /// for each row in turn by how much its pixel is doubted, from how much of its light is torn.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn compare_torn<'a>(
+    pub(super) fn compare_torn<'a, const RUN: bool>(
         &'a self,
-        turned: &Turned,
-        plan: &Plan,
-        strips: &[Strip],
-        pixels: &[u8],
-        state: &State,
-        derivatives: bool,
+        (turned, plan, strips, pixels, state, derivatives, grid_share): Compared<'_>,
         counter: &mut Counter<'_>,
         scratch: &mut Scratch<'a>,
-        grid_share: f64,
         mut doubt_sd: impl FnMut(&Doubt) -> f64,
     ) {
         let Some(strip) = strips.first() else {
@@ -201,7 +210,6 @@ impl Photometric {
         let sigma = state.thickness_m;
         let of_sigma = 1.0 / sigma;
         let across = Across::new(&state.across, sigma);
-        let by_line = derivatives && counter.of_run() > 0;
         let middle = 0.5 * (from + to) as f64;
         let sights = self.table.sights(strip.column, first, end);
         for (row, [y, z]) in (first..end).zip(sights) {
@@ -224,7 +232,12 @@ impl Photometric {
                 if round == 0.0 {
                     continue;
                 }
-                let line = across.at(s, of_total2, by_line);
+                let mut by_terms = [0.0; ACROSS];
+                let line = if RUN {
+                    across.at_by(s, of_total2, &mut by_terms)
+                } else {
+                    ready.faded.at(s, of_total2)
+                };
                 let bare = round * line.light;
                 let full = state.brightness * bare;
                 let cuts = scratch.cuts.get(ready.cuts.0..ready.cuts.1).unwrap_or(&[]);
@@ -259,8 +272,10 @@ impl Photometric {
                     j[BRIGHTNESS] += bare * share;
                     j[THICKNESS] += light * (of_sigma - sigma * of_total2 * (1.0 - off))
                         + of_line * line.by_sigma;
-                    for (j, by) in j[LINE..].iter_mut().zip(&line.by) {
-                        *j += of_line * by;
+                    if RUN {
+                        for (j, by) in j[LINE..].iter_mut().zip(&by_terms) {
+                            *j += of_line * by;
+                        }
                     }
                 }
             }
@@ -278,9 +293,12 @@ impl Photometric {
                     light: doubt.edge,
                     bent,
                 };
-                counter.edge(grey, level, background, Some(torn), doubt_sd)
+                counter.edge::<RUN>(grey, level, background, Some(torn), doubt_sd)
             } else {
-                counter.bulk(grey, level, background)
+                let mut tally = counter.sums.tally;
+                let judged = counter.bulk::<RUN>(grey, level, background, &mut tally);
+                counter.sums.tally = tally;
+                judged
             };
             let Some(judged) = judged.filter(|_| derivatives) else {
                 continue;
@@ -291,9 +309,13 @@ impl Photometric {
             }
             j[BACKGROUND] = 1.0;
             if judged.share != 1.0 {
-                j = j.map(|d| d * judged.share);
+                for j in &mut j[..if RUN { LOCAL } else { TONE }] {
+                    *j *= judged.share;
+                }
             }
-            counter.put_run(&mut j, judged.by_camera);
+            if RUN {
+                counter.put_run(&mut j, judged.by_camera);
+            }
             counter.add(&j, judged.weight, judged.residual);
         }
     }
@@ -320,6 +342,7 @@ impl Photometric {
             rays: nodes.map(|row| self.ray(column, row)),
             u: nodes.map(|row| row as f64 - middle),
         };
+        let across = Across::new(&state.across, state.thickness_m);
         let eye = self.table.eye_m;
         let fallen = turned.position[2] + dot(&turned.r[2], &[eye.x, eye.y, eye.z]);
         for strip in strips {
@@ -350,6 +373,7 @@ impl Photometric {
                 ds: std::array::from_fn(|i| line(a.ds[i], c.ds[i], count)),
                 lit,
                 cuts: (first_cut, scratch.cuts.len()),
+                faded: across.faded(2.0 / (a.total2 + c.total2)),
             });
         }
         Some(())
