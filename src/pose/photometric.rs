@@ -250,7 +250,7 @@ impl Photometric {
                     derivatives,
                     grid_share,
                 );
-                if derivatives && counter.asked() != Curve::Known {
+                if counter.asked() != Curve::Known {
                     self.compare_torn::<true>(all, &mut counter, &mut scratch, of_pixel);
                 } else {
                     self.compare_torn::<false>(all, &mut counter, &mut scratch, of_pixel);

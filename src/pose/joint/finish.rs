@@ -1,11 +1,11 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums, TONE,
+    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums,
     Weighting, light_per_grey,
 };
 use super::settle::{Settled, lit_noise, sane};
-use super::solve::{covariances, response_seen, tone_sd};
+use super::solve::{covariances, response_seen};
 use super::{
     CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
 };
@@ -21,8 +21,6 @@ const ITERATIONS: usize = 14;
 /// left straight: at an approach, and at the end.
 const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
 const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
-/// At the end it may take so many sds of ln γ.
-const BENT_SDS: f64 = 0.1;
 /// Where more of the columns than this are clipped at their peak, the flanks that are left are fitted by a Gaussian: what of the
 /// line they show follows from there.
 const CLIPPED_LINE: f64 = 0.3;
@@ -46,6 +44,11 @@ const TO_APPROACH: Choice = Choice {
     step: 3,
     keep: 4,
     room_m: 0.003,
+};
+/// The same where the camera's curve is sought too.
+const TO_APPROACH_OPEN: Choice = Choice {
+    keep: 2,
+    ..TO_APPROACH
 };
 /// After that it moves by its sd.
 const TO_FINISH: Choice = Choice {
@@ -77,14 +80,11 @@ impl PoseFitter {
             free[LINE..LOCAL].fill(false);
         }
         let doubt = self.camera.as_ref().and_then(CameraResponse::doubt);
-        // What is sought is sought from the start and at last; between them it stays where the approach has found it.
         let [curve, curve_at_last] = match (self.camera, doubt) {
             (None, _) => [Curve::Sought; 2],
             (_, Some(_)) => [Curve::Known, Curve::Doubted],
             _ => [Curve::Known; 2],
         };
-        let mut held = free;
-        held[TONE..LOCAL].fill(false);
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
@@ -102,26 +102,22 @@ impl PoseFitter {
         let (state, sums, edge_doubt) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, free, curve| {
+            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, curve| {
                 weighting.curve = curve;
                 weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                 let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
                 let limits = (ITERATIONS, Settled::Bending(settled));
                 weighting.respond(&from, picture.ceiling);
-                self.settle(model, plan, picture, from, free, &weighting, doubts, limits)
-                    .ok_or(PoseFault::Unsettled)
+                self.settle(
+                    model, plan, picture, from, &free, &weighting, doubts, limits,
+                )
+                .ok_or(PoseFault::Unsettled)
             };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = settle(&few, from, &sums, NEARLY, &held, Curve::Known)?;
-            let (state, all) = settle(&plan, near, &edges, SETTLED, &free, curve_at_last)?;
-            // What a curve that is left straight takes of ln γ is half the square of what it lacks.
-            let [tone, black] = BENT_SETTLED;
-            let of_sd = match self.camera {
-                None => (2.0 * BENT_SDS * tone_sd(&all, &free).unwrap_or(0.0)).sqrt(),
-                Some(_) => 0.0,
-            };
-            let bent = bent(&near, &state, [of_sd.max(tone), black]);
+            let (near, edges) = settle(&few, from, &sums, NEARLY, curve)?;
+            let (state, all) = settle(&plan, near, &edges, SETTLED, curve_at_last)?;
+            let bent = bent(&near, &state, BENT_SETTLED);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
             if again == 0 || !(moved || bent) {
                 let edge_doubt = edges.edges.doubt(weighting.noise_sd);
@@ -202,9 +198,13 @@ impl PoseFitter {
         free: &[bool; PARAMETERS],
         weighting: &mut Weighting,
     ) -> Option<(State, Sums)> {
+        let choice = match self.camera {
+            Some(_) => TO_APPROACH,
+            None => TO_APPROACH_OPEN,
+        };
         let mut from = start;
         for again in (0..self.plans()).rev() {
-            let plan = model.plan(&from, TO_APPROACH);
+            let plan = model.plan(&from, choice);
             let mut settle = |from: State, settled: f64| {
                 let none = &mut Doubts::default();
                 let limits = (6, Settled::All(settled));
@@ -217,7 +217,7 @@ impl PoseFitter {
                 found
             };
             let in_room = |state: &State| {
-                let moved = self.shift_m(&from.pose, &state.pose) > TO_APPROACH.room_m;
+                let moved = self.shift_m(&from.pose, &state.pose) > choice.room_m;
                 again == 0 || !(moved || bent(&from, state, BENT_APPROACHED))
             };
             let (rough, _) = settle(from, ROUGHLY)?;

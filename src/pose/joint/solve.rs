@@ -111,15 +111,6 @@ pub(super) fn response_seen(
     })
 }
 
-/// Sd of ln γ, all that is free following.
-pub(super) fn tone_sd(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<f64> {
-    let sized = sized(&sums.information);
-    let solved = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?;
-    let mut one = Column::zeros();
-    one[TONE] = 1.0;
-    Some(solved.solve(&one)[TONE].max(0.0).sqrt() * SIZES[TONE])
-}
-
 /// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
 fn considered(inverse: &Square, sized: &Square, doubt: &OfRun2) -> Square {
