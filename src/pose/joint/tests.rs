@@ -251,7 +251,7 @@ fn the_last_step_leaves_little() {
         let doubts = &mut Doubts::found(&seen.edges, fit.noise_sd);
         let mut free = [true; PARAMETERS];
         free[photometric::TONE..photometric::LOCAL].fill(fit.tone != 0.0);
-        let limits = (20, 1e-9);
+        let limits = (20, settle::Settled::All(1e-9));
         let (end, _) = fitter
             .settle(
                 &fitter.model,
