@@ -351,6 +351,7 @@ impl Photometric {
     }
 
     /// The light of each row that some strips share; `None` where a row sees none of their levels.
+    #[allow(clippy::too_many_arguments)]
     fn each_row(
         &self,
         turned: &Turned,
