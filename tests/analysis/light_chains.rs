@@ -2,6 +2,9 @@
 //! binary's commands. Each chain has a vehicle, a light and a camera of its own, and runs once more under even light on a
 //! linear camera. The rig that calibrates, replays and identifies knows nothing of any of it.
 //!
+//! Judged are coefficients and how many frames have a pose. Errors of poses are printed, not judged: one calibration's error
+//! moves all poses of a chain alike (a board turned by 0.003° is a roll of ten sds of a frame), clean or not.
+//!
 //! ```sh
 //! cargo test --release --test analysis light_chains -- --ignored --nocapture
 //! ```
@@ -19,9 +22,6 @@ use std::path::{Path, PathBuf};
 
 /// Chains of must-show 3.
 const CHAINS: u64 = 10;
-/// Of independent errors that are normal, one in 150 000 is farther off.
-const WORST_SDS: f64 = 4.5;
-
 fn folder() -> PathBuf {
     let named = std::env::var_os("HYDROLINE_LIGHT_CHAINS").map(PathBuf::from);
     named.unwrap_or_else(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join("light-chains"))
@@ -78,9 +78,6 @@ fn judged(name: &str, all: &[Outcome]) -> Vec<String> {
     if (poses as f64) < 0.9 * frames as f64 {
         failed.push(format!("{name}: {poses} of {frames} frames with a pose"));
     }
-    if worst > WORST_SDS {
-        failed.push(format!("{name}: a pose {worst:.1} sd off"));
-    }
     failed
 }
 
@@ -89,10 +86,10 @@ fn judged(name: &str, all: &[Outcome]) -> Vec<String> {
 fn coefficients_of_ten_whole_chains_lie_within_their_intervals() {
     let folder = folder();
     let (mut lit, mut clean) = (Vec::new(), Vec::new());
-    for chain in 0..CHAINS {
-        let drawn = Drawn::new(chain);
-        println!("chain {chain}: {}", drawn.light_in_words());
-        for (under, all) in [(true, &mut lit), (false, &mut clean)] {
+    for (under, all) in [(true, &mut lit), (false, &mut clean)] {
+        for chain in 0..CHAINS {
+            let drawn = Drawn::new(chain);
+            println!("chain {chain}: {}", drawn.light_in_words());
             let outcome = kept(&folder, &drawn, under);
             outcome.print(if under { "  lit" } else { "clean" });
             all.push(outcome);
@@ -115,7 +112,6 @@ fn a_small_chain_under_real_light_gives_surge_within_its_intervals() {
     outcome.print("lit");
     assert_eq!(outcome.coefficients.len(), 3);
     assert!(outcome.poses * 10 >= outcome.frames * 9);
-    assert!(outcome.worst_sds < WORST_SDS, "{}", outcome.worst_sds);
     for c in &outcome.coefficients {
         // Three intervals of 95 % miss one time in seven; three sds hardly ever.
         assert!(c.sds().abs() < 3.0, "{c:?}");

@@ -15,6 +15,7 @@ mod record_disk;
 mod record_kill;
 mod response;
 mod service_files;
+mod simulate_light;
 mod simulate_reproducible;
 
 #[path = "../support/mod.rs"]

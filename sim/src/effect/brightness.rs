@@ -23,10 +23,10 @@ pub struct Brightness<T = f64> {
     pub banding_phase_rad: T,
     /// Exponent of the tone curve.
     pub gamma: T,
-    /// Least and greatest grey level.
-    pub range_grey: [T; 2],
-    /// All levels are squeezed between them instead of being cut off there.
-    pub range_scales: bool,
+    /// What 0 and 255 become: all levels are squeezed between them.
+    pub scaled_grey: [T; 2],
+    /// Least and greatest grey level: others are cut off there.
+    pub clipped_grey: [T; 2],
 }
 
 impl<T: Real> Brightness<T> {
@@ -43,8 +43,8 @@ impl<T: Real> Brightness<T> {
             banding_row_s: c(0.0),
             banding_phase_rad: c(0.0),
             gamma: c(1.0),
-            range_grey: [c(0.0), c(255.0)],
-            range_scales: false,
+            scaled_grey: [c(0.0), c(255.0)],
+            clipped_grey: [c(0.0), c(255.0)],
         }
     }
 }

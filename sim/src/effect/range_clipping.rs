@@ -5,7 +5,7 @@ use crate::real::Real;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "range_clipping",
-    law: "clip: a level below floor_grey is floor_grey, one above ceiling_grey is ceiling_grey; scale (video range): floor_grey + g (ceiling_grey - floor_grey) / 255; after the tone curve, before rounding",
+    law: "clip: a level below floor_grey is floor_grey, one above ceiling_grey is ceiling_grey; scale (video range): floor_grey + g (ceiling_grey - floor_grey) / 255; after the tone curve, scale before clip where both are given, before rounding",
     stage: Stage::Measurement,
     order: 210,
     parameters: &[
@@ -52,8 +52,11 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 
 impl<T: Real> Law<T> for Range<T> {
     fn optics(&self, optics: &mut Optics<T>) {
-        optics.brightness.range_grey = self.ends_grey;
-        optics.brightness.range_scales = self.scales;
+        if self.scales {
+            optics.brightness.scaled_grey = self.ends_grey;
+        } else {
+            optics.brightness.clipped_grey = self.ends_grey;
+        }
     }
 }
 

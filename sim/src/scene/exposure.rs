@@ -114,12 +114,9 @@ impl Exposure {
         } else {
             255.0 * (linear.max(0.0) / 255.0).powf(law.gamma)
         };
-        let [low, high] = law.range_grey;
-        let level = if law.range_scales {
-            low + curved.clamp(0.0, 255.0) * (high - low) / 255.0
-        } else {
-            curved.max(low).min(high)
-        };
-        level as f32
+        let [black, white] = law.scaled_grey;
+        let scaled = black + curved.clamp(0.0, 255.0) * (white - black) / 255.0;
+        let [low, high] = law.clipped_grey;
+        scaled.max(low).min(high) as f32
     }
 }

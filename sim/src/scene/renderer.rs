@@ -145,9 +145,10 @@ impl Renderer {
             1000.0,
         )?;
         in_range("gamma", b.gamma, 0.1, 10.0)?;
-        let [floor, ceiling] = b.range_grey;
-        in_range("ceiling of the grey levels", ceiling, 1.0, 255.0)?;
-        in_range("floor of the grey levels", floor, 0.0, ceiling)?;
+        for [floor, ceiling] in [b.scaled_grey, b.clipped_grey] {
+            in_range("ceiling of the grey levels", ceiling, 1.0, 255.0)?;
+            in_range("floor of the grey levels", floor, 0.0, ceiling)?;
+        }
         for what in optics.camera_m.iter().chain([
             &optics.l_laser_m,
             &optics.sheet_tan_pitch,

@@ -44,6 +44,8 @@ pub struct Outcome {
     pub poses: usize,
     /// Sum of squared errors of the poses in sds: x, y, z, φ, θ, ψ.
     pub square_sds: [f64; 6],
+    /// Sum of errors in sds: their mean is what all poses have alike.
+    pub sum_sds: [f64; 6],
     /// Worst error of a pose in sds, and where.
     pub worst_sds: f64,
     pub worst_at: String,
@@ -60,6 +62,7 @@ impl Outcome {
             "frames": self.frames,
             "poses": self.poses,
             "square_sds": self.square_sds,
+            "sum_sds": self.sum_sds,
             "worst_sds": self.worst_sds,
             "worst_at": self.worst_at,
             "words": self.words,
@@ -85,6 +88,7 @@ impl Outcome {
             frames: v["frames"].as_u64()? as usize,
             poses: v["poses"].as_u64()? as usize,
             square_sds: numbers(&v["square_sds"])?.try_into().ok()?,
+            sum_sds: numbers(&v["sum_sds"])?.try_into().ok()?,
             worst_sds: v["worst_sds"].as_f64()?,
             worst_at: v["worst_at"].as_str()?.to_owned(),
             words: v["words"]
@@ -96,8 +100,11 @@ impl Outcome {
     }
 
     pub fn print(&self, name: &str) {
+        let n = self.poses.max(1) as f64;
+        let mean = self.sum_sds.map(|sum| sum / n);
+        let rms = self.square_sds.map(|sum| (sum / n).sqrt());
         println!(
-            "  {name}: {} of {} frames with a pose, worst {:.1} sd ({})",
+            "  {name}: {} of {} frames with a pose; in sds, x y z φ θ ψ: mean {mean:.1?}, rms {rms:.1?}, worst {:.1} ({})",
             self.poses, self.frames, self.worst_sds, self.worst_at
         );
         for c in &self.coefficients {
@@ -248,6 +255,7 @@ fn judge(log: &Path, motion: &Path, name: &str, outcome: &mut Outcome) {
         for i in 0..6 {
             let sds = (seen[i] - truth[i]) / m.covariance[7 * i].sqrt();
             outcome.square_sds[i] += sds * sds;
+            outcome.sum_sds[i] += sds;
             if sds.abs() > outcome.worst_sds {
                 outcome.worst_sds = sds.abs();
                 let what = ["x", "y", "z", "φ", "θ", "ψ"][i];

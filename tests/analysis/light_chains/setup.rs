@@ -76,9 +76,9 @@ pub const GROUPS: &[Group] = &[
 ];
 
 /// Frames per second: few, the motion is slow.
-pub const RATE_FPS: f64 = 5.0;
+pub const RATE_FPS: f64 = 2.5;
 /// At rest first: the frames in which a run learns its camera.
-const REST_S: f64 = 1.6;
+const REST_S: f64 = 3.2;
 
 /// A plan as text.
 pub fn plan(steps: &[(f64, &str)]) -> String {
@@ -154,10 +154,10 @@ impl Drawn {
         let mut table: toml::Table =
             toml::from_str(&Rig::builtin("lshpi").unwrap().effective_toml).unwrap();
         let camera = table["camera"].as_table_mut().unwrap();
-        camera["rate_fps"] = RATE_FPS.into();
+        camera["rate_fps"] = toml::Value::Float(RATE_FPS);
         // Noise and background of the independent renderer's frames.
-        camera["noise"]["read_sd"] = 1.5.into();
-        camera["noise"]["ambient"] = 12.0.into();
+        camera["noise"]["read_sd"] = toml::Value::Float(1.5);
+        camera["noise"]["ambient"] = toml::Value::Float(12.0);
         let text = toml::to_string(&table).unwrap();
         let rig = Rig::from_toml(&text, "chain.toml", None).unwrap();
         let mut vehicle = rig.vehicle.clone();
@@ -218,6 +218,6 @@ pub fn keys(model: &str) -> Vec<String> {
         .find(|d| d.name() == model);
     Coefficient::of(dof.unwrap())
         .iter()
-        .map(|c| c.key())
+        .map(|c| c.key().to_owned())
         .collect()
 }
