@@ -117,9 +117,11 @@ impl Photometric {
             let line = across.at(s, of_total2, by_line);
             let bare = round * line.light;
             let light = state.brightness * bare;
-            let Some(judged) =
-                counter.bulk(*grey, light, state.background + counter.of_row(first + k))
-            else {
+            let Some(judged) = counter.bulk(
+                *grey,
+                light,
+                counter.background(state.background, first + k),
+            ) else {
                 continue;
             };
             if !derivatives {

@@ -52,6 +52,8 @@ pub(crate) struct Picture<'a> {
 /// By how much dark pixels differ from their median \[grey levels\].
 #[derive(Debug, Clone)]
 pub(crate) struct Uneven {
+    /// What it differs from: the median of the dark \[as the levels\].
+    pub dark: f64,
     /// Of each row: light that flickers, and its sd.
     pub rows: Rows,
     /// Of blocks of pixels, by rows: lamps and what they light.
@@ -145,6 +147,7 @@ impl<'a> Picture<'a> {
         let of = |by: &f64| response.between(self.dark + by) - dark;
         let per_grey = response.light_per_grey(dark);
         self.uneven.as_ref().map(|uneven| Uneven {
+            dark,
             rows: Rows {
                 level: uneven.rows.level.iter().map(of).collect(),
                 sd: uneven.rows.sd.iter().map(|sd| sd * per_grey).collect(),
@@ -245,6 +248,7 @@ impl Away {
         let uneven = rows.is_some() || blocks.is_some();
         let none = across * image.height_px.div_ceil(BLOCK_PX);
         uneven.then(|| Uneven {
+            dark: self.dark,
             rows: rows.unwrap_or(Rows {
                 sd: even.clone(),
                 level: even,
@@ -302,6 +306,7 @@ impl Away {
         let width = image.width_px;
         let most = FLICKER_MOST + WITHIN_SDS * self.noise_sd;
         let lamps = Uneven {
+            dark: self.dark,
             rows: Rows::default(),
             blocks: lamps.to_vec(),
             across: width.div_ceil(BLOCK_PX),

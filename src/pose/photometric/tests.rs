@@ -205,7 +205,9 @@ fn compare_strips(at: State, within: f64) {
         for row in strips[0].first_row..strips[0].end_row {
             let light = at_row(&model, &plan, &at, strips, row).unwrap();
             let grey = picture[row * model.table.width_px + strips[0].column];
-            let judged = counter.bulk(grey, light.level, at.background).unwrap();
+            let judged = counter
+                .bulk(grey, light.level, counter.background(at.background, row))
+                .unwrap();
             let mut j = light.j;
             j[BACKGROUND] = 1.0;
             let mut j = j.map(|d| d * judged.share);

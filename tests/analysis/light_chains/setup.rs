@@ -155,6 +155,8 @@ impl Drawn {
             toml::from_str(&Rig::builtin("lshpi").unwrap().effective_toml).unwrap();
         let camera = table["camera"].as_table_mut().unwrap();
         camera["rate_fps"] = toml::Value::Float(RATE_FPS);
+        // Longer than two frames.
+        camera["frozen_after_s"] = toml::Value::Float(5.0 / RATE_FPS);
         // Noise and background of the independent renderer's frames.
         camera["noise"]["read_sd"] = toml::Value::Float(1.5);
         camera["noise"]["ambient"] = toml::Value::Float(12.0);
