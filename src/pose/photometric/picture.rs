@@ -64,6 +64,21 @@ pub(crate) struct Uneven {
 }
 
 impl Uneven {
+    /// Rows that differ from the dark and are known.
+    #[cfg(test)]
+    pub fn of_rows(dark: f64, level: Vec<f64>) -> Self {
+        Uneven {
+            dark,
+            rows: Rows {
+                sd: vec![0.0; level.len()],
+                level,
+            },
+            blocks: Vec::new(),
+            across: 0,
+            blocks_sd: 0.0,
+        }
+    }
+
     /// Sd of what is told of a row where blocks and rows are told apart \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
