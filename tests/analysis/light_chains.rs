@@ -6,10 +6,10 @@
 //! moves all poses of a chain alike (a board turned by 0.003° is a roll of ten sds of a frame), clean or not.
 //!
 //! ```sh
-//! cargo test --release --test analysis light_chains -- --ignored --nocapture
+//! cargo test --workspace --test analysis light_chains -- --ignored --nocapture
 //! ```
 //!
-//! Ten minutes of one core. Results are kept in `target/tmp/light-chains` (`HYDROLINE_LIGHT_CHAINS`), one file per chain:
+//! A quarter of an hour of one core. Results are kept in `target/tmp/light-chains` (`HYDROLINE_LIGHT_CHAINS`), one file per chain:
 //! what was broken off goes on where it stopped, as long as binary and chain are the same.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -82,7 +82,7 @@ fn judged(name: &str, all: &[Outcome]) -> Vec<String> {
 }
 
 #[test]
-#[ignore = "ten whole chains under real light and ten clean ones, ten minutes"]
+#[ignore = "ten whole chains under real light and ten clean ones, a quarter of an hour"]
 fn coefficients_of_ten_whole_chains_lie_within_their_intervals() {
     let folder = folder();
     let (mut lit, mut clean) = (Vec::new(), Vec::new());
