@@ -1,0 +1,402 @@
+//! From the vehicle alone to the models that the data leave: add, drop, exchange, as the score test proposes.
+//!
+//! Textbook loop: of all models visited the likeliest that was not yet looked at is expanded; what lies outside of
+//! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+
+use super::fit::{Effort, Fit, Problem};
+use super::hyper::{Cell, Misfit};
+use super::noise::estimate;
+use super::promise::Promise;
+
+/// Options of a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Log score below the best at which a model is not expanded (Occam's window: a hundredth).
+    pub window: f64,
+    /// Candidates fitted beside each model.
+    pub additions: usize,
+    /// Candidates fitted in a member's place.
+    pub exchanges: usize,
+    /// Fits in all.
+    pub fits: usize,
+    /// Gain in log likelihood below which a promise is not worth a fit.
+    pub least_gain: f64,
+    /// Times that the noise is estimated beside the best model and the models are scored anew.
+    pub noise_rounds: usize,
+    /// Change of a noise's logarithm below which it stays.
+    pub noise_change: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            window: 100f64.ln(),
+            additions: 5,
+            exchanges: 2,
+            fits: 150,
+            least_gain: 3.0,
+            noise_rounds: 2,
+            noise_change: 0.03,
+        }
+    }
+}
+
+/// What a search found.
+#[derive(Debug)]
+pub struct Found {
+    /// The problem, with the noise at the end.
+    pub problem: Problem,
+    /// Models visited, by their effects.
+    pub models: BTreeMap<Vec<usize>, Fit>,
+    /// Fits made.
+    pub fits: usize,
+}
+
+/// Random forces where a search begins: large, so that a vehicle that is far off does not drown everything.
+const BEGIN: Cell = Cell {
+    size: 8,
+    correlation: 1,
+};
+
+struct Search<'a> {
+    problem: Problem,
+    models: BTreeMap<Vec<usize>, Fit>,
+    expanded: BTreeSet<Vec<usize>>,
+    fits: usize,
+    options: Options,
+    progress: &'a (dyn Fn(&str) + Sync),
+}
+
+type Job = (Vec<usize>, Vec<f64>, Misfit);
+
+impl Search<'_> {
+    fn fit(&mut self, jobs: Vec<Job>, effort: Effort) {
+        self.fits += jobs.len();
+        let made: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(|(terms, from, misfit)| self.problem.fit(&terms, &from, misfit, effort))
+            .collect();
+        for fit in made {
+            tracing::debug!(
+                "{:.1} evidence {:.1} {:?} {:?}",
+                fit.ln_score,
+                fit.ln_evidence,
+                self.names(&fit),
+                self.problem
+                    .body
+                    .dofs
+                    .iter()
+                    .map(|d| fit.misfit[*d])
+                    .collect::<Vec<_>>()
+            );
+            let keep = self
+                .models
+                .get(&fit.terms)
+                .is_none_or(|old| old.ln_score < fit.ln_score);
+            if keep {
+                self.models.insert(fit.terms.clone(), fit);
+            }
+        }
+    }
+
+    fn names(&self, fit: &Fit) -> Vec<String> {
+        fit.terms
+            .iter()
+            .map(|t| self.problem.body.candidates[*t].name())
+            .collect()
+    }
+
+    fn best(&self) -> Option<&Fit> {
+        self.models
+            .values()
+            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
+    }
+
+    /// The likeliest model within the window that was not looked at.
+    fn next(&self) -> Option<Fit> {
+        let floor = self.best()?.ln_score - self.options.window;
+        self.models
+            .values()
+            .filter(|f| f.ln_score >= floor && !self.expanded.contains(&f.terms))
+            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
+            .cloned()
+    }
+
+    fn expand(&mut self, fit: &Fit) {
+        self.expanded.insert(fit.terms.clone());
+        let promises = self.problem.promises(fit);
+        let mut jobs: Vec<Job> = Vec::new();
+        let mut add = |job: Job| {
+            if !self.models.contains_key(&job.0) {
+                jobs.push(job);
+            }
+        };
+        let additions = promises.iter().filter(|p| p.instead.is_none());
+        for p in additions
+            .filter(|p| p.gain > self.options.least_gain)
+            .take(self.options.additions)
+        {
+            let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
+            add((terms, point, fit.misfit));
+        }
+        for member in 0..fit.terms.len() {
+            let (terms, point) = self.problem.without(fit, member);
+            add((terms.clone(), point.clone(), fit.misfit));
+            let instead: Vec<&Promise> = promises
+                .iter()
+                .filter(|p| p.instead == Some(member))
+                .collect();
+            for p in instead
+                .into_iter()
+                .filter(|p| p.gain > self.options.least_gain)
+                .take(self.options.exchanges)
+            {
+                let smaller = Fit {
+                    terms: terms.clone(),
+                    point: point.clone(),
+                    ..fit.clone()
+                };
+                let (terms, point) = self.problem.with(&smaller, p.candidate, &p.numbers);
+                add((terms, point, fit.misfit));
+            }
+        }
+        self.fit(jobs, Effort::default());
+    }
+
+    fn run(&mut self) {
+        while self.fits < self.options.fits {
+            let Some(fit) = self.next() else { break };
+            (self.progress)(&match fit.terms.len() {
+                0 => "beside the vehicle alone".to_owned(),
+                _ => format!("beside {}", self.names(&fit).join(" + ")),
+            });
+            self.expand(&fit);
+        }
+    }
+
+    /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
+    fn renew_noise(&mut self) -> bool {
+        let Some(best) = self.best().cloned() else {
+            return false;
+        };
+        let predicted = self.problem.predicted(&best.terms, &best.point);
+        let noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
+        let pairs = noises.channels.iter().zip(&self.problem.noises.channels);
+        let change = pairs
+            .filter_map(|(a, b)| Some((a.as_ref()?.total_sd() / b.as_ref()?.total_sd()).ln().abs()))
+            .fold(0.0, f64::max);
+        let rejected = noises.used != self.problem.noises.used;
+        if change < self.options.noise_change && !rejected {
+            return false;
+        }
+        tracing::debug!(
+            "noise {:?}",
+            noises.channels.iter().flatten().collect::<Vec<_>>()
+        );
+        self.problem.noises = noises;
+        true
+    }
+
+    /// Scores of the models at the front under the present noise; the others are dropped.
+    fn rescore(&mut self) {
+        let Some(floor) = self.best().map(|b| b.ln_score - 3.0 * self.options.window) else {
+            return;
+        };
+        let kept: Vec<Fit> = std::mem::take(&mut self.models).into_values().collect();
+        let jobs = kept
+            .into_iter()
+            .filter(|f| f.ln_score >= floor || f.terms.is_empty())
+            .map(|f| (f.terms, f.point, f.misfit))
+            .collect();
+        self.expanded.clear();
+        self.fit(jobs, Effort::default());
+    }
+}
+
+/// Searches the models of a problem.
+///
+/// `None` when the vehicle alone gives no finite motion from the rig's numbers.
+pub fn search(
+    problem: Problem,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Option<Found> {
+    let mut search = Search {
+        problem,
+        models: BTreeMap::new(),
+        expanded: BTreeSet::new(),
+        fits: 0,
+        options,
+        progress,
+    };
+    let begin = search.problem.body.begin();
+    search.fit(vec![(Vec::new(), begin, [BEGIN; 6])], Effort::default());
+    search.best()?;
+    if search.renew_noise() {
+        search.rescore();
+    }
+    search.run();
+    for _ in 0..options.noise_rounds {
+        if !search.renew_noise() {
+            break;
+        }
+        search.rescore();
+        search.options.fits = search.fits + options.fits / 3;
+        search.run();
+    }
+    Some(Found {
+        problem: search.problem,
+        models: search.models,
+        fits: search.fits,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::posterior::Posterior;
+    use crate::prior::PriorTable;
+    use crate::recording::Recording;
+    use crate::testing::{Tank, entry};
+    use hydroline_rigs::PhysicsEntry;
+    use std::time::Instant;
+
+    fn cases() -> Vec<(&'static str, Vec<usize>, Vec<PhysicsEntry>)> {
+        let lag = |dof: &str| vec![entry("thruster_lag", &[("lag_s", 0.25)], &[("dof", dof)])];
+        let cross = |dof: &str, a: &str, b: &str, c: f64| {
+            vec![entry(
+                "cross_flow_coupling",
+                &[("c", c)],
+                &[("dof", dof), ("a", a), ("b", b)],
+            )]
+        };
+        vec![
+            ("surge-nothing", vec![0], vec![]),
+            ("surge-lag", vec![0], lag("surge")),
+            ("planar-nothing", vec![0, 1, 5], vec![]),
+            ("planar-lag-yaw", vec![0, 1, 5], lag("yaw")),
+            (
+                "planar-current",
+                vec![0, 1, 5],
+                vec![entry(
+                    "current",
+                    &[("vx_mps", -0.012), ("vy_mps", 0.008)],
+                    &[],
+                )],
+            ),
+            ("planar-cross", vec![0, 1, 5], cross("yaw", "u", "r", -8.0)),
+            (
+                "planar-latency",
+                vec![0, 1, 5],
+                vec![entry("command_latency", &[("delay_s", 0.1)], &[])],
+            ),
+            (
+                "surge-pitch",
+                vec![0],
+                vec![entry(
+                    "thrust_line_offset",
+                    &[("lever_m", 0.02)],
+                    &[("axis", "pitch")],
+                )],
+            ),
+            (
+                "surge-two",
+                vec![0],
+                vec![
+                    entry("thruster_lag", &[("lag_s", 0.2)], &[("dof", "surge")]),
+                    entry("constant_force", &[("bias_n", 0.2)], &[("dof", "surge")]),
+                ],
+            ),
+        ]
+    }
+
+    /// `CASE=name SEED=n cargo test -p hydroline-inference --lib a_few -- --ignored --nocapture`
+    #[test]
+    #[ignore]
+    fn a_few_cases() {
+        let one = std::env::var("CASE").unwrap_or_default();
+        let seed: u64 = std::env::var("SEED")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(1);
+        for (name, driven, effects) in cases() {
+            if !name.contains(&one) {
+                continue;
+            }
+            let tank = Tank::new(&driven, effects);
+            let runs = tank.runs(4, seed);
+            let begun = Instant::now();
+            let recording = Recording::new(&runs, 0.1);
+            let tolerance = std::array::from_fn(|c| if c % 6 < 3 { 2e-3 } else { 1.745e-3 });
+            let dofs = recording.moving(&tolerance);
+            let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
+            println!(
+                "== {name} dofs {dofs:?}, noise at {:.1} s",
+                begun.elapsed().as_secs_f64()
+            );
+            for d in &dofs {
+                println!(
+                    "   {d} {:?} {:?}",
+                    problem.noises.channels[*d].unwrap(),
+                    problem.body.responses[*d]
+                );
+            }
+            let found = search(problem, Options::default(), &|what| {
+                println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
+            })
+            .unwrap();
+            let posterior = Posterior::new(&found);
+            println!(
+                "   {} fits, {:.1} s",
+                found.fits,
+                begun.elapsed().as_secs_f64()
+            );
+            for (terms, p) in posterior.models.iter().take(6) {
+                let fit = &found.models[terms];
+                let names: Vec<String> = terms
+                    .iter()
+                    .map(|t| found.problem.body.candidates[*t].name())
+                    .collect();
+                let places = found.problem.body.places(terms);
+                let natural = found.problem.body.natural(terms, &fit.point);
+                let numbers: Vec<String> = natural[places[0]..places[terms.len()]]
+                    .iter()
+                    .zip(places[0]..)
+                    .map(|(v, i)| {
+                        format!(
+                            "{:.4}±{:.4}",
+                            v.0,
+                            v.1.abs() * fit.covariance[(i, i)].sqrt()
+                        )
+                    })
+                    .collect();
+                println!(
+                    "   p {p:.4} {:.2} {names:?} {numbers:?} {:?}",
+                    fit.ln_score,
+                    dofs.iter()
+                        .map(|d| fit.misfit[*d])
+                        .map(|c| (c.size, c.correlation))
+                        .collect::<Vec<_>>()
+                );
+            }
+            for e in posterior.effects.iter().take(8) {
+                println!(
+                    "   {:.4} {}",
+                    e.probability,
+                    found.problem.body.candidates[e.candidate].name()
+                );
+            }
+            println!("   unnamed {:?}", posterior.unnamed);
+            for d in &dofs {
+                println!(
+                    "   noise {d} {:?}",
+                    found.problem.noises.channels[*d].unwrap()
+                );
+            }
+        }
+    }
+}
