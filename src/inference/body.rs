@@ -43,7 +43,7 @@ impl Own {
 }
 
 /// What is fitted.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Body {
     /// Measured.
     pub recording: Recording,
@@ -67,7 +67,8 @@ pub struct Body {
     pub responses: [Response; 6],
     /// Largest tolerable rms per channel.
     pub tolerance: [f64; 12],
-    step_max_s: f64,
+    /// Longest step of the integration \[s\].
+    pub step_max_s: f64,
 }
 
 /// Numbers of a model, scaled: the vehicle's own, each term's, each run's start.

@@ -196,6 +196,17 @@ impl Problem {
     /// Normal equations of one DOF under one cell.
     pub fn normal(&self, all: &[Simulated], dof: usize, cell: Cell, size: usize) -> Normal {
         let filters = filters(&self.body, &self.worth, &self.noises, dof, cell);
+        self.normal_with(all, dof, &filters, size)
+    }
+
+    /// The same under any filters.
+    pub(super) fn normal_with(
+        &self,
+        all: &[Simulated],
+        dof: usize,
+        filters: &[Filter],
+        size: usize,
+    ) -> Normal {
         let mut made = Normal {
             information: DMatrix::zeros(size, size),
             gradient: DVector::zeros(size),
@@ -203,7 +214,7 @@ impl Problem {
             used: 0,
         };
         let measured = self.measured(dof);
-        for (run, (sim, filter)) in all.iter().zip(&filters).enumerate() {
+        for (run, (sim, filter)) in all.iter().zip(filters).enumerate() {
             let residual = self.white_residual(run, dof, &sim.values, filter);
             let flat = |series: &[[f64; 2]]| -> Vec<f64> {
                 series

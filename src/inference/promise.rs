@@ -21,6 +21,9 @@ const STRETCH: f64 = 4.0;
 /// Share of a response that must lie outside of what a model can do already for it to be told at all.
 const SEEN: f64 = 1e-6;
 
+/// Gain in log likelihood that an effect of typical size must promise for a recording to show it.
+const TOLD: f64 = 3.0;
+
 /// Channels per run and sample.
 type Motion = Vec<Vec<[f64; 12]>>;
 
@@ -287,6 +290,42 @@ impl Problem {
         let mut all: Vec<Promise> = best.into_values().collect();
         all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         all
+    }
+
+    /// Candidates whose response at their typical size says less than [`TOLD`] beside a model.
+    pub fn unseen(&self, fit: &Fit) -> Vec<usize> {
+        let Some(view) = self.view(fit, 0, &[]) else {
+            return Vec::new();
+        };
+        let here = self.predicted(&fit.terms, &fit.point);
+        (0..self.body.candidates.len())
+            .into_par_iter()
+            .filter(|c| !fit.terms.contains(c))
+            .filter(|c| {
+                let Some(start) = self.body.candidates[*c].starts.first() else {
+                    return false;
+                };
+                let (terms, point) = self.with(fit, *c, start);
+                let mut response = self.predicted(&terms, &point);
+                for (a, b) in response
+                    .iter_mut()
+                    .flatten()
+                    .flatten()
+                    .zip(here.iter().flatten().flatten())
+                {
+                    *a -= b;
+                }
+                if response.iter().flatten().flatten().any(|v| !v.is_finite()) {
+                    return false;
+                }
+                let Some(p) = self.products(&view, &response) else {
+                    return true;
+                };
+                let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+                let (part, solved) = view.whole.solve(&p.with_columns);
+                0.5 * (own - part.dot(&solved)) < TOLD
+            })
+            .collect()
     }
 
     /// How far a response may be stretched: within what the parameter may be.

@@ -3,12 +3,65 @@
 //! Errors of x and y are looked at along the body's own axes (turned by the measured heading): there a DOF's misfit shows
 //! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
 
-use hydroline_identify::data::{CHANNELS, Run};
+use hydroline_identify::data::{CHANNELS, Run, Sample};
 use hydroline_numerics::statistics::{median, robust_sd};
 
 /// Motion that starts this late after the log's first stamp is a window of a longer log: its state is free, and time
 /// begins there \[s\].
 const START_SLACK_S: f64 = 1.0;
+
+/// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a vehicle with time
+/// constants of a tenth of a second and more feels no difference.
+const HOLD_S: f64 = 0.02;
+/// Samples per second looked at: of denser ones every second, third … \[1/s\]. Slow motion and correlated noise say no
+/// more with more of them.
+const RATE_MOST_HZ: f64 = 60.0;
+
+/// Commands as they are, or where they come faster than [`HOLD_S`] the mean load over each such while.
+fn averaged(commands: Vec<(f64, [f64; 6])>) -> Vec<(f64, [f64; 6])> {
+    let (Some(first), Some(last)) = (commands.first(), commands.last()) else {
+        return commands;
+    };
+    let (begin_s, span_s) = (first.0, last.0 - first.0);
+    if (commands.len() - 1) as f64 * HOLD_S <= span_s {
+        return commands;
+    }
+    let whiles = (span_s / HOLD_S) as usize;
+    let mut made: Vec<(f64, [f64; 6])> = Vec::with_capacity(whiles + 2);
+    let (mut next, mut load) = (0, [0.0; 6]);
+    let mut push = |t_s: f64, w: [f64; 6]| {
+        if made.last().is_none_or(|e: &(f64, [f64; 6])| e.1 != w) {
+            made.push((t_s, w));
+        }
+    };
+    for k in 0..=whiles {
+        let from_s = begin_s + HOLD_S * k as f64;
+        let to_s = begin_s + HOLD_S * (k + 1) as f64;
+        let (mut now_s, mut impulse) = (from_s, [0.0; 6]);
+        // The last while takes every command that is left: its end may be the last one's time, rounded.
+        while let Some((t_s, new)) = commands.get(next).filter(|e| k == whiles || e.0 < to_s) {
+            let held_s = (t_s - now_s).max(0.0);
+            impulse = std::array::from_fn(|d| impulse[d] + load[d] * held_s);
+            now_s = t_s.max(now_s);
+            load = *new;
+            next += 1;
+        }
+        push(
+            from_s,
+            std::array::from_fn(|d| (impulse[d] + load[d] * (to_s - now_s)) / HOLD_S),
+        );
+    }
+    // What holds behind the last command holds from the end of its while.
+    push(begin_s + HOLD_S * (whiles + 1) as f64, load);
+    made
+}
+
+/// Every n-th sample of a run that has more than [`RATE_MOST_HZ`].
+fn thinned(run: &Run) -> Vec<&Sample> {
+    let interval_s = run.interval_s().unwrap_or(1.0).max(1e-9);
+    let every = (1.0 / (interval_s * RATE_MOST_HZ) - 1e-6).ceil().max(1.0) as usize;
+    run.samples.iter().step_by(every).collect()
+}
 
 /// One run.
 #[derive(Debug, Clone)]
@@ -91,14 +144,15 @@ impl Recording {
 
 impl Recorded {
     fn new(run: &Run, heading_rad: f64) -> Recorded {
-        let times_s: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
+        let samples = thinned(run);
+        let times_s: Vec<f64> = samples.iter().map(|s| s.t_s).collect();
         let first_s = times_s.first().copied().unwrap_or(0.0);
         let start_s = if first_s > START_SLACK_S {
             first_s
         } else {
             0.0
         };
-        let values: Vec<[f64; 12]> = run.samples.iter().map(|s| s.values).collect();
+        let values: Vec<[f64; 12]> = samples.iter().map(|s| s.values).collect();
         let both = run.count(0) > 0 && run.count(1) > 0;
         let mut last = values.iter().map(|v| v[5]).find(|v| v.is_finite());
         let heading = values
@@ -116,8 +170,7 @@ impl Recorded {
                 psi.sin_cos()
             })
             .collect();
-        let logged_sd = run
-            .samples
+        let logged_sd = samples
             .iter()
             .map(|s| {
                 std::array::from_fn(|c| {
@@ -139,7 +192,7 @@ impl Recorded {
             start_s,
             values,
             logged_sd,
-            commands,
+            commands: averaged(commands),
             heading,
         }
     }
@@ -172,5 +225,38 @@ impl Recorded {
             .iter()
             .map(|v| v[channel])
             .find(|v| v.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::averaged;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Dense commands keep their impulse and the last load; sparse ones stay.
+        #[test]
+        fn dense_commands_keep_their_impulse(gap_s in 1e-3..0.019f64, count in 20usize..900, begin_s in 0.0..5.0f64) {
+            let load = |k: usize| if k + 1 == count { 0.0 } else { (0.37 * k as f64).sin() };
+            let commands: Vec<(f64, [f64; 6])> = (0..count)
+                .map(|k| (begin_s + gap_s * k as f64, [load(k), 0.0, 0.0, 0.0, -load(k), 1.0]))
+                .collect();
+            let made = averaged(commands.clone());
+            let end_s = commands[count - 1].0 + 1.0;
+            let impulse = |all: &[(f64, [f64; 6])], d: usize| -> f64 {
+                let until = all.iter().skip(1).map(|c| c.0).chain([end_s]);
+                all.iter().zip(until).map(|(c, to)| c.1[d] * (to - c.0)).sum()
+            };
+            for d in [0, 4, 5] {
+                prop_assert!((impulse(&commands, d) - impulse(&made, d)).abs() < 1e-9 * count as f64);
+            }
+            prop_assert_eq!(made.last().map(|c| c.1), commands.last().map(|c| c.1));
+        }
+
+        #[test]
+        fn sparse_commands_stay(gap_s in 0.021..3.0f64, count in 1usize..30) {
+            let commands: Vec<(f64, [f64; 6])> = (0..count).map(|k| (gap_s * k as f64, [k as f64; 6])).collect();
+            prop_assert_eq!(averaged(commands.clone()), commands);
+        }
     }
 }

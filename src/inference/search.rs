@@ -262,7 +262,7 @@ mod tests {
     use crate::prior::PriorTable;
     use crate::recording::Recording;
     use crate::testing::{Tank, entry};
-    use hydroline_rigs::PhysicsEntry;
+    use hydroline_rigs::{PhysicsEntry, Rig};
     use std::time::Instant;
 
     fn cases() -> Vec<(&'static str, Vec<usize>, Vec<PhysicsEntry>)> {
@@ -314,6 +314,123 @@ mod tests {
         ]
     }
 
+    /// What a search finds, for eyes.
+    fn told(problem: Problem, begun: Instant) {
+        for d in &problem.body.dofs {
+            println!(
+                "   {d} {:?} {:?}",
+                problem.noises.channels[*d], problem.body.responses[*d]
+            );
+        }
+        let found = search(problem, Options::default(), &|what| {
+            println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
+        })
+        .unwrap();
+        let body = &found.problem.body;
+        let dofs = &body.dofs;
+        let posterior = Posterior::new(&found);
+        println!(
+            "   {} fits, {:.1} s",
+            found.fits,
+            begun.elapsed().as_secs_f64()
+        );
+        for (terms, p) in posterior.models.iter().take(6) {
+            let fit = &found.models[terms];
+            let names: Vec<String> = terms.iter().map(|t| body.candidates[*t].name()).collect();
+            let places = body.places(terms);
+            let natural = body.natural(terms, &fit.point);
+            let numbers: Vec<String> = natural[places[0]..places[terms.len()]]
+                .iter()
+                .zip(places[0]..)
+                .map(|(v, i)| {
+                    format!(
+                        "{:.4}±{:.4}",
+                        v.0,
+                        v.1.abs() * fit.covariance[(i, i)].sqrt()
+                    )
+                })
+                .collect();
+            let cells: Vec<_> = dofs
+                .iter()
+                .map(|d| (fit.misfit[*d].size, fit.misfit[*d].correlation))
+                .collect();
+            println!(
+                "   p {p:.4} {:.2} {names:?} {numbers:?} {cells:?}",
+                fit.ln_score
+            );
+        }
+        for e in posterior.effects.iter().take(8) {
+            println!(
+                "   {:.4} {}",
+                e.probability,
+                body.candidates[e.candidate].name()
+            );
+        }
+        let best = &found.models[&posterior.models[0].0];
+        let natural = body.natural(&best.terms, &best.point);
+        for (i, own) in body.own.iter().enumerate() {
+            let ratio = best.point[i].exp();
+            println!(
+                "   {} {:.4} = {ratio:.3} of the rig's, ±{:.3}",
+                own.name(),
+                natural[i].0,
+                best.covariance[(i, i)].sqrt()
+            );
+        }
+        let short = |r: [f64; 12]| -> Vec<String> {
+            r.iter()
+                .filter(|v| v.is_finite())
+                .map(|v| format!("{v:.2e}"))
+                .collect()
+        };
+        println!(
+            "   alone {:?}",
+            short(found.problem.left(&[], &found.models[&Vec::new()].point))
+        );
+        println!(
+            "   best  {:?}",
+            short(found.problem.left(&best.terms, &best.point))
+        );
+        for (t, w) in best.terms.iter().zip(found.problem.weights(best)) {
+            println!("   weight {} {:?}", body.candidates[*t].name(), short(w));
+        }
+        println!("   unnamed {:?}", posterior.unnamed);
+        for d in dofs {
+            println!(
+                "   noise {d} {:?} {:?}",
+                found.problem.noises.channels[*d],
+                found.problem.noises.channels[6 + *d]
+            );
+        }
+    }
+
+    /// `RIG=rig.toml LOGS="a.mcap b.mcap" cargo test -p hydroline-inference --lib of_logs -- --ignored --nocapture`
+    #[test]
+    #[ignore]
+    fn of_logs() {
+        let rig = std::env::var("RIG").unwrap_or_else(|_| "lshpi".to_owned());
+        let rig = Rig::load_or_builtin(&rig).unwrap();
+        let logs = std::env::var("LOGS").unwrap();
+        let runs: Vec<_> = logs
+            .split_whitespace()
+            .map(|l| hydroline_identify::data::load(std::path::Path::new(l), &rig).unwrap())
+            .collect();
+        let begun = Instant::now();
+        let tolerance = std::array::from_fn(|c| {
+            if c % 6 < 3 {
+                rig.tolerance.position_m
+            } else {
+                rig.tolerance.attitude_rad
+            }
+        });
+        let dofs = Recording::new(&runs, 0.0).moving(&tolerance);
+        println!("== {logs} dofs {dofs:?}");
+        told(
+            Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
+            begun,
+        );
+    }
+
     /// `CASE=name SEED=n cargo test -p hydroline-inference --lib a_few -- --ignored --nocapture`
     #[test]
     #[ignore]
@@ -338,65 +455,7 @@ mod tests {
                 "== {name} dofs {dofs:?}, noise at {:.1} s",
                 begun.elapsed().as_secs_f64()
             );
-            for d in &dofs {
-                println!(
-                    "   {d} {:?} {:?}",
-                    problem.noises.channels[*d].unwrap(),
-                    problem.body.responses[*d]
-                );
-            }
-            let found = search(problem, Options::default(), &|what| {
-                println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
-            })
-            .unwrap();
-            let posterior = Posterior::new(&found);
-            println!(
-                "   {} fits, {:.1} s",
-                found.fits,
-                begun.elapsed().as_secs_f64()
-            );
-            for (terms, p) in posterior.models.iter().take(6) {
-                let fit = &found.models[terms];
-                let names: Vec<String> = terms
-                    .iter()
-                    .map(|t| found.problem.body.candidates[*t].name())
-                    .collect();
-                let places = found.problem.body.places(terms);
-                let natural = found.problem.body.natural(terms, &fit.point);
-                let numbers: Vec<String> = natural[places[0]..places[terms.len()]]
-                    .iter()
-                    .zip(places[0]..)
-                    .map(|(v, i)| {
-                        format!(
-                            "{:.4}±{:.4}",
-                            v.0,
-                            v.1.abs() * fit.covariance[(i, i)].sqrt()
-                        )
-                    })
-                    .collect();
-                println!(
-                    "   p {p:.4} {:.2} {names:?} {numbers:?} {:?}",
-                    fit.ln_score,
-                    dofs.iter()
-                        .map(|d| fit.misfit[*d])
-                        .map(|c| (c.size, c.correlation))
-                        .collect::<Vec<_>>()
-                );
-            }
-            for e in posterior.effects.iter().take(8) {
-                println!(
-                    "   {:.4} {}",
-                    e.probability,
-                    found.problem.body.candidates[e.candidate].name()
-                );
-            }
-            println!("   unnamed {:?}", posterior.unnamed);
-            for d in &dofs {
-                println!(
-                    "   noise {d} {:?}",
-                    found.problem.noises.channels[*d].unwrap()
-                );
-            }
+            told(problem, begun);
         }
     }
 }
