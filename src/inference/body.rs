@@ -4,6 +4,7 @@ use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use hydroline_sim::effect::{CheckedEffect, EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use hydroline_sim::{Dual, EffectStack, Real};
@@ -11,11 +12,11 @@ use rayon::prelude::*;
 
 use super::filter::Response;
 use super::prior::{Density, PriorTable, Scale};
-use super::recording::Recording;
+use super::recording::{Recorded, Recording};
 use super::term::{Candidate, candidates};
 
 /// Directions per pass.
-const PASS: usize = 16;
+const WIDTHS: [usize; 4] = [6, 8, 12, 16];
 /// Longest RK4 step \[s\].
 const STEP_MAX_S: f64 = 0.04;
 /// Step over the time constant of the vehicle's fastest motion: RK4's error of a decay is then below 1e-6 per step.
@@ -42,6 +43,9 @@ impl Own {
     }
 }
 
+/// Channels per sample, and derivatives of each number of a pass.
+type Pass = (Vec<[f64; 12]>, Vec<Vec<[f64; 12]>>);
+
 /// What is fitted.
 #[derive(Debug, Clone)]
 pub struct Body {
@@ -59,6 +63,8 @@ pub struct Body {
     pub starts: Vec<Vec<usize>>,
     /// Values of the states that are not.
     pub rest: Vec<[f64; 12]>,
+    /// Where one DOF alone moves and its position alone is measured: its line in every run.
+    pub lines: Vec<Line>,
     /// Candidates.
     pub candidates: Vec<Candidate>,
     /// Prior table.
@@ -84,18 +90,68 @@ pub struct Simulated {
     pub columns: Vec<(usize, Vec<[f64; 12]>)>,
 }
 
+/// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
+const RATE_OVER_S: f64 = 0.6;
+/// See there.
+const RATE_SAMPLES: usize = 5;
+/// A rate below this many of its own sd is none.
+const RATE_SD: f64 = 4.0;
+
+/// Rate of a DOF at a run's start as a straight line over its first samples says; 0 where it does not differ from rest.
+/// A log that begins under way is told from one at rest by this: a fit that begins at rest never finds it.
+fn under_way(r: &Recorded, dof: usize) -> f64 {
+    if let Some(rate) = r.first(6 + dof) {
+        return rate;
+    }
+    let begin_s = r.times_s.first().copied().unwrap_or(0.0);
+    let all: Vec<(f64, f64)> = (0..r.times_s.len())
+        .map(|k| (r.times_s[k] - begin_s, r.measured(k)[dof]))
+        .filter(|(_, v)| v.is_finite())
+        .collect();
+    let within = all
+        .partition_point(|(t, _)| *t <= RATE_OVER_S)
+        .max(RATE_SAMPLES);
+    let Some(first) = all.get(..within) else {
+        return 0.0;
+    };
+    let n = first.len() as f64;
+    let (t, v) = first
+        .iter()
+        .fold((0.0, 0.0), |s, x| (s.0 + x.0 / n, s.1 + x.1 / n));
+    let (tt, tv) = first.iter().fold((0.0, 0.0), |s, x| {
+        (s.0 + (x.0 - t).powi(2), s.1 + (x.0 - t) * (x.1 - v))
+    });
+    if tt <= 0.0 {
+        return 0.0;
+    }
+    let slope = tv / tt;
+    let left: f64 = first
+        .iter()
+        .map(|x| (x.1 - v - slope * (x.0 - t)).powi(2))
+        .sum();
+    let sd = (left / (n - 2.0) / tt).sqrt();
+    if slope.abs() > RATE_SD * sd {
+        slope
+    } else {
+        0.0
+    }
+}
+
 impl Body {
     /// The body of a rig under a recording.
     ///
     /// # Errors
     /// [`EffectError`] for a bad `[[physics]]` entry.
     pub fn new(
-        recording: Recording,
+        mut recording: Recording,
         rig: &Rig,
         dofs: &[usize],
         prior: PriorTable,
     ) -> Result<Body, EffectError> {
         let base = check(&rig.physics)?;
+        if !dofs.contains(&5) {
+            recording.hold_heading();
+        }
         let mut own = Vec::new();
         for &d in dofs {
             for c in Coefficient::of(Dof::ALL[d]) {
@@ -149,6 +205,7 @@ impl Body {
         });
         let mut starts = Vec::new();
         let mut rest = Vec::new();
+        let mut lines = Vec::new();
         for r in &recording.runs {
             let mut free = Vec::new();
             let mut at = [0.0; 12];
@@ -166,6 +223,27 @@ impl Body {
                         .collect();
                     at[d] = hydroline_numerics::statistics::median(&mut seen).unwrap_or(at[d]);
                 }
+            }
+            if let [d] = dofs
+                && !recording.channels[6 + d]
+            {
+                let mut line = Line {
+                    dof: *d,
+                    rest: std::array::from_fn(|c| at[c]),
+                };
+                line.rest[5] = match *d {
+                    0 | 1 => r.heading.first().map_or(0.0, |(s, c)| s.atan2(*c)),
+                    _ => at[5],
+                };
+                // The number that is free is the position along the line.
+                let first = (0..r.values.len())
+                    .map(|k| r.measured(k)[*d])
+                    .find(|v| v.is_finite());
+                at[*d] = first.unwrap_or(0.0);
+                starts.push(vec![*d, 6 + d]);
+                rest.push(at);
+                lines.push(line);
+                continue;
             }
             // Tank coordinates are where x and y are integrated: both are free where either body axis moves.
             for c in 0..2 {
@@ -193,6 +271,7 @@ impl Body {
             own,
             starts,
             rest,
+            lines,
             prior,
             responses,
             tolerance,
@@ -226,7 +305,11 @@ impl Body {
     pub fn begin(&self) -> Point {
         let mut point = vec![0.0; self.own.len()];
         for (run, free) in self.starts.iter().enumerate() {
-            point.extend(free.iter().map(|c| self.rest[run][*c]));
+            let r = &self.recording.runs[run];
+            point.extend(free.iter().map(|c| match c {
+                0..6 => self.rest[run][*c],
+                _ => under_way(r, c - 6),
+            }));
         }
         point
     }
@@ -332,6 +415,9 @@ impl Body {
         let Some(model) = self.model(terms, natural) else {
             return vec![[T::from_f64(f64::NAN); 12]; r.times_s.len()];
         };
+        if let (Some(line), [position, rate]) = (self.lines.get(index), starts) {
+            return self.along(index, line, model, (*position, *rate));
+        }
         let mut state =
             ModelState::at_rest(std::array::from_fn(|c| T::from_f64(self.rest[index][c])));
         for (c, value) in self.starts[index].iter().zip(starts) {
@@ -353,6 +439,45 @@ impl Body {
         out
     }
 
+    /// One DOF alone, the others at rest: the same laws at a fifth of the cost.
+    fn along<T: Real>(
+        &self,
+        index: usize,
+        line: &Line,
+        model: Model<T>,
+        start: (T, T),
+    ) -> Vec<[T; 12]> {
+        let r = &self.recording.runs[index];
+        let mut edges: Vec<(f64, f64)> = Vec::with_capacity(r.commands.len());
+        for (t_s, wrench) in &r.commands {
+            let load = wrench[line.dof];
+            if edges.last().is_none_or(|e| e.1 != load) {
+                edges.push((*t_s, load));
+            }
+        }
+        let feed = Feed {
+            start_s: r.start_s,
+            edges: &edges,
+            stamps_s: &r.times_s,
+            step_max_s: self.step_max_s,
+        };
+        let mut out = Vec::with_capacity(r.times_s.len());
+        let mut single = Single::new(model.hydrodynamics, *line);
+        single.run(
+            &model.effects,
+            &feed,
+            start,
+            &mut AsTheyAre,
+            |_| T::zero(),
+            |x| {
+                let mut state = [T::zero(); 12];
+                state[line.dof] = x;
+                out.push(state);
+            },
+        );
+        out
+    }
+
     /// Channels of one run at a point.
     pub fn values(&self, index: usize, terms: &[usize], point: &[f64]) -> Vec<[f64; 12]> {
         let natural: Vec<f64> = self.natural(terms, point).iter().map(|v| v.0).collect();
@@ -364,6 +489,33 @@ impl Body {
         self.drive(index, terms, globals, starts)
     }
 
+    /// Values and columns of each pass.
+    fn passes<const N: usize>(
+        &self,
+        index: usize,
+        terms: &[usize],
+        numbers: &[f64],
+        globals: usize,
+    ) -> Vec<Pass> {
+        (0..numbers.len())
+            .step_by(N)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|first| {
+                let duals = Dual::<N>::pass(numbers, first);
+                let (own, starts) = duals.split_at(globals);
+                let out = self.drive(index, terms, own, starts);
+                let width = N.min(numbers.len() - first);
+                let columns =
+                    (0..width).map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect());
+                (
+                    out.iter().map(|s| s.map(|v| v.value)).collect(),
+                    columns.collect(),
+                )
+            })
+            .collect()
+    }
+
     /// The same with derivatives.
     pub fn simulated(&self, index: usize, terms: &[usize], point: &[f64]) -> Simulated {
         let natural = self.natural(terms, point);
@@ -373,21 +525,16 @@ impl Body {
             .chain(places[index]..places[index + 1])
             .collect();
         let numbers: Vec<f64> = acting.iter().map(|i| natural[*i].0).collect();
-        let passes: Vec<(Vec<[f64; 12]>, Vec<Vec<[f64; 12]>>)> = (0..numbers.len())
-            .step_by(PASS)
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|first| {
-                let duals = Dual::<PASS>::pass(&numbers, first);
-                let (own, starts) = duals.split_at(globals);
-                let out = self.drive(index, terms, own, starts);
-                let width = PASS.min(numbers.len() - first);
-                let columns = (0..width)
-                    .map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect())
-                    .collect();
-                (out.iter().map(|s| s.map(|v| v.value)).collect(), columns)
-            })
-            .collect();
+        // The width that wastes least: a pass costs about as much as its directions and two more.
+        let width = WIDTHS
+            .into_iter()
+            .min_by_key(|w| numbers.len().div_ceil(*w) * (w + 2));
+        let passes = match width {
+            Some(6) => self.passes::<6>(index, terms, &numbers, globals),
+            Some(8) => self.passes::<8>(index, terms, &numbers, globals),
+            Some(12) => self.passes::<12>(index, terms, &numbers, globals),
+            _ => self.passes::<16>(index, terms, &numbers, globals),
+        };
         let mut made = Simulated {
             values: Vec::new(),
             columns: Vec::new(),

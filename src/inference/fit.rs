@@ -99,13 +99,16 @@ impl Problem {
     ) -> Result<Problem, EffectError> {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
         let body = Body::new(recording, rig, dofs, prior)?;
-        let worth = Worth::new(&body);
+        let begin = body.begin();
+        let all: Vec<Simulated> = (0..body.recording.runs.len())
+            .into_par_iter()
+            .map(|run| body.simulated(run, &[], &begin))
+            .collect();
         let mut made = Problem {
+            worth: Worth::new(&body, &all),
             body,
             noises: Noises::none(),
-            worth,
         };
-        let begin = made.body.begin();
         let predicted = made.predicted(&[], &begin);
         made.noises = estimate(&made.body, &predicted, None);
         Ok(made)

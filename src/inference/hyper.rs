@@ -1,9 +1,13 @@
 //! What is common to all models of a recording (noise of the instruments) and what each has of its own (random forces).
 
 use hydroline_numerics::noise::Noise;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rand::{SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
 
-use super::body::Body;
-use super::filter::{Filter, Force, Instruments, unit_variance};
+use super::body::{Body, Simulated};
+use super::filter::{Filter, Force, Instruments, draw};
 
 /// Correlation times of the random force \[s\]: from the shortest that a vehicle follows to as long as a run.
 pub const CORRELATIONS_S: [f64; 4] = [0.3, 1.5, 6.0, 25.0];
@@ -43,32 +47,41 @@ pub struct Cell {
 /// Random forces of all DOFs.
 pub type Misfit = [Cell; 6];
 
+/// Realisations of the force from which its worth is taken: the mean square is then known to some 15 %.
+const DRAWS: usize = 48;
+/// On the diagonal of a projection: derivatives that do the same are one.
+const JITTER: f64 = 1e-10;
+
 /// Of every DOF what the force is worth where it is as large as the tolerance: sd of the acceleration per correlation
-/// time.
+/// time. Worth is counted as the weight of an effect is: rms of the response over the stamps, what the vehicle's own
+/// numbers and the runs' starts can do taken out.
 #[derive(Debug, Clone)]
 pub struct Worth {
     unit_mps2: [[f64; CORRELATIONS_S.len()]; 6],
 }
 
 impl Worth {
-    /// Of a body's runs.
-    pub fn new(body: &Body) -> Worth {
+    /// Of a body's runs; `all` = their motion without effects, with derivatives.
+    pub fn new(body: &Body, all: &[Simulated]) -> Worth {
         let channels = &body.recording.channels;
-        let unit_mps2 = std::array::from_fn(|d| {
-            std::array::from_fn(|c| {
-                let (mut sum, mut n) = (0.0, 0usize);
+        let mut unit_mps2 = [[0.0; CORRELATIONS_S.len()]; 6];
+        let made: Vec<(usize, [f64; CORRELATIONS_S.len()])> = body
+            .dofs
+            .par_iter()
+            .map(|&d| {
                 // Positions where they are measured, rates else.
                 let which = usize::from(!channels[d] && channels[6 + d]);
-                for r in &body.recording.runs {
-                    let v =
-                        unit_variance(&r.times_s, r.start_s, body.responses[d], CORRELATIONS_S[c]);
-                    sum += v.iter().map(|v| v[which]).sum::<f64>();
-                    n += v.len();
-                }
-                let rms = (sum / n.max(1) as f64).sqrt();
-                body.tolerance[d + 6 * which] / rms.max(1e-12)
+                let own = Own::new(all, d + 6 * which);
+                let each = std::array::from_fn(|c| {
+                    let rms = own.worth(body, d, which, CORRELATIONS_S[c]);
+                    body.tolerance[d + 6 * which] / rms.max(1e-12)
+                });
+                (d, each)
             })
-        });
+            .collect();
+        for (d, each) in made {
+            unit_mps2[d] = each;
+        }
         Worth { unit_mps2 }
     }
 
@@ -78,6 +91,71 @@ impl Worth {
             sd_mps2: SIZES[cell.size] * self.unit_mps2[dof][cell.correlation],
             correlation_s: CORRELATIONS_S[cell.correlation],
         }
+    }
+}
+
+/// What the vehicle's own numbers and the starts can do in one channel.
+struct Own {
+    derivatives: DMatrix<f64>,
+    root: Option<Cholesky<f64, Dyn>>,
+}
+
+impl Own {
+    fn new(all: &[Simulated], channel: usize) -> Own {
+        let rows: usize = all.iter().map(|s| s.values.len()).sum();
+        let size = all
+            .iter()
+            .flat_map(|s| &s.columns)
+            .map(|c| c.0 + 1)
+            .max()
+            .unwrap_or(0);
+        let mut derivatives = DMatrix::zeros(rows, size);
+        let mut at = 0;
+        for s in all {
+            for (i, column) in &s.columns {
+                for (k, state) in column.iter().enumerate() {
+                    derivatives[(at + k, *i)] = state[channel];
+                }
+            }
+            at += s.values.len();
+        }
+        let acting: Vec<usize> = (0..size)
+            .filter(|i| derivatives.column(*i).norm_squared() > 0.0)
+            .collect();
+        let derivatives = derivatives.select_columns(&acting);
+        let mut square = derivatives.tr_mul(&derivatives);
+        for i in 0..square.nrows() {
+            square[(i, i)] *= 1.0 + JITTER;
+        }
+        Own {
+            root: Cholesky::new(square),
+            derivatives,
+        }
+    }
+
+    /// rms of the response to a force of sd 1, outside of what these can do.
+    fn worth(&self, body: &Body, dof: usize, which: usize, correlation_s: f64) -> f64 {
+        let mut rng = StdRng::seed_from_u64(dof as u64);
+        let mut sum = 0.0;
+        let rows = self.derivatives.nrows();
+        for _ in 0..DRAWS {
+            let mut drawn = DVector::zeros(rows);
+            let mut at = 0;
+            for r in &body.recording.runs {
+                let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+                let response = body.responses[dof];
+                for v in draw(&r.times_s, r.start_s, response, correlation_s, &mut normal) {
+                    drawn[at] = v[which];
+                    at += 1;
+                }
+            }
+            if let Some(root) = &self.root {
+                let part = root.solve(&self.derivatives.tr_mul(&drawn));
+                drawn -= &self.derivatives * part;
+            }
+            sum += drawn.norm_squared() / rows.max(1) as f64;
+        }
+        (sum / DRAWS as f64).sqrt()
     }
 }
 

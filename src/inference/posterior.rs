@@ -65,8 +65,13 @@ impl Posterior {
                 let of = |f: &super::fit::Fit| -> f64 {
                     let sizes = f.sizes.iter().find(|s| s.0 == *d);
                     sizes.map_or(0.0, |s| {
-                        let each = s.1.iter().zip(SIZES);
-                        each.filter(|(_, size)| *size >= 1.0).map(|(p, _)| p).sum()
+                        // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
+                        let above = |size: f64| match size {
+                            s if s > 1.0 => 1.0,
+                            s if s == 1.0 => 0.5,
+                            _ => 0.0,
+                        };
+                        s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()
                     })
                 };
                 let all = found.models.values().map(|f| share(f.ln_score) * of(f));

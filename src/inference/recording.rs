@@ -105,6 +105,15 @@ impl Recording {
         Recording { runs, channels }
     }
 
+    /// Turns every run by its median heading: where yaw does not move, its noise is none of x and y.
+    pub fn hold_heading(&mut self) {
+        for r in &mut self.runs {
+            let mut seen: Vec<f64> = r.heading.iter().map(|(s, c)| s.atan2(*c)).collect();
+            let turn = median(&mut seen).unwrap_or(0.0).sin_cos();
+            r.heading.iter_mut().for_each(|h| *h = turn);
+        }
+    }
+
     /// Name of a channel.
     pub fn name(channel: usize) -> &'static str {
         CHANNELS[channel]

@@ -8,7 +8,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::body::{Body, Point};
 use super::filter::Force;
 use super::fit::{Effort, Fit, Problem};
-use super::hyper::{Noises, Worth, with_force};
+use super::hyper::{Noises, with_force};
 use super::recording::Recording;
 
 /// Steps of the fit of a run's start.
@@ -137,10 +137,14 @@ impl Problem {
             },
             starts: keep.iter().map(|i| self.body.starts[*i].clone()).collect(),
             rest: keep.iter().map(|i| self.body.rest[*i]).collect(),
+            lines: keep
+                .iter()
+                .filter_map(|i| self.body.lines.get(*i).copied())
+                .collect(),
             ..self.body.clone()
         };
         Problem {
-            worth: Worth::new(&body),
+            worth: self.worth.clone(),
             noises: Noises {
                 channels: self.noises.channels,
                 used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
@@ -171,7 +175,7 @@ impl Problem {
             })
             .collect();
         Ok(Problem {
-            worth: Worth::new(&body),
+            worth: self.worth.clone(),
             noises: Noises {
                 channels: self.noises.channels,
                 used,
