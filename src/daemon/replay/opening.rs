@@ -40,11 +40,7 @@ fn under(run: &PoseRun, found: Found, found_by: &'static str) -> (PoseRun, Found
 /// What the recording says of it: in its summary, or where it has no end, in an event. (Of a recording in several parts the
 /// first has the event, the last the summary.)
 /// Of a folder, of images on another topic and of levels read by another rule it says nothing.
-fn stated(
-    log: &Path,
-    options: &Options,
-    run: &PoseRun,
-) -> Result<Option<Found>, ReplayError> {
+fn stated(log: &Path, options: &Options, run: &PoseRun) -> Result<Option<Found>, ReplayError> {
     let input = options.open(log)?;
     if options.image_topic.is_some()
         || input.grey_rule() != Some(options.rule)

@@ -42,11 +42,7 @@ fn what_is_wrong_in_it_is_said_with_its_key() {
             "gamma = 0.05",
             &["camera.response.gamma", "0.2 to 5"][..],
         ),
-        (
-            "gamma = 0.45\n",
-            "",
-            &["camera.response.gamma", "missing"],
-        ),
+        ("gamma = 0.45\n", "", &["camera.response.gamma", "missing"]),
         (
             "gamma_sd = 0.003\n",
             "",
@@ -95,10 +91,7 @@ fn what_is_wrong_in_it_is_said_with_its_key() {
     ] {
         assert!(WHOLE.contains(from), "{from}");
         let table = WHOLE.replacen(from, to, 1);
-        let error = changed(
-            "[camera.noise]",
-            &format!("{table}\n[camera.noise]"),
-        );
+        let error = changed("[camera.noise]", &format!("{table}\n[camera.noise]"));
         tells(&error, words);
     }
 }
