@@ -88,8 +88,8 @@ pub struct Flat {
     pub chi2: f64,
     /// Blocks used, and those left out since they changed.
     pub blocks: [usize; 2],
-    /// Share by which each exposure is brighter than its time says.
-    pub off_times: Vec<f64>,
+    /// Share by which each exposure that was used is brighter than its time says, by name.
+    pub off_times: Vec<(String, f64)>,
     /// What a person should know of it.
     pub remarks: Vec<String>,
 }
@@ -279,9 +279,9 @@ pub fn response(
     dark: Option<&Exposure>,
     options: &Options,
 ) -> Result<Flat, FlatError> {
-    exposure::check(exposures, dark, options)?;
     let mut remarks = Vec::new();
-    let mut used = exposures.to_vec();
+    let mut used: Vec<&Exposure> = exposures.iter().collect();
+    exposure::check(&used, dark, options)?;
     loop {
         match of_used(&used, dark, options, remarks.clone()) {
             // It shows nothing between floor and ceiling: a series is to reach beyond both.
@@ -298,7 +298,7 @@ pub fn response(
 }
 
 fn of_used(
-    exposures: &[Exposure],
+    exposures: &[&Exposure],
     dark: Option<&Exposure>,
     options: &Options,
     mut remarks: Vec<String>,
@@ -337,7 +337,7 @@ fn of_used(
 }
 
 fn concluded(
-    exposures: &[Exposure],
+    exposures: &[&Exposure],
     dark: Option<&Exposure>,
     field: &exposure::Field,
     found: ratios::Ratios,
@@ -373,7 +373,10 @@ fn concluded(
         scatter: curve.scatter,
         chi2: found.chi2,
         blocks: found.blocks,
-        off_times: curve.off_times,
+        off_times: {
+            let names = exposures.iter().map(|e| e.name.clone());
+            names.zip(curve.off_times).collect()
+        },
         remarks,
     })
 }

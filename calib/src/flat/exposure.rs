@@ -156,7 +156,7 @@ impl Exposure {
 
 /// What a series must have before anything is computed.
 pub(super) fn check(
-    exposures: &[Exposure],
+    exposures: &[&Exposure],
     dark: Option<&Exposure>,
     options: &Options,
 ) -> Result<(), FlatError> {
@@ -169,8 +169,8 @@ pub(super) fn check(
             least: options.exposures_least,
         });
     }
-    let first = &exposures[0];
-    for exposure in exposures.iter().chain(dark) {
+    let first = exposures[0];
+    for exposure in exposures.iter().copied().chain(dark) {
         if exposure.frames < options.frames_least {
             return Err(FlatError::FewFrames {
                 name: exposure.name.clone(),
@@ -222,7 +222,7 @@ pub(super) struct Field {
 pub(super) struct Noise([f64; NOISE_BINS]);
 
 impl Noise {
-    pub fn of(exposures: &[Exposure]) -> Noise {
+    pub fn of(exposures: &[&Exposure]) -> Noise {
         let mut bins = [[0.0; 2]; NOISE_BINS];
         for exposure in exposures {
             for place in 0..exposure.pixels() {
@@ -259,7 +259,7 @@ fn rounding(variance: f64) -> f64 {
 }
 
 impl Field {
-    pub fn of(exposures: &[Exposure], steadiness: &[Steadiness], noise: Noise) -> Field {
+    pub fn of(exposures: &[&Exposure], steadiness: &[Steadiness], noise: Noise) -> Field {
         let cells = exposures
             .iter()
             .zip(steadiness)

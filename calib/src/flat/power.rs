@@ -35,7 +35,7 @@ impl Power {
 }
 
 pub(super) fn fit(
-    exposures: &[Exposure],
+    exposures: &[&Exposure],
     field: &Field,
     found: &Ratios,
     options: &Options,

@@ -65,7 +65,7 @@ pub(super) struct Steadiness {
 
 /// Of all exposures.
 pub(super) fn all(
-    exposures: &[Exposure],
+    exposures: &[&Exposure],
     noise: &Noise,
     options: &Options,
     remarks: &mut Vec<String>,
@@ -76,7 +76,7 @@ pub(super) fn all(
             what,
         })
     };
-    exposures.iter().map(of).collect()
+    exposures.iter().copied().map(of).collect()
 }
 
 fn of_one(
