@@ -131,16 +131,13 @@ fn judged(runs: usize, seed: u64) -> ([Sums; 7], usize) {
         let mut rng = StdRng::seed_from_u64(!of_run);
         let light = Light::drawn(&mut rng, k);
         let known = stated(&light, &mut rng);
-        let all = [
-            bench.run(&light, Some(known), of_run),
-            bench.run(&light, None, of_run),
-            bench.run(&Light::default(), None, of_run),
-        ];
+        let of_known = bench.run(&light, Some(known), of_run);
+        let of_open = bench.run(&light, None, of_run);
+        let of_clean = bench.run(&Light::default(), None, of_run);
         let sum = &mut sums[k % 7];
-        for frame in 0..FRAMES[1] {
-            let of = [0, 1, 2].map(|which: usize| all[which][frame]);
-            without += usize::from(of[0].is_none());
-            let [Some(known), Some(open), Some(clean)] = of else {
+        for ((known, open), clean) in of_known.iter().zip(&of_open).zip(&of_clean) {
+            without += usize::from(known.is_none());
+            let (Some(known), Some(open), Some(clean)) = (known, open, clean) else {
                 continue;
             };
             sum.frames += 1.0;
