@@ -28,8 +28,6 @@ const SETTLED: f64 = 1e-3;
 const CHANGED: f64 = 25.0;
 /// Powers by which cells are chosen: exposures that do not follow their times show none.
 const GATES: [f64; 2] = [0.3, 4.0];
-/// Nearer than this to one a power bends no noise.
-const STRAIGHT: f64 = 0.02;
 /// Variance of rounding: it comes after the curve, and is not bent by it.
 const ROUNDING: f64 = 1.0 / 12.0;
 /// Share of χ² that a deviation of the curve explains where it is the curve that is off, and not the scene.
@@ -78,9 +76,7 @@ impl Curve {
             return None;
         }
         let above = dark - self.black;
-        if (self.gamma - 1.0).abs() < STRAIGHT {
-            return (above > 0.0).then_some(cell.mean);
-        }
+        // Cameras cut off what is darker than none, straight ones too: near it the mean of noisy light is none of the curve's.
         if self.gamma * above < options.light_sds * sd(dark) {
             return None;
         }

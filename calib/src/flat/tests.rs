@@ -465,3 +465,14 @@ fn what_is_stated_is_a_table_that_a_rig_reads() {
     let again = hydroline_rigs::Rig::from_toml(&rig.to_toml(), "again.toml", None).unwrap();
     assert_eq!(again.camera, rig.camera);
 }
+
+#[test]
+fn a_straight_camera_that_cuts_off_dark_noise_is_not_bent_by_it() {
+    // Seed 65 of the 200: the lowest levels are no pile, and their means are those of cut-off noise.
+    let mut rng = StdRng::seed_from_u64(0xf1a7 + 65);
+    let camera = Camera::drawn(&mut rng);
+    assert!((camera.gamma - 1.0).abs() < 0.02, "{camera:?}");
+    let flat = found(&camera, &Trouble::default(), 65).unwrap();
+    let pull = (flat.gamma[0] - camera.gamma) / flat.gamma[1];
+    assert!(pull.abs() < 4.0, "{pull}: {flat:?}");
+}
