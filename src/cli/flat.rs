@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(value_name = "LOG", required_unless_present = "exposure_us")]
     logs: Vec<PathBuf>,
     /// A log or folder of images at this exposure time, in microseconds; give it once for each
-    #[arg(long, value_name = "US:LOG|FOLDER", value_parser = timed)]
+    #[arg(long, value_name = "US:LOG|FOLDER", value_parser = timed, allow_hyphen_values = true)]
     exposure_us: Vec<(f64, PathBuf)>,
     /// A log or folder of images with the lens covered
     #[arg(long, value_name = "LOG|FOLDER")]

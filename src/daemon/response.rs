@@ -179,7 +179,13 @@ impl Found {
 
     /// Where the frames contradict what the rig states: in words.
     fn contradiction(&self) -> Option<String> {
-        let [ln_gamma, sd] = self.of_rig??;
+        let Some([ln_gamma, sd]) = self.of_rig? else {
+            return Some(format!(
+                "only {} of the first frames fit under it: does the run begin over the target, and is it this camera, with \
+                 the controls that it was measured with? Measure it again (hydroline flat), or take [camera.response] out of the rig",
+                self.frames
+            ));
+        };
         let off = (ln_gamma - self.in_force().mean[0]).abs();
         (off > CONTRADICT_LEAST && off > CONTRADICT_SDS * sd).then(|| {
             format!(
