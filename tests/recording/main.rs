@@ -7,6 +7,7 @@ mod attacks;
 mod calibrate_chain;
 mod cli_build_info;
 mod cli_errors;
+mod flat;
 mod formats;
 mod readme;
 mod record_clock;
