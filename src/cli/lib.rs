@@ -103,7 +103,7 @@ Examples:
     Board(board::Args),
     /// A target at true scale, to mill, cut or print
     Target(target::Args),
-    /// An exposure series of the camera becomes its tone curve, black level and ceiling
+    /// An exposure series becomes the camera's tone curve and ceiling
     Flat(flat::Args),
     /// Images of a board become the map from image to laser plane
     Calibrate(Box<calibrate::Args>),

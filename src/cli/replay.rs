@@ -199,11 +199,24 @@ fn lacks(report: &Report) -> Option<String> {
     let mostly = without > report.poses && !report.calibrates;
     mostly.then(|| {
         let most = report.without_pose.iter().max_by_key(|(_, n)| **n);
+        let stated = report
+            .response
+            .as_ref()
+            .and_then(|r| r.stated_by_rig.as_ref());
+        // A response that the frames speak against is the likelier reason than what the frames look like under it.
+        let reason = stated.and_then(|s| s.contradiction.as_ref()).map_or_else(
+            || {
+                format!(
+                    "most often: {}",
+                    most.map_or("", |(reason, _)| reason.as_str())
+                )
+            },
+            |words| format!("under the camera's response that the rig states {words}"),
+        );
         format!(
-            "only {} of {} frames have a pose; most often: {}",
+            "only {} of {} frames have a pose; {reason}",
             report.poses,
             report.poses + without,
-            most.map_or("", |(reason, _)| reason.as_str())
         )
     })
 }

@@ -181,7 +181,7 @@ impl Filter {
                 let (i, j) = (c, 3 + c);
                 let column: [f64; N] = std::array::from_fn(|s| p[s][i] + p[s][j]);
                 let total = column[i] + column[j] + white[c];
-                if !(total > 0.0) {
+                if total.is_nan() || total <= 0.0 {
                     continue;
                 }
                 let gain = column.map(|v| v / total);

@@ -29,6 +29,9 @@ const FINEST: f64 = 0.06;
 /// One DOF's residuals: (position, rate) per sample, NaN = missing.
 pub type Pairs = Vec<Vec<[f64; 2]>>;
 
+/// Which samples of a run count, per channel of a DOF.
+type Flags = Vec<Vec<[bool; 2]>>;
+
 /// Residuals of a DOF from predicted channels.
 pub fn residuals(body: &Body, predicted: &[Vec<[f64; 12]>], dof: usize) -> Pairs {
     let runs = body.recording.runs.iter().zip(predicted);
@@ -69,7 +72,7 @@ fn fast_sd(series: &Pairs, channel: usize) -> Option<f64> {
 
 /// Noise and outliers of every channel that moves, beside what a model predicts.
 pub fn estimate(body: &Body, predicted: &[Vec<[f64; 12]>], before: Option<&Noises>) -> Noises {
-    let found: Vec<(usize, [Option<Noise>; 2], Vec<Vec<[bool; 2]>>)> = body
+    let found: Vec<(usize, Instruments, Flags)> = body
         .dofs
         .par_iter()
         .map(|&d| {
@@ -113,15 +116,10 @@ fn instruments(x: &Numbers, there: [bool; 2]) -> Instruments {
     })
 }
 
-fn of_dof(
-    body: &Body,
-    dof: usize,
-    pairs: &Pairs,
-    before: Option<&Noises>,
-) -> (Instruments, Vec<Vec<[bool; 2]>>) {
+fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (Instruments, Flags) {
     let fast: [Option<f64>; 2] = [fast_sd(pairs, 0), fast_sd(pairs, 1)];
     let there = fast.map(|f| f.is_some());
-    let mut used: Vec<Vec<[bool; 2]>> = pairs
+    let mut used: Flags = pairs
         .iter()
         .map(|run| {
             run.iter()
@@ -155,7 +153,7 @@ fn of_dof(
     let largest = pairs.iter().flatten().flatten().filter(|v| v.is_finite());
     x[6] = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
     x[7] = 0.0;
-    let cost = |x: &Numbers, used: &Vec<Vec<[bool; 2]>>| -> f64 {
+    let cost = |x: &Numbers, used: &Flags| -> f64 {
         let force = Force {
             sd_mps2: x[6].exp(),
             correlation_s: x[7].exp().clamp(0.1, 60.0),

@@ -68,7 +68,7 @@ impl Posterior {
                         // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
                         let above = |size: f64| match size {
                             s if s > 1.0 => 1.0,
-                            s if s == 1.0 => 0.5,
+                            1.0 => 0.5,
                             _ => 0.0,
                         };
                         s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()

@@ -40,11 +40,14 @@ pub struct Promise {
     pub instead: Option<usize>,
 }
 
+/// Columns by the number that they are derivatives by, (position, rate) per sample.
+type Columns = Vec<(usize, Vec<[f64; 2]>)>;
+
 /// Whitened columns of a model under one set of cells.
 struct View {
     misfit: Misfit,
     /// Whitened derivatives per DOF and run: (index, column).
-    columns: BTreeMap<(usize, usize), Vec<(usize, Vec<[f64; 2]>)>>,
+    columns: BTreeMap<(usize, usize), Columns>,
     residuals: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
     filters: BTreeMap<usize, Vec<Filter>>,
     gradient: DVector<f64>,

@@ -33,10 +33,10 @@ fn poses(log: &Path) -> BTreeMap<(i64, i32), Vec<u64>> {
 
 /// Replays with the images; returns what it says of the response.
 fn replayed(log: &Path, out: &Path) -> serde_json::Value {
-    replayed_with(log, out, &[])
+    replayed_with(log, out, &[], 0)
 }
 
-fn replayed_with(log: &Path, out: &Path, more: &[&str]) -> serde_json::Value {
+fn replayed_with(log: &Path, out: &Path, more: &[&str], code: i32) -> serde_json::Value {
     let args = [
         "replay",
         text(log),
@@ -47,7 +47,8 @@ fn replayed_with(log: &Path, out: &Path, more: &[&str]) -> serde_json::Value {
     ];
     let output = hydroline().args(args).args(more).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    assert_eq!(output.status.code(), Some(code), "{stderr}");
+    assert_eq!(code == 3, stderr.contains("[camera.response]"), "{stderr}");
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     json["replays"][0]["report"]["response"].clone()
 }
@@ -173,8 +174,8 @@ fn what_the_rig_states_goes_before_the_opening_and_replays_keep_it() {
     for (stamp, pose) in &at_first {
         assert_eq!(replays.get(stamp), Some(pose), "{stamp:?}");
     }
-    // Another rig states another camera: its word counts, and the frames contradict it.
-    let response = replayed_with(&live, &against, &["--rig", text(&other)]);
+    // Another rig states another camera: its word counts, no frame fits under it, and that is said.
+    let response = replayed_with(&live, &against, &["--rig", text(&other)], 3);
     assert_eq!(response["found_by"], "replay", "{response}");
     let gamma = response["gamma"][0].as_f64().unwrap();
     assert!((gamma - 0.8).abs() < 0.01, "{response}");
@@ -184,7 +185,7 @@ fn what_the_rig_states_goes_before_the_opening_and_replays_keep_it() {
         "{response}"
     );
     // One that states nothing leaves it to the frames.
-    let response = replayed_with(&live, &without, &["--rig", "lshpi"]);
+    let response = replayed_with(&live, &without, &["--rig", "lshpi"], 0);
     assert_eq!(response["found_by"], "replay", "{response}");
     assert!(response.get("stated_by_rig").is_none(), "{response}");
 }
