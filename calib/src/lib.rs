@@ -10,6 +10,7 @@
 //! - [`plane`]: the trait every map from image to laser plane implements.
 //! - [`map`]: the maps fitted to a board's nodes; [`study`]: their comparison.
 //! - [`calibration`]: a map with its provenance, as a file.
+//! - [`flat`]: the camera's response from an exposure series.
 
 // A test may stop at the first surprise; the library may not.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
@@ -20,6 +21,7 @@ pub mod calibration;
 pub mod camera;
 pub mod detect;
 pub mod drawing;
+pub mod flat;
 pub mod frames;
 pub mod map;
 pub mod online;

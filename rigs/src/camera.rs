@@ -1,6 +1,6 @@
 //! Camera: backend, identity, format, controls, intrinsics, image noise.
 
-use crate::{PixelFormat, YuvRange};
+use crate::{PixelFormat, StatedResponse, YuvRange};
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,6 +78,8 @@ pub struct Camera {
     pub controls: Vec<CameraControl>,
     /// Noise of the simulated image.
     pub noise: ImageNoise,
+    /// What is known of the real camera's response; `None` = a run's opening finds it. The simulated image does not go by it.
+    pub response: Option<StatedResponse>,
     /// Seed of the simulated image's noise.
     pub seed: u64,
     /// Silence after which a camera counts as frozen \[s\].

@@ -16,7 +16,7 @@ use writer::Writer;
 use crate::raw::axis_keys;
 use crate::{
     CameraBackend, Channel, DeviceIdentity, Dof, LinkKind, LinkPort, ParameterValue, Rig,
-    VehicleModel,
+    StatedResponse, VehicleModel,
 };
 
 /// The effective rig.
@@ -82,6 +82,30 @@ pub(crate) fn rig(rig: &Rig) -> String {
     w.finish()
 }
 
+/// The table of a response alone.
+pub(crate) fn response_table(stated: &StatedResponse) -> String {
+    let mut w = Writer::default();
+    response(&mut w, stated);
+    w.finish()
+}
+
+fn response(w: &mut Writer, stated: &StatedResponse) {
+    w.table("camera.response");
+    w.number("gamma", stated.gamma);
+    w.number("gamma_sd", stated.gamma_sd);
+    if let Some([level, sd]) = stated.black_levels {
+        w.number("black_levels", level);
+        w.number("black_levels_sd", sd);
+    }
+    if stated.gamma_black_correlation != 0.0 {
+        w.number("gamma_black_correlation", stated.gamma_black_correlation);
+    }
+    if let Some(level) = stated.ceiling_levels {
+        w.raw("ceiling_levels", level);
+    }
+    w.text("source", &stated.source);
+}
+
 fn camera(w: &mut Writer, rig: &Rig) {
     let c = &rig.camera;
     w.table("camera");
@@ -121,6 +145,9 @@ fn camera(w: &mut Writer, rig: &Rig) {
     w.number("read_sd", c.noise.read_sd);
     w.number("shot_gain", c.noise.shot_gain);
     w.number("ambient", c.noise.ambient);
+    if let Some(stated) = &c.response {
+        response(w, stated);
+    }
     for control in &c.controls {
         w.entry("camera.control");
         w.text("name", &control.name);

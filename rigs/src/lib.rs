@@ -41,6 +41,7 @@ mod effective;
 mod error;
 mod load;
 mod raw;
+mod response;
 mod rig;
 
 pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise};
@@ -49,6 +50,7 @@ pub use laser::{FlatPort, Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
 pub use pixel_format::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
 pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
+pub use response::StatedResponse;
 pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};

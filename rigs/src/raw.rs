@@ -14,6 +14,7 @@ mod link;
 mod physics;
 mod plan;
 mod quantity;
+mod response;
 mod rig;
 mod section;
 mod settings;

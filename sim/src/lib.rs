@@ -21,6 +21,7 @@ pub mod single;
 pub mod thrust;
 pub mod trajectory;
 pub mod vehicle;
+pub mod whole;
 pub mod world;
 
 pub use dual::Dual;

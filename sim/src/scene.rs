@@ -9,6 +9,7 @@
 
 mod bent;
 mod board;
+mod exposure;
 mod frame_poses;
 mod lens;
 mod noise;

@@ -134,6 +134,12 @@ pub struct Feed<'a> {
 const STEP_SHARE: f64 = 0.8;
 /// Shortest step taken for that \[s\].
 const STEP_LEAST_S: f64 = 0.005;
+
+/// The longest step \[s\] for effects whose fastest own state has this time constant \[s\].
+pub(crate) fn longest_step_s(fastest_s: f64, step_max_s: f64) -> f64 {
+    step_max_s.min((STEP_SHARE * fastest_s).max(STEP_LEAST_S))
+}
+
 /// Own states of all effects along one DOF.
 pub const OWN_STATES_MAX: usize = 4;
 
@@ -238,9 +244,7 @@ impl<T: Real> Single<T> {
             edge_s: feed.start_s,
             jump: 0.0,
         };
-        let step_max_s = feed
-            .step_max_s
-            .min((STEP_SHARE * effects.fastest_s()).max(STEP_LEAST_S));
+        let step_max_s = longest_step_s(effects.fastest_s(), feed.step_max_s);
         for stamp_s in feed.stamps_s {
             let plain = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
             let seen_at = instant(plain, now.value(), &state, driven);

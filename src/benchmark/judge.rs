@@ -17,8 +17,8 @@ use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
 use super::{paper, plans};
-use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Law, Verdict, Word};
+use hydroline_diagnose::{Engine, diagnose_by};
 
 /// Normal quantile of a 95 % interval.
 const Z95: f64 = 1.959_964;
@@ -126,20 +126,35 @@ impl Judged {
     }
 }
 
-/// Diagnoses a case blind and opens the key. `observe` = with the ideal observer.
+/// How cases are judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct How {
+    /// With the ideal observer.
+    pub observe: bool,
+    /// Engine that is asked.
+    pub engine: Engine,
+}
+
+/// Diagnoses a case blind and opens the key.
 ///
 /// # Errors
 /// [`ProveError`].
-pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
+pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
     let wrong = |source| ProveError::Diagnose {
         id: case.id.clone(),
         source,
     };
     let sealed = &case.sealed;
     let began = std::time::Instant::now();
-    let verdict = diagnose(&sealed.sources, &sealed.held, &sealed.rig, &|_| {})
-        .map_err(wrong)?
-        .verdict;
+    let verdict = diagnose_by(
+        how.engine,
+        &sealed.sources,
+        &sealed.held,
+        &sealed.rig,
+        &|_| {},
+    )
+    .map_err(wrong)?
+    .verdict;
     let seconds = began.elapsed().as_secs_f64();
     // From here on with the key.
     let truth = case.key.truth.clone();
@@ -172,7 +187,7 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
             }
         }
         Category::Paper => {
-            let outcome = two_runs(case, &verdict, &judged)?;
+            let outcome = two_runs(case, &verdict, &judged, how.engine)?;
             judged.passed.push(("paper_set".into(), outcome.right_set));
             judged.passed.push(("paper_split".into(), outcome.split));
             judged.paper = Some(outcome);
@@ -188,13 +203,13 @@ pub fn judge(case: &Case, observe: bool) -> Result<Judged, ProveError> {
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);
             judged.passed.push(("nothing".into(), quiet));
-            by_effect(case, &verdict, &mut judged, observe)?;
+            by_effect(case, &verdict, &mut judged, how.observe)?;
         }
         Category::Single | Category::Pair | Category::Triple => {
             if let Some(main) = judged.near().cloned() {
-                near(case, &mut judged, &main, observe);
+                near(case, &mut judged, &main, how.observe);
             } else {
-                by_effect(case, &verdict, &mut judged, observe)?;
+                by_effect(case, &verdict, &mut judged, how.observe)?;
                 let kept = judged
                     .found
                     .iter()
@@ -341,7 +356,12 @@ fn intervals(case: &Case, verdict: &Verdict, truth: &[Truth]) -> Vec<Interval> {
     made
 }
 
-fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutcome, ProveError> {
+fn two_runs(
+    case: &Case,
+    verdict: &Verdict,
+    judged: &Judged,
+    engine: Engine,
+) -> Result<PaperOutcome, ProveError> {
     let wrong = |source| ProveError::Diagnose {
         id: case.id.clone(),
         source,
@@ -393,7 +413,7 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
     )?;
     let mut sources = case.sealed.sources.clone();
     sources.push(third.source(&case.sealed.rig)?);
-    let after = diagnose(&sources, &[], &case.sealed.rig, &|_| {})
+    let after = diagnose_by(engine, &sources, &[], &case.sealed.rig, &|_| {})
         .map_err(wrong)?
         .verdict;
     let heavy: Vec<&str> = after

@@ -108,14 +108,14 @@ fn broken(path: &Path, error: &std::io::Error) -> ProveError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{judge, make};
+    use crate::{How, judge, make};
 
     #[test]
     fn a_kept_case_is_read_back_as_it_was_judged_and_only_for_its_own_seed() {
         let dir = tempfile::tempdir().unwrap();
         let kept = Kept::new(&dir.path().join("new"), 5).unwrap();
         assert!(kept.read("fault-0", true).unwrap().is_none());
-        let judged = judge(&make(5, Category::Fault, 0).unwrap(), false).unwrap();
+        let judged = judge(&make(5, Category::Fault, 0).unwrap(), How::default()).unwrap();
         kept.write(&judged, false).unwrap();
         let back = kept.read("fault-0", true).unwrap().unwrap();
         let text = |j: &Judged| serde_json::to_string(j).unwrap();

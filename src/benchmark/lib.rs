@@ -27,7 +27,7 @@ pub mod tank;
 
 pub use case::{Case, Category, catalogue, make};
 pub use error::ProveError;
-pub use judge::{Judged, judge};
+pub use judge::{How, Judged, judge};
 pub use keep::Kept;
 pub use score::{Score, score};
 
@@ -42,20 +42,23 @@ use rayon::prelude::*;
 pub fn run(
     seed: u64,
     ids: &[(Category, usize)],
-    observe: bool,
+    how: How,
     kept: Option<&Kept>,
     done: &(dyn Fn(&Judged) + Sync),
 ) -> Result<Vec<Judged>, ProveError> {
     ids.par_iter()
         .map(|(category, index)| {
             let id = format!("{}-{index}", category.name());
-            let known = kept.map(|k| k.read(&id, observe)).transpose()?.flatten();
+            let known = kept
+                .map(|k| k.read(&id, how.observe))
+                .transpose()?
+                .flatten();
             let judged = match known {
                 Some(judged) => judged,
                 None => {
-                    let judged = judge(&make(seed, *category, *index)?, observe)?;
+                    let judged = judge(&make(seed, *category, *index)?, how)?;
                     if let Some(kept) = kept {
-                        kept.write(&judged, observe)?;
+                        kept.write(&judged, how.observe)?;
                     }
                     judged
                 }

@@ -8,7 +8,7 @@ use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Rung, Verdict, Word};
-use hydroline_diagnose::{Diagnosis, Part, Source, diagnose, read, report};
+use hydroline_diagnose::{Diagnosis, Engine, Part, Source, diagnose_by, read, report};
 use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
 
@@ -52,8 +52,29 @@ pub struct Args {
     /// Writes the rig with refitted coefficients and the [[physics]] that were left out
     #[arg(long, value_name = "RIG")]
     write_rig: Option<PathBuf>,
+    /// Engine: staged (one DOF after the other) or body (one likelihood over all DOFs)
+    #[arg(long, hide = true, value_enum, default_value_t = EngineName::Staged)]
+    engine: EngineName,
     #[command(flatten)]
     output: Output,
+}
+
+/// Engines by name, until one is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum EngineName {
+    /// One DOF after the other, in stages
+    Staged,
+    /// One likelihood over all DOFs
+    Body,
+}
+
+impl From<EngineName> for Engine {
+    fn from(name: EngineName) -> Engine {
+        match name {
+            EngineName::Staged => Engine::Staged,
+            EngineName::Body => Engine::Body,
+        }
+    }
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -107,7 +128,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let found = match &images {
         Some(images) if sources.is_empty() => images.alone(&rig),
         _ => {
-            let mut found = diagnose(&sources, &held, &rig, &tell)?;
+            let mut found = diagnose_by(args.engine.into(), &sources, &held, &rig, &tell)?;
             if let Some(images) = &images {
                 images.join(&mut found.verdict);
                 found.rig.physics.extend(images.entries.iter().cloned());

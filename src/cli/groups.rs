@@ -7,7 +7,7 @@ pub(crate) const GROUPS: &[(&str, &[&str])] = &[
     ("First steps", &["demo", "rig", "devices", "check"]),
     (
         "At the tank",
-        &["aim", "board", "target", "calibrate", "record"],
+        &["aim", "flat", "board", "target", "calibrate", "record"],
     ),
     ("Logs", &["info", "doctor", "recover", "export", "replay"]),
     (

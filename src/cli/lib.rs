@@ -15,6 +15,7 @@ mod demo;
 mod devices;
 mod diagnose;
 mod extract;
+mod flat;
 mod groups;
 mod identify;
 mod images;
@@ -102,6 +103,8 @@ Examples:
     Board(board::Args),
     /// A target at true scale, to mill, cut or print
     Target(target::Args),
+    /// An exposure series becomes the camera's tone curve and ceiling
+    Flat(flat::Args),
     /// Images of a board become the map from image to laser plane
     Calibrate(Box<calibrate::Args>),
     /// The daemon: camera and thrusters into one log
@@ -189,6 +192,7 @@ impl Cli {
             Command::Aim(args) => aim::run(&args),
             Command::Board(args) => board::run(&args),
             Command::Target(args) => target::run(&args),
+            Command::Flat(args) => flat::run(&args),
             Command::Calibrate(args) => calibrate::run(&args),
             Command::Record(args) => record::run(&args, build),
             Command::Info(args) => log_tools::info(&args),

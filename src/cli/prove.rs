@@ -7,7 +7,7 @@ use hydroline_benchmark::case::{FULL, parse};
 use hydroline_benchmark::images;
 use hydroline_benchmark::score::complaint;
 use hydroline_benchmark::{
-    Category, Judged, Kept, catalogue, judge, make, run as prove, score, table,
+    Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
 
 #[derive(Debug, clap::Args)]
@@ -49,6 +49,9 @@ pub struct Args {
     /// Without the ideal observer: faster, and sets that the data cannot split count as errors
     #[arg(long)]
     no_ideal: bool,
+    /// Engine that is proved
+    #[arg(long, hide = true, value_enum, default_value_t = super::diagnose::EngineName::Staged)]
+    engine: super::diagnose::EngineName,
     /// Prints one JSON object: score and every case
     #[arg(long)]
     json: bool,
@@ -83,7 +86,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .as_ref()
         .map(|folder| Kept::new(folder, args.seed))
         .transpose()?;
-    let judged = prove(args.seed, &ids, !args.no_ideal, kept.as_ref(), &done)?;
+    let judged = prove(args.seed, &ids, how(args), kept.as_ref(), &done)?;
     bar.finish_and_clear();
     let total = score(&judged);
     if args.json {
@@ -101,6 +104,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     Ok(Outcome::Done)
+}
+
+fn how(args: &Args) -> How {
+    How {
+        observe: !args.no_ideal,
+        engine: args.engine.into(),
+    }
 }
 
 fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
@@ -152,7 +162,7 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
     }
     let (category, index) = parse(id)?;
     let case = make(args.seed, category, index)?;
-    let judged = judge(&case, !args.no_ideal)?;
+    let judged = judge(&case, how(args))?;
     let key = serde_json::json!({
         "truth": case.key.truth,
         "strange": case.key.tank.strange,

@@ -199,11 +199,24 @@ fn lacks(report: &Report) -> Option<String> {
     let mostly = without > report.poses && !report.calibrates;
     mostly.then(|| {
         let most = report.without_pose.iter().max_by_key(|(_, n)| **n);
+        let stated = report
+            .response
+            .as_ref()
+            .and_then(|r| r.stated_by_rig.as_ref());
+        // A response that the frames speak against is the likelier reason than what the frames look like under it.
+        let reason = stated.and_then(|s| s.contradiction.as_ref()).map_or_else(
+            || {
+                format!(
+                    "most often: {}",
+                    most.map_or("", |(reason, _)| reason.as_str())
+                )
+            },
+            |words| format!("under the camera's response that the rig states {words}"),
+        );
         format!(
-            "only {} of {} frames have a pose; most often: {}",
+            "only {} of {} frames have a pose; {reason}",
             report.poses,
             report.poses + without,
-            most.map_or("", |(reason, _)| reason.as_str())
         )
     })
 }
@@ -397,9 +410,11 @@ const GAMMA_SILENT: f64 = 0.005;
 /// The camera's response, where it is worth a word.
 fn camera(response: &ResponseReport) -> Option<String> {
     let [gamma, gamma_sd] = response.gamma;
-    let whose = match response.found_by {
-        "recording" => "as the recording found it",
-        _ => "found in this log",
+    let stated = response.stated_by_rig.as_ref();
+    let whose = match (stated, response.found_by) {
+        (Some(_), _) => "as the rig states it, the line from",
+        (None, "recording") => "as the recording found it,",
+        _ => "found in this log,",
     };
     if !response.known {
         return Some(format!(
@@ -408,10 +423,12 @@ fn camera(response: &ResponseReport) -> Option<String> {
             response.frames
         ));
     }
-    let worth = (gamma - 1.0).abs() > GAMMA_SILENT;
+    let contradiction = stated.and_then(|s| s.contradiction.as_deref());
+    let worth = (gamma - 1.0).abs() > GAMMA_SILENT || contradiction.is_some();
     worth.then(|| {
+        let against = contradiction.map_or_else(String::new, |words| format!("; but {words}"));
         format!(
-            "camera's response {whose}, {} frames: gamma {gamma:.3} (sd {gamma_sd:.3}), black level {:.1} (sd {:.1})",
+            "camera's response {whose} {} frames: gamma {gamma:.3} (sd {gamma_sd:.3}), black level {:.1} (sd {:.1}){against}",
             response.frames, response.black_levels[0], response.black_levels[1]
         )
     })

@@ -1,5 +1,5 @@
-//! The camera's response as a log keeps it: found in a recording's opening, fixed from there on, and used again by every
-//! replay, which then fits the same poses, bit for bit.
+//! The camera's response as a log keeps it: found in a recording's opening, under what the rig states of it where it does,
+//! fixed from there on, and used again by every replay, which then fits the same poses, bit for bit.
 //!
 //! An event says it when it is found; the summary repeats it, where a reader finds it at once.
 
@@ -28,6 +28,13 @@ const NAMES: [&str; OF_RUN] = [
     "line_he10",
 ];
 const FRAMES: &str = "frames";
+/// One where the rig states the camera's curve; then also what the frames alone say of it, and its sd.
+const RIG_STATES: &str = "rig_states";
+const FRAMES_ALONE: [&str; 2] = ["frames_ln_gamma", "frames_ln_gamma_sd"];
+/// Frames alone that lie further from what the rig states than so many sds contradict it: the model's own misfit of a
+/// few sds is in what they say. Nearer than this share of γ they lead to the same poses.
+const CONTRADICT_SDS: f64 = 5.0;
+const CONTRADICT_LEAST: f64 = 0.05;
 /// No camera has a curve or a black level, and no line has more across it, beyond these: a log that states one is damaged
 /// \[1, grey levels, 1\].
 const LN_GAMMA_MOST: f64 = 3.0;
@@ -63,6 +70,8 @@ pub struct Found {
     pub response: Option<CameraResponse>,
     /// Frames that showed it.
     pub frames: usize,
+    /// Where the rig states the camera's curve: ln γ and its sd as the frames alone say it, if they do.
+    pub of_rig: Option<Option<[f64; 2]>>,
 }
 
 /// The same for a person and for JSON.
@@ -80,6 +89,18 @@ pub struct ResponseReport {
     pub frames: usize,
     /// `recording` where the log stated it, `replay` where this replay found it.
     pub found_by: &'static str,
+    /// Whether γ and the black level are those of the rig; what the frames alone say against it, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stated_by_rig: Option<Stated>,
+}
+
+/// Of a curve that the rig states.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stated {
+    /// γ as the frames alone say it, and its sd.
+    pub frames_gamma: Option<[f64; 2]>,
+    /// Where they contradict the rig: in words.
+    pub contradiction: Option<String>,
 }
 
 impl Found {
@@ -99,6 +120,7 @@ impl Found {
         Found {
             response: opening.response(),
             frames: opening.frames(),
+            of_rig: opening.is_stated().then(|| opening.alone()),
         }
     }
 
@@ -108,8 +130,14 @@ impl Found {
     }
 
     fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
-        let frames = (FRAMES.to_owned(), self.frames as f64);
-        named(&self.in_force()).into_iter().chain([frames])
+        let frames = [(FRAMES.to_owned(), self.frames as f64)];
+        let states = self.of_rig.iter().map(|_| (RIG_STATES.to_owned(), 1.0));
+        let alone = self.of_rig.into_iter().flatten().flat_map(|alone| {
+            let names = FRAMES_ALONE.map(str::to_owned);
+            names.into_iter().zip(alone)
+        });
+        let all = named(&self.in_force()).into_iter().chain(frames);
+        all.chain(states).chain(alone)
     }
 
     /// From numbers by name; `None` where one is missing, or where no camera and no covariance is like that.
@@ -137,17 +165,43 @@ impl Found {
                 })
         });
         let frames = number(FRAMES).filter(|n| (0.0..1e6).contains(n))?;
+        let alone = || {
+            let [ln_gamma, sd] = FRAMES_ALONE.map(&number);
+            let sd = sd.filter(|sd| sd.is_finite() && *sd >= 0.0)?;
+            Some([ln_gamma.filter(|n| n.is_finite())?, sd])
+        };
         sound.then(|| Found {
             response: (response != CameraResponse::UNKNOWN).then_some(response),
             frames: frames as usize,
+            of_rig: number(RIG_STATES).map(|_| alone()),
+        })
+    }
+
+    /// Where the frames contradict what the rig states: in words.
+    fn contradiction(&self) -> Option<String> {
+        let Some([ln_gamma, sd]) = self.of_rig? else {
+            return Some(format!(
+                "only {} of the first frames fit under it: does the run begin over the target, and is it this camera, with \
+                 the controls that it was measured with? Measure it again (hydroline flat), or take [camera.response] out of the rig",
+                self.frames
+            ));
+        };
+        let off = (ln_gamma - self.in_force().mean[0]).abs();
+        (off > CONTRADICT_LEAST && off > CONTRADICT_SDS * sd).then(|| {
+            format!(
+                "the frames show gamma {:.3} (sd {:.3}): is it this camera, with the controls that it was measured with? \
+                 Measure it again (hydroline flat), or take [camera.response] out of the rig",
+                ln_gamma.exp(),
+                ln_gamma.exp() * sd
+            )
         })
     }
 
     /// The event that says it.
     pub fn event(&self, stamp_ns: u64) -> Event {
         let severity = match self.response {
-            Some(_) => Severity::Info,
-            None => Severity::Warning,
+            Some(_) if self.contradiction().is_none() => Severity::Info,
+            _ => Severity::Warning,
         };
         let event = Event::new(stamp_ns, severity, KIND, self.to_string());
         self.numbers()
@@ -174,6 +228,10 @@ impl Found {
             known: self.response.is_some(),
             frames: self.frames,
             found_by,
+            stated_by_rig: self.of_rig.map(|alone| Stated {
+                frames_gamma: alone.map(|[ln_gamma, sd]| [ln_gamma.exp(), ln_gamma.exp() * sd]),
+                contradiction: self.contradiction(),
+            }),
         }
     }
 }
@@ -196,14 +254,21 @@ impl std::fmt::Display for Found {
             );
         };
         let gamma = response.mean[0].exp();
+        let from = match self.of_rig {
+            Some(_) => format!("as the rig states it, the line from {} frames", self.frames),
+            None => format!("from {} frames", self.frames),
+        };
         write!(
             f,
-            "the camera's response, from {} frames: gamma {gamma:.4} (sd {:.4}), black level {:.1} (sd {:.1})",
-            self.frames,
+            "the camera's response, {from}: gamma {gamma:.4} (sd {:.4}), black level {:.1} (sd {:.1})",
             gamma * response.covariance[(0, 0)].sqrt(),
             response.mean[1],
             response.covariance[(1, 1)].sqrt(),
-        )
+        )?;
+        match self.contradiction() {
+            Some(words) => write!(f, "; {words}"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -223,10 +288,22 @@ mod tests {
             Found {
                 response: Some(response),
                 frames: 8,
+                of_rig: None,
             },
             Found {
                 response: None,
                 frames: 0,
+                of_rig: None,
+            },
+            Found {
+                response: Some(response),
+                frames: 2,
+                of_rig: Some(None),
+            },
+            Found {
+                response: Some(response),
+                frames: 8,
+                of_rig: Some(Some([-0.8 / 7.0, 0.01 / 3.0])),
             },
         ] {
             let summary: MetadataMap = found.metadata().into_iter().collect();

@@ -83,27 +83,10 @@ pub fn explained(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    let mut verdict = empty();
-    verdict.data_faults = sources
-        .iter()
-        .chain(held)
-        .flat_map(|s| s.faults.clone())
-        .collect();
-    let fatal: Vec<String> = verdict
-        .data_faults
-        .iter()
-        .filter(|f| f.fatal)
-        .map(|f| format!("{} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence))
-        .collect();
-    if let Some(first) = fatal.first() {
-        verdict.verdict = Word::DataFault;
-        verdict.sentence = format!("The data are at fault, not the model: {first}");
-        return Ok(Diagnosis {
-            verdict,
-            rig: rig.clone(),
-            explained: Vec::new(),
-        });
-    }
+    let mut made = match stopped_by_faults(sources, held, rig) {
+        Ok(stopped) => return Ok(stopped),
+        Err(going_on) => going_on,
+    };
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     let runs: Vec<Run> = sources
         .iter()
@@ -115,11 +98,6 @@ pub fn explained(
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
-    let mut made = Diagnosis {
-        verdict,
-        rig: rig.clone(),
-        explained: Vec::new(),
-    };
     for dof in dofs {
         one(&mut made, &runs, &held, rig, dof, progress)?;
     }
@@ -128,6 +106,31 @@ pub fn explained(
         .effects
         .sort_by(|a, b| relative(b, rig).total_cmp(&relative(a, rig)));
     verdict.sentence = sentence(verdict);
+    Ok(made)
+}
+
+/// A verdict with the data's faults: `Ok` where one of them ends it, `Err` with what goes on.
+#[allow(clippy::result_large_err)]
+pub(super) fn stopped_by_faults(
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+) -> Result<Diagnosis, Diagnosis> {
+    let mut verdict = empty();
+    let all = sources.iter().chain(held);
+    verdict.data_faults = all.flat_map(|s| s.faults.clone()).collect();
+    let fatal = verdict.data_faults.iter().find(|f| f.fatal);
+    let stops = fatal.map(|f| format!("{} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence));
+    let mut made = Diagnosis {
+        verdict,
+        rig: rig.clone(),
+        explained: Vec::new(),
+    };
+    let Some(first) = stops else {
+        return Err(made);
+    };
+    made.verdict.verdict = Word::DataFault;
+    made.verdict.sentence = format!("The data are at fault, not the model: {first}");
     Ok(made)
 }
 

@@ -9,6 +9,7 @@
 
 mod alone;
 pub mod bank;
+pub mod body;
 pub mod candidate;
 pub mod choosing;
 mod conclude;
@@ -38,3 +39,32 @@ pub use alone::diagnose;
 pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
+
+use hydroline_rigs::Rig;
+
+/// Which engine is asked, until the new one has beaten the old one kind by kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Engine {
+    /// One DOF after the other, in stages.
+    #[default]
+    Staged,
+    /// One likelihood over all DOFs.
+    Body,
+}
+
+/// Diagnoses logs against a rig; `held` are predicted only.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose_by(
+    engine: Engine,
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    match engine {
+        Engine::Staged => alone::diagnose(sources, held, rig, progress),
+        Engine::Body => body::diagnose(sources, held, rig, progress),
+    }
+}

@@ -36,7 +36,7 @@ pub use super::photometric::OF_RUN;
 pub use ahead::Ahead;
 pub use answer::{JointPose, PoseCaveat, PoseFault};
 pub use bound::Light;
-pub use camera::{CameraResponse, ResponseSeen};
+pub use camera::{Beforehand, CameraResponse, ResponseSeen};
 use refine::Sheet;
 pub use seen::LightSeen;
 use starts::Starts;
@@ -52,6 +52,9 @@ const EDGES_OFF: f64 = 0.06;
 const EDGES_SOUND: f64 = 0.035;
 /// Places on the target that are fitted to the end before it is said that none holds.
 const PLACES_MOST: usize = 4;
+
+/// From here on the brightest levels of eight bits are clipped, whatever the camera \[grey levels\].
+const CEILING: u8 = 254;
 
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
@@ -87,17 +90,23 @@ pub struct PoseFitter {
     sheet: Sheet,
     /// The camera's response; `None`: each frame's own unknown.
     camera: Option<CameraResponse>,
+    /// What is known of it before a frame is looked at.
+    beforehand: Beforehand,
     /// Level from which a pixel counts as clipped.
     ceiling: u8,
 }
 
 impl PoseFitter {
-    /// A fitter for a rig and its map from image to laser plane.
+    /// A fitter for a rig and its map from image to laser plane: of a camera whose response is as the rig states it, else
+    /// one that leaves light as it is, and a line that is a Gaussian.
     pub fn new(rig: &Rig, map: Arc<dyn PlaneMap>) -> Self {
         let surfaces = Surfaces::new(rig.target.as_ref());
         let heights_m = surfaces.heights_m();
         let table = Arc::new(SheetTable::new(map.as_ref(), &rig.camera, &rig.mounts));
         let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad);
+        let stated = rig.camera.response.as_ref();
+        let beforehand = Beforehand::of_rig(stated);
+        let ceiling = stated.and_then(|s| s.ceiling_levels);
         PoseFitter {
             bare: Arc::new(model.bare()),
             model: Arc::new(model),
@@ -106,8 +115,9 @@ impl PoseFitter {
             heights_m,
             thickness_m: rig.laser.sigma_m,
             sheet: Sheet::AS_THE_RIG,
-            camera: Some(CameraResponse::LINEAR),
-            ceiling: 254,
+            camera: Some(beforehand.of_gaussian_line()),
+            beforehand,
+            ceiling: ceiling.unwrap_or(CEILING).min(CEILING),
         }
     }
 
@@ -125,6 +135,11 @@ impl PoseFitter {
             camera: None,
             ..self.clone()
         }
+    }
+
+    /// What is known of the camera's response before a frame is looked at, and the level from which on it clips light.
+    pub fn beforehand(&self) -> (&Beforehand, u8) {
+        (&self.beforehand, self.ceiling)
     }
 
     /// The map from image to laser plane.
@@ -288,7 +303,9 @@ impl PoseFitter {
 
     /// The camera's response as far as it is known, for a frame that is clipped from a level on.
     fn response(&self, ceiling: u8) -> Response {
-        let known = self.camera.map_or([0.0; 2], |c| [c.mean[0], c.mean[1]]);
+        let known = self
+            .camera
+            .map_or(self.beforehand.curve(), |c| [c.mean[0], c.mean[1]]);
         Response::new(known, ceiling)
     }
 

@@ -278,7 +278,7 @@ impl Photometric {
                         counter.skip();
                         return;
                     };
-                    let background = state.background + counter.of_row(row);
+                    let background = counter.background(state.background, row);
                     let judged = if cut {
                         let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
                         let seen = torn.map(|torn| Torn {

@@ -7,6 +7,7 @@ mod diagnose_real;
 mod identify_command;
 mod identify_noise;
 mod identify_runs;
+mod light_chains;
 mod pose_cases;
 mod pose_light;
 mod prove_small;

@@ -5,11 +5,11 @@
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::case::parse;
 use hydroline::prove::score::complaint;
-use hydroline::prove::{Category, Judged, run};
+use hydroline::prove::{Category, How, Judged, run};
 
 fn judged(seed: u64, ids: &[&str]) -> Vec<Judged> {
     let ids: Vec<(Category, usize)> = ids.iter().map(|id| parse(id).unwrap()).collect();
-    let all = run(seed, &ids, false, None, &|_| {}).unwrap();
+    let all = run(seed, &ids, How::default(), None, &|_| {}).unwrap();
     for line in all.iter().filter_map(complaint) {
         println!("{line}");
     }

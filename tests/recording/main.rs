@@ -7,6 +7,7 @@ mod attacks;
 mod calibrate_chain;
 mod cli_build_info;
 mod cli_errors;
+mod flat;
 mod formats;
 mod readme;
 mod record_clock;
@@ -15,6 +16,7 @@ mod record_disk;
 mod record_kill;
 mod response;
 mod service_files;
+mod simulate_light;
 mod simulate_reproducible;
 
 #[path = "../support/mod.rs"]

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::response::read_response;
 use super::{Section, quantity};
 use crate::{
     Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise, PixelFormat, YuvRange,
@@ -39,6 +40,7 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
     let intrinsics = read_intrinsics(s, width_px, height_px);
     let controls = read_controls(s);
     let noise = read_noise(&s.table_or_default("noise"));
+    let response = read_response(s);
     let seed = s.integer_opt("seed", 0, i64::MAX, "").unwrap_or(1) as u64;
     // Unplugging is to be noticed within 0.5 s, unless frames are rarer than that.
     let default_frozen_s = (3.0 / rate_fps.unwrap_or(25.0)).max(0.5);
@@ -111,6 +113,7 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
         cy_px,
         controls: controls?,
         noise: noise?,
+        response: response?,
         seed,
         frozen_after_s,
     })

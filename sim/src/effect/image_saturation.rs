@@ -5,7 +5,7 @@ use crate::real::Real;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "image_saturation",
-    law: "grey levels above level_grey are level_grey",
+    law: "grey levels above level_grey are level_grey (the sensor's, before any tone curve)",
     stage: Stage::Measurement,
     order: 130,
     parameters: &[ParameterInfo::new(
@@ -17,7 +17,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         140.0,
     )],
     words: &[],
-    kin: &["attenuation", "backscatter_haze", "speckle"],
+    kin: &[
+        "attenuation",
+        "backscatter_haze",
+        "range_clipping",
+        "speckle",
+        "tone_curve",
+    ],
     source: "physics.md, measurement",
 };
 

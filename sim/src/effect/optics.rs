@@ -1,5 +1,6 @@
 //! Camera, sheet and scene as the light meets them: the rig's numbers, changed by measurement effects.
 
+use super::Brightness;
 use crate::real::Real;
 use hydroline_rigs::Rig;
 
@@ -53,6 +54,25 @@ pub struct Optics<T = f64> {
     pub speckle_grain_px: T,
     /// Attenuation of laser light in the water \[1/m\].
     pub attenuation_pm: T,
+    /// What else changes brightness alone.
+    pub brightness: Brightness<T>,
+}
+
+impl Optics {
+    /// The laser's light in the direction whose tangent from the middle of the fan is `tan` (starboard positive), over that of
+    /// an evenly lit fan.
+    pub fn line_profile(&self, tan: f64) -> f64 {
+        let Brightness {
+            line_end_loss,
+            line_tilt,
+            ..
+        } = self.brightness;
+        if line_end_loss == 0.0 && line_tilt == 0.0 {
+            return 1.0;
+        }
+        let w = tan.atan() / self.half_fan_rad;
+        (1.0 - line_end_loss * w * w + 0.5 * line_tilt * w).max(0.0)
+    }
 }
 
 impl<T: Real> Optics<T> {
@@ -83,6 +103,7 @@ impl<T: Real> Optics<T> {
             speckle_contrast: c(0.0),
             speckle_grain_px: c(1.0),
             attenuation_pm: c(0.0),
+            brightness: Brightness::new(),
         }
     }
 

@@ -60,6 +60,12 @@ registry! {
     image_saturation,
     speckle,
     attenuation,
+    line_profile,
+    lens_shading,
+    ambient_gradient,
+    mains_banding,
+    tone_curve,
+    range_clipping,
     attitude_disturbance,
 }
 

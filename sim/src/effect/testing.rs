@@ -156,6 +156,70 @@ pub(in crate::effect) struct Row {
     pub focal_px: f64,
 }
 
+/// A bare floor 0.78 m below, seen by one camera.
+pub(in crate::effect) struct Bare {
+    lit: Renderer,
+    dark: Renderer,
+    focal_px: f64,
+}
+
+impl Bare {
+    pub fn new(entries: &[PhysicsEntry]) -> Self {
+        Self::of(bare_rig(entries))
+    }
+
+    /// Without noise, over this background.
+    pub fn quiet(ambient: f64, entries: &[PhysicsEntry]) -> Self {
+        Self::noisy(ambient, 0.0, entries)
+    }
+
+    /// With read noise, over this background.
+    pub fn noisy(ambient: f64, read_sd: f64, entries: &[PhysicsEntry]) -> Self {
+        let mut rig = bare_rig(entries);
+        rig.camera.noise.read_sd = read_sd;
+        rig.camera.noise.shot_gain = 0.0;
+        rig.camera.noise.ambient = ambient;
+        Self::of(rig)
+    }
+
+    fn of(mut rig: Rig) -> Self {
+        let lit = Renderer::new(&rig).unwrap();
+        rig.laser.peak = 0.0;
+        Bare {
+            lit,
+            dark: Renderer::new(&rig).unwrap(),
+            focal_px: rig.camera.fx_px,
+        }
+    }
+
+    pub fn width_px(&self) -> usize {
+        self.lit.width_px()
+    }
+
+    pub fn focal_px(&self) -> f64 {
+        self.focal_px
+    }
+
+    /// Laser light alone.
+    pub fn clean(&self, height_m: f64) -> Vec<f32> {
+        self.lit.render_clean(&level(height_m))
+    }
+
+    /// Grey levels.
+    pub fn image(&self) -> Vec<u8> {
+        self.lit.render(&level(0.78), 0).0
+    }
+
+    /// Grey levels with the laser off.
+    pub fn dark(&self) -> Vec<u8> {
+        self.dark_frame(0)
+    }
+
+    pub fn dark_frame(&self, frame: u64) -> Vec<u8> {
+        self.dark.render(&level(0.78), frame).0
+    }
+}
+
 /// Row of the stripe in the axis' column, without and with the effects.
 pub(in crate::effect) fn stripe_rows(entries: &[PhysicsEntry], height_m: f64) -> (Row, Row) {
     let camera = lshpi_rig().camera;

@@ -385,6 +385,12 @@ fn every_image_level_effect_changes_the_image() {
         "image_saturation",
         "speckle",
         "attenuation",
+        "line_profile",
+        "lens_shading",
+        "ambient_gradient",
+        "mains_banding",
+        "tone_curve",
+        "range_clipping",
     ];
     for info in ALL.iter().filter(|i| image_only(i)) {
         let (image, moved) = picture(Some(info));

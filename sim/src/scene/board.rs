@@ -403,7 +403,8 @@ impl Stand<'_> {
         if o.cone_sin != 0.0 {
             off_m -= o.cone_m(fan_y, fan_z) / self.sheet_normal;
         }
-        let mut light = self.peak * (off_m * off_m * self.exponent).exp();
+        let mut light =
+            self.peak * (off_m * off_m * self.exponent).exp() * o.line_profile(fan_y / fan_z);
         if o.attenuation_pm > 0.0 {
             let way = from_apex.norm() + (point - self.eye).norm();
             light *= (-o.attenuation_pm * way).exp();

@@ -12,6 +12,7 @@
 
 use std::sync::LazyLock;
 
+use super::exposure::Exposure;
 use hydroline_rigs::ImageNoise;
 
 const SAMPLES: usize = 1 << 16;
@@ -56,6 +57,8 @@ pub struct Noise {
     normal: &'static [f32],
     /// Grey level without laser light, per 16 bits of hash.
     dark: Vec<u8>,
+    /// Light that is not even, or a camera that is not linear.
+    exposure: Option<Exposure>,
 }
 
 impl Noise {
@@ -69,19 +72,34 @@ impl Noise {
             saturation: saturation.clamp(0.0, 255.0) as f32,
             normal: &NORMAL,
             dark: Vec::new(),
+            exposure: None,
         };
         made.dark = (0..SAMPLES).map(|i| made.grey(0.0, i)).collect();
         made
     }
 
+    /// The same camera under a light that is not even, or with a curve.
+    pub(super) fn under(mut self, exposure: Option<Exposure>) -> Self {
+        self.exposure = exposure;
+        self
+    }
+
     /// Grey level of `signal` grey levels of light plus ambient under noise sample `index`.
     fn grey(&self, signal: f32, index: usize) -> u8 {
-        let level = self.ambient + signal;
+        // `as u8` saturates at 0 and 255, and NaN gives 0.
+        self.linear(self.ambient + signal, index).round() as u8
+    }
+
+    /// The same, of a pixel whose light takes another way.
+    fn exposed(&self, exposure: &Exposure, light: f32, index: usize) -> u8 {
+        exposure.grey(self.linear(light, index)).round() as u8
+    }
+
+    /// Levels of a linear sensor: `level` grey levels of light, noise sample `index`, clipped where it saturates.
+    fn linear(&self, level: f32, index: usize) -> f32 {
         // Shot noise: variance proportional to the light; read noise: constant.
         let sd = (self.read_variance + self.shot_gain * level.max(0.0)).sqrt();
-        let grey = level + sd * self.normal[index & (SAMPLES - 1)];
-        // `as u8` saturates at 0 and 255, and NaN gives 0.
-        grey.min(self.saturation).round() as u8
+        (level + sd * self.normal[index & (SAMPLES - 1)]).min(self.saturation)
     }
 
     /// Key of a frame: frames of one seed and seeds of one frame have unrelated streams.
@@ -95,6 +113,17 @@ impl Noise {
         let key = self.key(frame_index);
         let groups = out.len().div_ceil(4) as u64;
         let base = row as u64 * groups;
+        if let Some(exposure) = &self.exposure {
+            let light = exposure.row(frame_index, row);
+            for (g, four) in out.chunks_mut(4).enumerate() {
+                let bits = hash(key, base + g as u64);
+                for (k, pixel) in four.iter_mut().enumerate() {
+                    let level = exposure.light(&light, 4 * g + k, 0.0);
+                    *pixel = self.exposed(exposure, level, (bits >> (16 * k)) as usize);
+                }
+            }
+            return;
+        }
         for (g, four) in out.chunks_mut(4).enumerate() {
             let bits = hash(key, base + g as u64);
             for (k, pixel) in four.iter_mut().enumerate() {
@@ -117,10 +146,14 @@ impl Noise {
             self.key(frame_index),
             row as u64 * groups + (column / 4) as u64,
         );
-        self.grey(
-            signal,
-            (bits >> (16 * (column % 4))) as usize & (SAMPLES - 1),
-        )
+        let index = (bits >> (16 * (column % 4))) as usize & (SAMPLES - 1);
+        match &self.exposure {
+            None => self.grey(signal, index),
+            Some(exposure) => {
+                let light = exposure.light(&exposure.row(frame_index, row), column, signal);
+                self.exposed(exposure, light, index)
+            }
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! 2. Per pixel there, the pixel integral by 2 x 2 Gauss points (error of a stripe of
 //!    sigma >= 1 px: < 1e-3 of its peak, odd part zero); where the rays of a pixel or of
 //!    its neighbours end at different things, 89 points of a Fibonacci lattice instead.
-//! 3. Point spread, ambient, noise, rounding.
+//! 3. Point spread, ambient, lens, noise, tone curve, range, rounding (`exposure`, `noise`).
 //!
 //! Work is cut into strips of columns, then into blocks of rows; each pixel's value
 //! depends on the pose, seed and frame index alone, not on the number of threads.
@@ -13,6 +13,7 @@
 use std::ops::Range;
 
 use super::bent::BentView;
+use super::exposure::Exposure;
 use super::frame_poses::{Field, FramePoses};
 use super::lens::Lens;
 use super::noise::Noise;
@@ -122,6 +123,32 @@ impl Renderer {
         in_range("speckle contrast", optics.speckle_contrast, 0.0, 10.0)?;
         in_range("speckle grain [px]", optics.speckle_grain_px, 0.05, 1000.0)?;
         in_range("attenuation [1/m]", optics.attenuation_pm, 0.0, 1000.0)?;
+        let b = &optics.brightness;
+        in_range("loss at the ends of the fan", b.line_end_loss, 0.0, 1.0)?;
+        in_range("tilt of the fan's light", b.line_tilt, -2.0, 2.0)?;
+        in_range("loss in the image's corner", b.corner_loss, 0.0, 1.0)?;
+        for rise in b.ambient_rise_grey {
+            in_range("rise of the background [grey levels]", rise, -255.0, 255.0)?;
+        }
+        in_range(
+            "levels of the bands [grey levels]",
+            b.banding_grey,
+            0.0,
+            255.0,
+        )?;
+        in_range("mains frequency [Hz]", b.mains_hz, 1.0, 1000.0)?;
+        in_range("row time of the bands [s]", b.banding_row_s, 0.0, 1e-3)?;
+        in_range(
+            "phase of the bands [rad]",
+            b.banding_phase_rad,
+            -1000.0,
+            1000.0,
+        )?;
+        in_range("gamma", b.gamma, 0.1, 10.0)?;
+        for [floor, ceiling] in [b.scaled_grey, b.clipped_grey] {
+            in_range("ceiling of the grey levels", ceiling, 1.0, 255.0)?;
+            in_range("floor of the grey levels", floor, 0.0, ceiling)?;
+        }
         for what in optics.camera_m.iter().chain([
             &optics.l_laser_m,
             &optics.sheet_tan_pitch,
@@ -136,7 +163,8 @@ impl Renderer {
             width_px: camera.width_px as usize,
             height_px: camera.height_px as usize,
             kernel: psf::kernel(camera.noise.blur_px),
-            noise: Noise::new(&camera.noise, camera.seed, optics.saturation),
+            noise: Noise::new(&camera.noise, camera.seed, optics.saturation)
+                .under(Exposure::new(&optics, camera)),
             h_centre_m: rig.mounts.h_centre_m,
             speckle: Speckle::new(
                 optics.speckle_contrast,
@@ -204,7 +232,7 @@ impl Renderer {
         });
     }
 
-    /// Laser light alone: grey levels without ambient, noise, rounding or saturation, row-major.
+    /// Laser light alone: grey levels without ambient, noise, rounding or saturation, nor what lens and camera make of them, row-major.
     pub fn render_clean(&self, pose: &Pose6) -> Vec<f32> {
         let mut picture = vec![0.0; self.width_px * self.height_px];
         for strip in self.strips(&Field::Still(*pose)) {

@@ -72,7 +72,7 @@ pub(super) struct Light<'a, S> {
     peak: f64,
     /// Haze at the sheet \[grey levels\] and -1/length \[1/m\].
     haze: (f64, f64),
-    attenuation_pm: f64,
+    optics: Optics,
 }
 
 /// Laser light of this many grey levels and less is left away, as [`CUT_SIGMA`] does.
@@ -99,7 +99,7 @@ impl<'a, S: Sight> Light<'a, S> {
                 optics.haze_fraction * optics.peak,
                 -1.0 / optics.haze_length_m,
             ),
-            attenuation_pm: optics.attenuation_pm,
+            optics: *optics,
             tan_half_fan: optics.half_fan_rad.tan(),
             peak: optics.peak,
         }
@@ -161,9 +161,10 @@ impl<'a, S: Sight> Light<'a, S> {
                 // Light of the water beside the sheet, not of the surface behind it: no albedo.
                 light += self.haze.0 * (off_m * self.haze.1).exp();
             }
-            if self.attenuation_pm > 0.0 {
+            light *= self.optics.line_profile(fan_y / fan_z);
+            if self.optics.attenuation_pm > 0.0 {
                 let way = distance(point, self.view.apex()) + distance(point, line.origin);
-                light *= (-self.attenuation_pm * way).exp();
+                light *= (-self.optics.attenuation_pm * way).exp();
             }
             return (Code::lit(level), light);
         }

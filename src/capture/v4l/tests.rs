@@ -41,6 +41,7 @@ fn rig_camera() -> Camera {
         },
         seed: 0,
         frozen_after_s: 1.0,
+        response: None,
     }
 }
 

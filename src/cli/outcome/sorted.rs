@@ -5,6 +5,7 @@
 use hydroline_benchmark::ProveError;
 use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
+use hydroline_calib::flat::FlatError;
 use hydroline_capture::{CaptureError, FolderError};
 use hydroline_core::frame::FrameError;
 use hydroline_daemon::record::RecordError;
@@ -269,6 +270,15 @@ impl Sorted for ProveError {
 impl Sorted for CalibError {
     fn is_input(&self) -> bool {
         !matches!(self, Self::Unwritable { .. })
+    }
+}
+
+impl Sorted for FlatError {
+    fn is_input(&self) -> bool {
+        matches!(
+            self,
+            Self::FewExposures { .. } | Self::FewFrames { .. } | Self::Size { .. }
+        )
     }
 }
 

@@ -59,6 +59,14 @@ impl Input {
         }
     }
 
+    /// The rig that it was recorded with.
+    pub fn rig_toml(&self) -> Option<&str> {
+        match self {
+            Input::Log(reader) => reader.rig_toml(),
+            Input::Folder(_) => None,
+        }
+    }
+
     /// What of the metadata is not as it was written.
     pub fn seal_findings(&self) -> Vec<SealFinding> {
         match self {

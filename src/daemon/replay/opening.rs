@@ -1,10 +1,13 @@
-//! The camera's response that a replay fits with: the recording's own, else that of the log's opening.
+//! The camera's response that a replay fits with: the recording's own, else that of the log's opening. Where the rig in force
+//! says other things of the camera than the rig that it was recorded with, the recording's is no answer.
 
 use super::{Options, ReplayError};
 use crate::response::{Found, ResponseReport};
 use hydroline_log::{Closing, Record, Topic};
+use hydroline_pose::joint::Beforehand;
 use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::PoseRun;
+use hydroline_rigs::Rig;
 use std::path::Path;
 
 /// The run with the camera's response in force, what is kept of it in the new log, and the account.
@@ -13,7 +16,7 @@ pub(super) fn responding(
     options: &Options,
     run: &PoseRun,
 ) -> Result<(PoseRun, Found, ResponseReport), ReplayError> {
-    let (found, found_by) = match stated(log, options)? {
+    let (found, found_by) = match stated(log, options, run)? {
         Some(found) => (found, "recording"),
         None => (of_opening(log, options, run)?, "replay"),
     };
@@ -37,9 +40,12 @@ fn under(run: &PoseRun, found: Found, found_by: &'static str) -> (PoseRun, Found
 /// What the recording says of it: in its summary, or where it has no end, in an event. (Of a recording in several parts the
 /// first has the event, the last the summary.)
 /// Of a folder, of images on another topic and of levels read by another rule it says nothing.
-fn stated(log: &Path, options: &Options) -> Result<Option<Found>, ReplayError> {
+fn stated(log: &Path, options: &Options, run: &PoseRun) -> Result<Option<Found>, ReplayError> {
     let input = options.open(log)?;
-    if options.image_topic.is_some() || input.grey_rule() != Some(options.rule) {
+    if options.image_topic.is_some()
+        || input.grey_rule() != Some(options.rule)
+        || !same_statement(input.rig_toml(), run)
+    {
         return Ok(None);
     }
     let closing = Closing::of(log);
@@ -61,6 +67,13 @@ fn stated(log: &Path, options: &Options) -> Result<Option<Found>, ReplayError> {
         }
     }
     Ok(None)
+}
+
+/// Whether a log's own rig, if it has one that reads, says the same of the camera as the rig in force.
+fn same_statement(logged: Option<&str>, run: &PoseRun) -> bool {
+    let rig = logged.and_then(|text| Rig::from_toml(text, "rig", None).ok());
+    let of_log = rig.and_then(|rig| rig.camera.response);
+    Beforehand::of_rig(of_log.as_ref()) == *run.fitter().beforehand().0
 }
 
 /// What its first frames that show the target say.

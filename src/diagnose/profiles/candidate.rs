@@ -65,6 +65,7 @@ fn shape(optics: &Optics, plain: &Optics) -> Optics {
         speckle_contrast: plain.speckle_contrast,
         speckle_grain_px: plain.speckle_grain_px,
         attenuation_pm: plain.attenuation_pm,
+        brightness: plain.brightness,
         // Counts only where there is a port or a curved sheet.
         port_m: if optics.n_water == 1.0 {
             plain.port_m

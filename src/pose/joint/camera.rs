@@ -8,6 +8,10 @@
 use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, State, TONE};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
+mod beforehand;
+
+pub use beforehand::Beforehand;
+
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
 /// ln γ, b \[grey levels\], and the line's c₃…c₆.
@@ -96,11 +100,6 @@ impl CameraResponse {
     }
 }
 
-/// Information of what is thought beforehand.
-pub(super) fn prior() -> OfRun2 {
-    OfRun2::from_diagonal(&OfRun::from(PRIOR_SD.map(|sd| 1.0 / (sd * sd))))
-}
-
 /// What a frame with the response open says of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseSeen {
@@ -113,25 +112,37 @@ pub struct ResponseSeen {
 }
 
 impl CameraResponse {
-    /// What some frames say together; `None` where they are fewer than three.
+    /// What some frames of a camera that nothing is stated of say together; `None` where they are fewer than three.
+    pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
+        Self::of_opening_knowing(seen, &Beforehand::OF_CAMERAS)
+    }
+
+    /// What some frames say together, fitted under what is known beforehand; `None` where they are fewer than three.
     ///
     /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with half of the
     /// probability beforehand. The four that they make up have their evidence (Savage and Dickey: how likely the values of a
-    /// simpler one were beforehand over how likely they are now), and what comes out is the mean of the likeliest and the spread of all about it.
-    pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
+    /// simpler one were beforehand over how likely they are now), and what comes out is the mean of the likeliest and the
+    /// spread of all about it. Where the rig states the camera's curve, only the line is asked whether it is simpler.
+    pub fn of_opening_knowing(
+        seen: &[ResponseSeen],
+        beforehand: &Beforehand,
+    ) -> Option<CameraResponse> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
         // Frames that differ by more than they say know less than they say (Birge 1932), and so does a line that the series
         // does not hold: what it leaves looks like a curve.
-        let at_first = pooled(seen, 1.0)?.0;
+        let prior = &beforehand.information;
+        let seen = &about(seen, &beforehand.mean);
+        let at_first = pooled(seen, prior, 1.0)?.0;
         let left = seen
             .iter()
             .fold(Left::default(), |left, frame| left.and(&frame.left));
-        let times = scatter(seen, at_first).max(left.in_noise());
-        let all = pooled(seen, times)?;
+        let times = scatter(seen, prior, at_first).max(left.in_noise());
+        let all = pooled(seen, prior, times)?;
         let found: Vec<Simpler> = [[false, false], [true, false], [false, true], [true, true]]
             .into_iter()
+            .filter(|[straight, _]| !(*straight && beforehand.is_stated()))
             .filter_map(|[straight, gaussian]| Simpler::of(&all, straight, gaussian))
             .collect();
         let best = found
@@ -152,8 +163,40 @@ impl CameraResponse {
         });
         // Its lower triangle is what a log keeps: replays are to have the same bits.
         let covariance = OfRun2::from_fn(|i, j| covariance[(i.max(j), i.min(j))]);
-        Some(CameraResponse { mean, covariance })
+        Some(beforehand.as_stated(mean + beforehand.mean, covariance))
     }
+
+    /// ln γ and its sd as frames alone say it that were fitted under what the rig states, at the black level that goes with
+    /// it: what the statement is held against. `None` where they do not say it.
+    pub fn of_frames_alone(seen: &[ResponseSeen], beforehand: &Beforehand) -> Option<[f64; 2]> {
+        if seen.len() < Self::FRAMES_LEAST {
+            return None;
+        }
+        let seen = &about(seen, &beforehand.mean);
+        let known = &beforehand.information;
+        let prior = &Beforehand::OF_CAMERAS.information;
+        let (mut information, mut right) = (*prior, OfRun::zeros());
+        let mut left = Left::default();
+        for frame in seen {
+            information += frame.information;
+            // What the prior pulled at is not the frame's.
+            right += (frame.information + known) * frame.mean;
+            left = left.and(&frame.left);
+        }
+        let covariance = information.cholesky()?.inverse();
+        let times = left.in_noise().max(1.0);
+        let ln_gamma = (covariance * right)[0] + beforehand.mean[0];
+        Some([ln_gamma, (times * covariance[(0, 0)]).sqrt()])
+    }
+}
+
+/// What frames say, counted from what was held beforehand: the prior then pulls at zero.
+fn about(seen: &[ResponseSeen], mean: &OfRun) -> Vec<ResponseSeen> {
+    let about = |frame: &ResponseSeen| ResponseSeen {
+        mean: frame.mean - mean,
+        ..*frame
+    };
+    seen.iter().map(about).collect()
 }
 
 /// What is known under a hypothesis by which some of it is zero.
@@ -217,9 +260,8 @@ impl Simpler {
 }
 
 /// Mean and covariance of what frames say, their covariances times a factor.
-fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(OfRun, OfRun2)> {
-    let prior = prior();
-    let (mut information, mut right) = (prior, OfRun::zeros());
+fn pooled(seen: &[ResponseSeen], prior: &OfRun2, times: f64) -> Option<(OfRun, OfRun2)> {
+    let (mut information, mut right) = (*prior, OfRun::zeros());
     for frame in seen {
         information += frame.information / times;
         // The frame's own fit knew the prior too.
@@ -230,8 +272,7 @@ fn pooled(seen: &[ResponseSeen], times: f64) -> Option<(OfRun, OfRun2)> {
 }
 
 /// By how much ln γ of the frames differs from their mean, squared, over what they say of that; at least one (Birge 1932).
-fn scatter(seen: &[ResponseSeen], mean: OfRun) -> f64 {
-    let prior = prior();
+fn scatter(seen: &[ResponseSeen], prior: &OfRun2, mean: OfRun) -> f64 {
     let off = |frame: &ResponseSeen| {
         let variance = (frame.information + prior).try_inverse()?[(0, 0)];
         Some((frame.mean[0] - mean[0]).powi(2) / variance)

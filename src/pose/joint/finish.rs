@@ -185,7 +185,7 @@ impl PoseFitter {
         // Without edges there is no x, y and ψ.
         let mut free = *free;
         [free[0], free[1], free[5]] = [false; 3];
-        response_seen(&sums, state, &free)
+        response_seen(&sums, state, &free, &self.beforehand)
     }
 
     /// From a start to about the pose, on some of the pixels; these are chosen anew as long as the pose leaves the room

@@ -1,8 +1,8 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    BACKGROUND, BRIGHTNESS, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric, Picture,
-    Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
+    BACKGROUND, BLACK, BRIGHTNESS, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric,
+    Picture, Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
 };
 use super::PoseFitter;
 use super::camera;
@@ -106,21 +106,34 @@ impl PoseFitter {
 
     /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
     pub(super) fn know(&self, sums: &mut Sums, state: &State) {
-        let mut know = |k: usize, off: f64, sd: f64| {
-            let weight = 1.0 / (sd * sd);
+        let mut weigh = |k: usize, off: f64, weight: f64| {
             sums.information[(k, k)] += weight;
             sums.gradient[k] += weight * off;
             sums.cost += 0.5 * weight * off * off;
         };
         for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
-            know(LOCAL + k, -found, sd);
+            weigh(LOCAL + k, -found, 1.0 / (sd * sd));
         }
-        let of_run = camera::of_run(state);
-        for (k, (found, sd)) in of_run.iter().zip(camera::PRIOR_SD).enumerate() {
-            know(TONE + k, -found, sd);
+        let known = &self.beforehand;
+        let off = known.mean - camera::of_run(state);
+        for (k, off) in off.iter().enumerate() {
+            weigh(TONE + k, *off, known.information[(k, k)]);
         }
         if let Some([thickness_m, sd_m]) = self.sheet.thickness_m {
-            know(THICKNESS, thickness_m - state.thickness_m, sd_m);
+            weigh(
+                THICKNESS,
+                thickness_m - state.thickness_m,
+                1.0 / (sd_m * sd_m),
+            );
+        }
+        // Where the rig states γ and b, it knows one by the other.
+        let both = known.information[(0, 1)];
+        if both != 0.0 {
+            sums.information[(TONE, BLACK)] += both;
+            sums.information[(BLACK, TONE)] += both;
+            sums.gradient[TONE] += both * off[1];
+            sums.gradient[BLACK] += both * off[0];
+            sums.cost += both * off[0] * off[1];
         }
     }
 }

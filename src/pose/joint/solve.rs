@@ -5,7 +5,7 @@ use super::super::photometric::{
     Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
-use super::camera::{self, OfRun, OfRun2, ResponseSeen};
+use super::camera::{self, Beforehand, OfRun, OfRun2, ResponseSeen};
 use super::valley::Valley;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
@@ -96,6 +96,7 @@ pub(super) fn response_seen(
     sums: &Sums,
     state: &State,
     free: &[bool; PARAMETERS],
+    beforehand: &Beforehand,
 ) -> Option<ResponseSeen> {
     let sized = sized(&sums.information);
     let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
@@ -106,7 +107,7 @@ pub(super) fn response_seen(
     let covariance = OfRun2::from_fn(|i, j| inverse[(at(i), at(j))] * SIZES[at(i)] * SIZES[at(j)]);
     Some(ResponseSeen {
         mean: camera::of_run(state) + step,
-        information: covariance.try_inverse()? - camera::prior(),
+        information: covariance.try_inverse()? - beforehand.information,
         left: sums.left,
     })
 }

@@ -272,6 +272,7 @@ fn the_last_step_leaves_little() {
     assert!(left[6] < 0.05 && left[11] < 0.6, "{left:?}");
 }
 
+mod known;
 mod light;
 
 mod hard {

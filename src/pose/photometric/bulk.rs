@@ -129,7 +129,7 @@ impl Photometric {
             };
             let bare = round * line.light;
             let light = state.brightness * bare;
-            let background = state.background + counter.of_row(first + k);
+            let background = counter.background(state.background, first + k);
             let judged = if N > FRAME {
                 counter.bulk::<true>(grey, light, background, &mut tally)
             } else {

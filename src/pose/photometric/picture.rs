@@ -54,6 +54,8 @@ pub(crate) struct Picture<'a> {
 /// By how much dark pixels differ from their median \[grey levels\].
 #[derive(Debug, Clone)]
 pub(crate) struct Uneven {
+    /// What it differs from: the median of the dark \[as the levels\].
+    pub dark: f64,
     /// Of each row: light that flickers, and its sd.
     pub rows: Rows,
     /// Of blocks of pixels, by rows: lamps and what they light.
@@ -64,6 +66,21 @@ pub(crate) struct Uneven {
 }
 
 impl Uneven {
+    /// Rows that differ from the dark and are known.
+    #[cfg(test)]
+    pub fn of_rows(dark: f64, level: Vec<f64>) -> Self {
+        Uneven {
+            dark,
+            rows: Rows {
+                sd: vec![0.0; level.len()],
+                level,
+            },
+            blocks: Vec::new(),
+            across: 0,
+            blocks_sd: 0.0,
+        }
+    }
+
     /// Sd of what is told of a row where blocks and rows are told apart \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
@@ -147,6 +164,7 @@ impl<'a> Picture<'a> {
         let of = |by: &f64| response.between(self.dark + by) - dark;
         let per_grey = response.light_per_grey(dark);
         self.uneven.as_ref().map(|uneven| Uneven {
+            dark,
             rows: Rows {
                 level: uneven.rows.level.iter().map(of).collect(),
                 sd: uneven.rows.sd.iter().map(|sd| sd * per_grey).collect(),
@@ -253,6 +271,7 @@ impl Away {
         let uneven = rows.is_some() || blocks.is_some();
         let none = across * image.height_px.div_ceil(BLOCK_PX);
         uneven.then(|| Uneven {
+            dark: self.dark,
             rows: rows.unwrap_or(Rows {
                 sd: even.clone(),
                 level: even,
@@ -312,6 +331,7 @@ impl Away {
         let width = image.width_px;
         let most = FLICKER_MOST + WITHIN_SDS * self.noise_sd;
         let lamps = Uneven {
+            dark: self.dark,
             rows: Rows::default(),
             blocks: lamps.to_vec(),
             across: width.div_ceil(BLOCK_PX),

@@ -146,6 +146,14 @@ impl Weighting {
     }
 }
 
+/// Light of a pixel that is not the laser's.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Background {
+    level: f64,
+    /// What ln γ and b move of it that was measured through the same curve.
+    measured: [f64; 2],
+}
+
 /// A pixel judged.
 pub(super) struct Judged {
     pub residual: f64,
@@ -291,9 +299,39 @@ impl<'a> Counter<'a> {
         }
     }
 
+    /// Background of a row of the strips at hand, of which so much is fitted.
+    ///
+    /// What is uneven of it is known in grey levels of the dark, and is light of the curve that these were seen through.
+    /// Where that is doubted or sought, another curve makes other light of them: with it held, a light that flickers would
+    /// look like a curve.
+    #[inline]
+    pub fn background(&self, fitted: f64, row: usize) -> Background {
+        let beyond = self.of_row(row);
+        Background {
+            level: fitted + beyond,
+            measured: if beyond == 0.0 || self.asked == Curve::Known {
+                [0.0; 2]
+            } else {
+                self.measured(beyond)
+            },
+        }
+    }
+
+    /// By how much ln γ and b move light that lies so far beyond the dark.
+    #[inline(never)]
+    fn measured(&self, beyond: f64) -> [f64; 2] {
+        let dark = self.uneven.as_ref().map_or(0.0, |uneven| uneven.dark);
+        let moved = |light: f64| {
+            let (by_tone, slope) = self.bends.at(light);
+            [by_tone, self.weighting.response.by_black(slope - 1.0)]
+        };
+        let (there, here) = (moved(dark + beyond), moved(dark));
+        [there[0] - here[0], there[1] - here[1]]
+    }
+
     /// Light of a row of the strips at hand beyond the background.
     #[inline]
-    pub fn of_row(&self, row: usize) -> f64 {
+    fn of_row(&self, row: usize) -> f64 {
         let Some(uneven) = &self.uneven else {
             return 0.0;
         };
@@ -376,10 +414,10 @@ impl<'a> Counter<'a> {
         &self,
         grey: u8,
         light: f64,
-        background: f64,
+        background: Background,
         tally: &mut Tally,
     ) -> Option<Judged> {
-        let (residual, share, by_camera) = self.residual::<RUN>(grey, light + background)?;
+        let (residual, share, by_camera) = self.residual::<RUN>(grey, light, background)?;
         let (cost, weight, slope) = self
             .weighting
             .weigh(residual * residual * self.of_variance, self.of_cut2);
@@ -413,11 +451,11 @@ impl<'a> Counter<'a> {
         &mut self,
         grey: u8,
         light: f64,
-        background: f64,
+        background: Background,
         torn: Option<Torn>,
         doubt_sd: f64,
     ) -> Option<Judged> {
-        let Some((residual, share, by_camera)) = self.residual::<RUN>(grey, light + background)
+        let Some((residual, share, by_camera)) = self.residual::<RUN>(grey, light, background)
         else {
             self.skip();
             return None;
@@ -457,7 +495,14 @@ impl<'a> Counter<'a> {
     /// Residual against what a sensor that gives no negative level would show of `level`:
     /// E max(0, m + n) = m Φ(m/σ) + σ φ(m/σ), derivative Φ(m/σ), with m counted from the light of grey level 0.
     #[inline(always)]
-    fn residual<const RUN: bool>(&self, grey: u8, level: f64) -> Option<(f64, f64, [f64; 2])> {
+    fn residual<const RUN: bool>(
+        &self,
+        grey: u8,
+        light: f64,
+        background: Background,
+    ) -> Option<(f64, f64, [f64; 2])> {
+        let Background { level, measured } = background;
+        let level = light + level;
         let response = &self.weighting.response;
         let seen = response.light(grey);
         match self.asked {
@@ -467,21 +512,28 @@ impl<'a> Counter<'a> {
             }
             Curve::Doubted => {
                 let (residual, share) = self.cut_off(seen, level)?;
+                let moved = response.moved_by(level);
                 Some((
                     residual,
                     share,
-                    response.moved_by(level).map(|by| share * by),
+                    [moved[0] - measured[0], moved[1] - measured[1]].map(|by| share * by),
                 ))
             }
-            _ => self.residual_and_curve(seen, level),
+            _ => self.residual_and_curve(seen, level, measured),
         }
     }
 
     /// The same with what is left of the camera's curve.
     #[inline(never)]
-    fn residual_and_curve(&self, seen: f64, level: f64) -> Option<(f64, f64, [f64; 2])> {
+    fn residual_and_curve(
+        &self,
+        seen: f64,
+        level: f64,
+        measured: [f64; 2],
+    ) -> Option<(f64, f64, [f64; 2])> {
         let (by_tone, slope) = self.bends.at(level);
-        let by_black = self.weighting.response.by_black(slope - 1.0);
+        let by_black = self.weighting.response.by_black(slope - 1.0) - measured[1];
+        let by_tone = by_tone - measured[0];
         let straight = 1.0 + self.tone * slope;
         let level = level + self.tone * by_tone + self.black * by_black;
         let (residual, share) = self.cut_off(seen, level)?;

@@ -287,7 +287,7 @@ impl Photometric {
                 counter.skip();
                 continue;
             }
-            let background = state.background + counter.of_row(row);
+            let background = counter.background(state.background, row);
             let judged = if cut {
                 let torn = Torn {
                     light: doubt.edge,

@@ -56,6 +56,8 @@ impl Bench {
                     "DATA" => self.path("good.csv"),
                     "MAP" => self.path("good-map.toml"),
                     "BAD" => bad.to_owned(),
+                    // After the exposure time that it is of.
+                    "500:BAD" => return format!("500:{}", bad.display()),
                     _ if word.starts_with("OUT") => {
                         self.path("results").join(word.trim_start_matches("OUT"))
                     }
@@ -97,6 +99,11 @@ const INPUTS: &[&str] = &[
     "rig show BAD",
     "check --rig BAD",
     "aim --rig BAD --for 1s",
+    "flat BAD",
+    "flat LOG --rig BAD",
+    "flat LOG --dark BAD",
+    "flat --exposure-us 500:BAD",
+    "flat LOG --rig lshpi --write-rig OUTrig.toml --dark BAD",
     "board BAD --out OUTb.svg",
     "target BAD --out OUTt.dxf",
     "calibrate BAD --board dots-50 --out OUTc.toml",
@@ -150,6 +157,11 @@ const VALUES: &[(&str, &[&str])] = &[
         "aim --rig lshpi --disk OUTnone --for 1s",
         &["--disk", "create it first"],
     ),
+    ("flat --exposure-us 500", &["US:PATH", "500:dim/"]),
+    ("flat --exposure-us -3:OUTx", &["-3", "above 0"]),
+    ("flat LOG --write-rig OUTrig.toml", &["--rig"]),
+    // Simulated without images.
+    ("flat LOG", &["good.mcap", "no image"]),
     ("board dots-50 --out OUTb.pdf", &[".svg", ".dxf"]),
     ("target hexagon --out OUTt.svg", &["hexagons"]),
     (

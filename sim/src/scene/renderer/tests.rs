@@ -416,3 +416,55 @@ fn an_edge_along_columns_rows_or_diagonals_is_seen_to_a_fortieth_of_a_pixel() {
         }
     }
 }
+
+/// FNV-1a of grey levels.
+fn fingerprint(frames: &[GreyPixels]) -> u64 {
+    let bytes = frames.iter().flat_map(|f| &f.0);
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// Frames of tank and board under noise, haze, speckle and saturation were these before light and camera had laws of their own.
+#[test]
+fn without_laws_of_light_and_camera_frames_are_what_they_were() {
+    let mut rig = lshpi_rig();
+    rig.camera.noise.ambient = 12.0;
+    rig.camera.noise.shot_gain = 0.05;
+    let plain = Renderer::new(&rig).unwrap();
+    let number = |name: &str, value| {
+        (
+            name.to_owned(),
+            hydroline_rigs::ParameterValue::Number(value),
+        )
+    };
+    let of = |effect: &str, parameters: &[(&str, f64)]| PhysicsEntry {
+        effect: effect.to_owned(),
+        parameters: parameters.iter().map(|(n, v)| number(n, *v)).collect(),
+    };
+    rig.physics = vec![
+        of(
+            "backscatter_haze",
+            &[("fraction", 0.05), ("length_m", 0.01)],
+        ),
+        of("speckle", &[("contrast", 0.2), ("grain_px", 1.5)]),
+        of("image_saturation", &[("level_grey", 180.0)]),
+        of("attenuation", &[("c_pm", 0.3)]),
+    ];
+    let murky = Renderer::new(&rig).unwrap();
+    let board = rig.board.clone().unwrap();
+    let placement = crate::scene::BoardPlacement::default();
+    let light = crate::scene::BoardLight {
+        room: 150.0,
+        slope_per_m: [0.3, 0.3],
+        laser: true,
+        grazing: 0.1,
+    };
+    let mut frames: Vec<GreyPixels> = Vec::new();
+    for (k, pose) in poses().iter().enumerate() {
+        frames.push(plain.render(pose, k as u64));
+        frames.push(murky.render(pose, k as u64));
+    }
+    frames.push(plain.render_board(&board, &placement, &light, 3).unwrap());
+    assert_eq!(fingerprint(&frames), 856_763_892_413_935_493);
+}

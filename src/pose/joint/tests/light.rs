@@ -6,11 +6,11 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 /// Noise of the sensor \[grey levels\].
-const NOISE_SD: f64 = 1.5;
+pub(super) const NOISE_SD: f64 = 1.5;
 
 /// What light and camera do to a frame: numbers as in `cases/images/light`, drawn at random.
 #[derive(Debug, Clone, Copy, Default)]
-struct Light {
+pub(super) struct Light {
     /// Light × (1 − s q), q = 0 on the axis, 1 in the corners.
     shading: f64,
     /// Laser × (1 − d u² + e u / 2), u = −1…1 across the image.
@@ -18,18 +18,18 @@ struct Light {
     /// Background more by a (u + 1) / 2 grey levels.
     ambient: f64,
     /// ln γ of the curve.
-    tone: f64,
+    pub(super) tone: f64,
     /// Grey levels and period in rows of light that flickers.
     banding: [f64; 2],
     /// A lamp's glow: column, row, sd \[px\], grey levels.
     lamp: [f64; 4],
     /// Camera's 8-bit range.
-    range: Option<[f64; 2]>,
+    pub(super) range: Option<[f64; 2]>,
 }
 
 impl Light {
     /// One effect alone, by turns, or all at once.
-    fn drawn(rng: &mut StdRng, which: usize) -> Light {
+    pub(super) fn drawn(rng: &mut StdRng, which: usize) -> Light {
         let all = which % 7 == 6;
         let mut light = Light::default();
         let of = |k: usize, share: f64| all && share > 0.0 || which % 7 == k;
@@ -70,7 +70,7 @@ impl Light {
         light
     }
 
-    fn pixel(&self, laser: f64, dark: f64, at: [f64; 2], noise: f64) -> u8 {
+    pub(super) fn pixel(&self, laser: f64, dark: f64, at: [f64; 2], noise: f64) -> u8 {
         let (u, v) = (at[0] / 360.0 - 1.0, at[1] / 288.0 - 1.0);
         let q =
             (u * u * 360.0 * 360.0 + v * v * 288.0 * 288.0) / (360.0f64.powi(2) + 288.0f64.powi(2));

@@ -1,0 +1,118 @@
+//! The verdict by one likelihood over all DOFs (`hydroline_inference`): logs to posterior, posterior to words.
+//!
+//! All logs given are fitted, in any order: they are sorted by their content first, so that not even rounding depends on
+//! it. Runs held out are predicted and choose nothing.
+
+mod effects;
+mod found;
+mod place;
+mod words;
+
+use hydroline_rigs::Rig;
+
+use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
+use super::source::Source;
+use super::verdict::{NoiseFound, Word};
+use found::Judged;
+use hydroline_identify::data::{Run, is_still};
+use hydroline_inference::fit::Problem;
+use hydroline_inference::posterior::Posterior;
+use hydroline_inference::prior::PriorTable;
+use hydroline_inference::recording::Recording;
+use hydroline_inference::search::{Options, search};
+
+/// Diagnoses logs against a rig; `held` are predicted only.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    let mut made = match stopped_by_faults(sources, held, rig) {
+        Ok(stopped) => return Ok(stopped),
+        Err(going_on) => going_on,
+    };
+    let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
+    let mut runs: Vec<Run> = sources
+        .iter()
+        .map(|s| s.run.clone())
+        .filter(|r| !is_still(r, still))
+        .collect();
+    runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
+    let tolerance: [f64; 12] = std::array::from_fn(|c| {
+        if c % 6 < 3 {
+            rig.tolerance.position_m
+        } else {
+            rig.tolerance.attitude_rad
+        }
+    });
+    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&tolerance);
+    if dofs.is_empty() {
+        return Err(DiagnoseError::NothingMoves(sources.len()));
+    }
+    progress("noise");
+    let problem = Problem::new(&runs, rig, &dofs, PriorTable::default())?;
+    let found = search(problem, Options::default(), progress).ok_or(DiagnoseError::NoFit {
+        dof: hydroline_rigs::Dof::ALL[dofs[0]].name(),
+    })?;
+    let posterior = Posterior::new(&found);
+    progress("predictions");
+    let held: Vec<Run> = held.iter().map(|s| s.run.clone()).collect();
+    let judged = Judged::new(&found, &posterior, &held, rig).ok_or(DiagnoseError::NoFit {
+        dof: hydroline_rigs::Dof::ALL[dofs[0]].name(),
+    })?;
+    let verdict = &mut made.verdict;
+    verdict.sets_looked_at = found.fits;
+    verdict.effects = judged.effects();
+    verdict.equivalent = judged.equivalent();
+    verdict.unexplained = judged.unexplained();
+    verdict.verdict = judged.word();
+    verdict.place = judged.place();
+    verdict.test = judged.test();
+    verdict.fit = judged.fit();
+    verdict.parameters = judged.parameters();
+    verdict.alternatives = judged.alternatives();
+    verdict.blind_spots = judged.blind_spots();
+    verdict.notes.extend(judged.notes());
+    for (c, noise) in found.problem.noises.channels.iter().enumerate() {
+        let Some(n) = noise else { continue };
+        let flags = found
+            .problem
+            .noises
+            .used
+            .iter()
+            .zip(&found.problem.body.recording.runs);
+        let (mut out, mut all) = (0usize, 0usize);
+        for (used, r) in flags {
+            for (k, u) in used.iter().enumerate() {
+                let there = r.measured(k)[c].is_finite();
+                all += usize::from(there);
+                out += usize::from(there && !u[c]);
+            }
+        }
+        let of = NoiseFound {
+            sd: n.total_sd(),
+            white_sd: n.white_sd,
+            coloured_sd: n.coloured_sd,
+            correlation_s: n.correlation_s,
+            outliers: out as f64 / all.max(1) as f64,
+        };
+        verdict.noise.insert(Recording::name(c).to_owned(), of);
+    }
+    verdict.sentence = words::sentence(verdict);
+    if verdict.verdict != Word::DataFault {
+        judged.adopt(&mut made.rig);
+    }
+    Ok(made)
+}
+
+/// A number of what was measured, so that the order of logs does not matter.
+fn digest(run: &Run) -> u64 {
+    let bits = run.samples.iter().flat_map(|s| s.values).map(f64::to_bits);
+    bits.fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ b).wrapping_mul(0x0100_0000_01b3)
+    })
+}

@@ -1,0 +1,233 @@
+//! Effects, coefficients and rivals into the verdict's tables.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hydroline_identify::data::CHANNELS;
+use hydroline_inference::body::Own;
+use hydroline_inference::fit::Fit;
+use hydroline_inference::summary::Rms;
+use hydroline_rigs::Rig;
+
+use super::found::{ESTABLISHED, Judged, relative};
+use crate::verdict::{Alternative, BeforeAfter, Effect, FitTable, Law, Parameters, Value};
+
+/// Probability from which an effect is listed.
+const LISTED: f64 = 0.5;
+/// Probability of an exchange, over the member's own, from which it is said.
+const AS_WELL: f64 = 0.05;
+/// Models listed.
+const MODELS: usize = 8;
+
+/// Channels that are measured.
+pub fn table(rms: &Rms) -> BTreeMap<String, f64> {
+    let each = rms.iter().enumerate().filter(|(_, v)| v.is_finite());
+    each.map(|(c, v)| (CHANNELS[c].to_owned(), *v)).collect()
+}
+
+impl Judged<'_> {
+    /// Effects that are established or not decided, heaviest first.
+    pub fn effects(&self) -> Vec<Effect> {
+        let body = &self.found.problem.body;
+        let mut made: Vec<(f64, Effect)> = Vec::new();
+        let first: BTreeSet<usize> = self.groups.first().map(|g| g.0.clone()).unwrap_or_default();
+        for e in &self.posterior.effects {
+            if e.probability < LISTED && !first.contains(&e.candidate) {
+                continue;
+            }
+            // The likeliest model that holds it.
+            let Some((fit, weights)) = self.posterior.models.iter().find_map(|(terms, _)| {
+                let fit = terms
+                    .contains(&e.candidate)
+                    .then(|| self.found.models.get(terms))??;
+                Some((fit, self.weights.get(terms)?))
+            }) else {
+                continue;
+            };
+            let Some(member) = fit.terms.iter().position(|t| *t == e.candidate) else {
+                continue;
+            };
+            let c = &body.candidates[e.candidate];
+            let weight = &weights[member];
+            let size = relative(weight, &body.tolerance);
+            let words = c.info.words.iter().zip(&c.words);
+            made.push((
+                size,
+                Effect {
+                    effect: c.info.id.to_owned(),
+                    words: words
+                        .filter_map(|(w, i)| {
+                            Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned()))
+                        })
+                        .collect(),
+                    probability: e.probability,
+                    weight: table(weight),
+                    matters: size > 1.0,
+                    law: Law::Exact,
+                    law_note: None,
+                    parameters: self.numbers(fit, member),
+                    or: self.exchanges(e.candidate),
+                    notes: self.unusual(fit, member),
+                },
+            ));
+        }
+        made.sort_by(|a, b| b.0.total_cmp(&a.0));
+        made.into_iter().map(|m| m.1).collect()
+    }
+
+    fn numbers(&self, fit: &Fit, member: usize) -> BTreeMap<String, Value> {
+        let body = &self.found.problem.body;
+        let natural = body.natural(&fit.terms, &fit.point);
+        let at = body.places(&fit.terms)[member];
+        let info = body.candidates[fit.terms[member]].info;
+        let each = info.parameters.iter().enumerate();
+        each.map(|(i, p)| {
+            let (value, slope) = natural[at + i];
+            let sd = slope.abs() * fit.covariance[(at + i, at + i)].sqrt();
+            (
+                p.name.to_owned(),
+                Value {
+                    value,
+                    sd: Some(sd).filter(|s| s.is_finite()),
+                },
+            )
+        })
+        .collect()
+    }
+
+    fn unusual(&self, fit: &Fit, member: usize) -> Vec<String> {
+        let body = &self.found.problem.body;
+        let info = body.candidates[fit.terms[member]].info;
+        let numbers = self.numbers(fit, member);
+        let each = info.parameters.iter().filter_map(|p| {
+            let v = numbers.get(p.name)?.value;
+            let (low, high) = p.plausible;
+            let outside = (v < low || v > high) && !p.name.starts_with("phase") && !p.bounds_load;
+            outside.then(|| {
+                format!(
+                    "{} = {v:.4} lies outside of what a tank is expected to show ({low} .. {high})",
+                    p.name
+                )
+            })
+        });
+        each.collect()
+    }
+
+    /// What may stand in an effect's place, all others as they are.
+    fn exchanges(&self, term: usize) -> Vec<String> {
+        let mut said = BTreeSet::new();
+        for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
+            let rest: BTreeSet<usize> = terms.iter().copied().filter(|t| *t != term).collect();
+            for (other, q) in &self.posterior.models {
+                if *q < AS_WELL * p || other.len() != terms.len() || other.contains(&term) {
+                    continue;
+                }
+                let new: Vec<usize> = other
+                    .iter()
+                    .copied()
+                    .filter(|t| !rest.contains(t))
+                    .collect();
+                if let [one] = new[..] {
+                    said.insert(self.id(one));
+                }
+            }
+        }
+        said.into_iter().collect()
+    }
+
+    /// Coefficients without and with the effects.
+    pub fn parameters(&self) -> Parameters {
+        let own = |fit: &Fit| -> BTreeMap<String, Value> {
+            let body = &self.found.problem.body;
+            let natural = body.natural(&fit.terms, &fit.point);
+            let each = body.own.iter().enumerate();
+            each.map(|(i, own)| {
+                let (value, slope) = natural[i];
+                let sd = slope.abs() * fit.covariance[(i, i)].sqrt();
+                (
+                    own.name().to_owned(),
+                    Value {
+                        value,
+                        sd: Some(sd),
+                    },
+                )
+            })
+            .collect()
+        };
+        let effects = (0..self.best.terms.len())
+            .map(|m| (self.id(self.best.terms[m]), self.numbers(self.best, m)));
+        Parameters {
+            before: own(self.alone),
+            after: own(self.best),
+            written: own(self.best),
+            written_effects: effects.collect(),
+            exponents: Vec::new(),
+        }
+    }
+
+    pub fn alternatives(&self) -> Vec<Alternative> {
+        let first = self.best.ln_evidence;
+        let models = self.posterior.models.iter().take(MODELS);
+        models
+            .filter_map(|(terms, p)| {
+                let fit = self.found.models.get(terms)?;
+                Some(Alternative {
+                    effects: terms.iter().map(|t| self.id(*t)).collect(),
+                    log_evidence: fit.ln_evidence - first,
+                    probability: *p,
+                    train: table(&self.found.problem.left(terms, &fit.point)),
+                    held_out: BTreeMap::new(),
+                })
+            })
+            .collect()
+    }
+
+    pub fn fit(&self) -> FitTable {
+        let problem = &self.found.problem;
+        let noise: Rms =
+            std::array::from_fn(|c| problem.noises.channels[c].map_or(f64::NAN, |n| n.total_sd()));
+        let mut made = FitTable {
+            train: BeforeAfter {
+                before: table(&problem.left(&self.alone.terms, &self.alone.point)),
+                after: table(&problem.left(&self.best.terms, &self.best.point)),
+                noise: table(&noise),
+            },
+            ..FitTable::default()
+        };
+        if let Some((before, after, how)) = &self.foretold {
+            made.held_out = BeforeAfter {
+                before: table(before),
+                after: table(after),
+                noise: table(&noise),
+            };
+            made.held_out_by = how.clone();
+        }
+        made
+    }
+
+    /// Vehicle and established effects of the likeliest model into a rig.
+    pub fn adopt(&self, rig: &mut Rig) {
+        let body = &self.found.problem.body;
+        let natural = body.natural(&self.best.terms, &self.best.point);
+        for (own, (value, _)) in body.own.iter().zip(&natural) {
+            match own {
+                Own::Coefficient(c, _) => c.put(&mut rig.vehicle, *value),
+                Own::Restoring(_) => {
+                    let weight_n = rig.vehicle.mass_kg * rig.vehicle.gravity_mps2;
+                    rig.vehicle.r_bz_m = value / weight_n;
+                }
+            }
+        }
+        let places = body.places(&self.best.terms);
+        for (t, at) in self.best.terms.iter().zip(places) {
+            if self.probability(*t) < ESTABLISHED {
+                continue;
+            }
+            let c = &body.candidates[*t];
+            let numbers: Vec<f64> = natural[at..at + c.scales.len()]
+                .iter()
+                .map(|v| v.0)
+                .collect();
+            rig.physics.push(c.checked(&numbers).entry());
+        }
+    }
+}

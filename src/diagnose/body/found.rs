@@ -1,0 +1,211 @@
+//! What the posterior says that matters.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hydroline_identify::data::Run;
+use hydroline_inference::body::Own;
+use hydroline_inference::fit::Fit;
+use hydroline_inference::posterior::Posterior;
+use hydroline_inference::search::Found;
+use hydroline_inference::summary::Rms;
+use hydroline_rigs::{Dof, Rig};
+
+use crate::verdict::{Unexplained, Word};
+
+/// Probability from which something is established.
+pub const ESTABLISHED: f64 = 0.95;
+/// Probability of what matters together, from which one explanation stands alone.
+const DECIDED: f64 = 0.9;
+/// Share of the likeliest explanation's probability from which another is listed beside it.
+const LISTED: f64 = 0.05;
+/// Models less likely than this are not weighed.
+const LEAST: f64 = 0.003;
+/// Explanations listed at most.
+const SETS: usize = 6;
+/// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
+const UNNAMED: f64 = 0.5;
+
+/// A posterior with its weights.
+pub struct Judged<'a> {
+    pub found: &'a Found,
+    pub posterior: &'a Posterior,
+    /// The likeliest model.
+    pub best: &'a Fit,
+    /// The vehicle alone.
+    pub alone: &'a Fit,
+    /// Weights of every model's effects, of those that were weighed.
+    pub weights: BTreeMap<Vec<usize>, Vec<Rms>>,
+    /// Sets of what matters with their probabilities, likeliest first.
+    pub groups: Vec<(BTreeSet<usize>, f64)>,
+    /// rms of runs not seen: (without effects, with, how they were foretold).
+    pub foretold: Option<(Rms, Rms, String)>,
+}
+
+impl<'a> Judged<'a> {
+    pub fn new(
+        found: &'a Found,
+        posterior: &'a Posterior,
+        held: &[Run],
+        rig: &Rig,
+    ) -> Option<Judged<'a>> {
+        let best = found.models.get(&posterior.models.first()?.0)?;
+        let alone = found.models.get(&Vec::new())?;
+        let problem = &found.problem;
+        let mut weights = BTreeMap::new();
+        let mut groups: Vec<(BTreeSet<usize>, f64)> = Vec::new();
+        for (terms, p) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
+            let fit = found.models.get(terms)?;
+            let w = problem.weights(fit);
+            let set: BTreeSet<usize> = terms
+                .iter()
+                .zip(&w)
+                .filter(|(_, w)| relative(w, &problem.body.tolerance) > 1.0)
+                .map(|(t, _)| *t)
+                .collect();
+            match groups.iter_mut().find(|g| g.0 == set) {
+                Some(g) => g.1 += p,
+                None => groups.push((set, *p)),
+            }
+            weights.insert(terms.clone(), w);
+        }
+        groups.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let foretold = if held.is_empty() {
+            let runs = problem.body.recording.runs.len();
+            (runs > 1)
+                .then(|| {
+                    Some((
+                        problem.one_run_out(alone)?,
+                        problem.one_run_out(best)?,
+                        "each run by the others".to_owned(),
+                    ))
+                })
+                .flatten()
+        } else {
+            let over = problem.over(held, rig).ok()?;
+            let names: Vec<&str> = held.iter().map(|r| r.name.as_str()).collect();
+            over.foretold_rms(alone)
+                .zip(over.foretold_rms(best))
+                .map(|(a, b)| (a, b, names.join(", ")))
+        };
+        Some(Judged {
+            found,
+            posterior,
+            best,
+            alone,
+            weights,
+            groups,
+            foretold,
+        })
+    }
+
+    /// Probability that an effect is in the model.
+    pub fn probability(&self, term: usize) -> f64 {
+        let found = self.posterior.effects.iter().find(|e| e.candidate == term);
+        found.map_or(0.0, |e| e.probability)
+    }
+
+    /// One explanation stands alone.
+    fn decided(&self) -> bool {
+        self.groups.first().is_none_or(|g| g.1 >= DECIDED)
+    }
+
+    pub fn word(&self) -> Word {
+        if !self.unexplained().is_empty() {
+            return Word::Unknown;
+        }
+        match self.groups.first() {
+            _ if !self.decided() => Word::Ambiguous,
+            Some((set, _)) if !set.is_empty() => Word::Named,
+            _ => Word::None,
+        }
+    }
+
+    /// Complete sets of what matters that these data cannot tell apart.
+    pub fn equivalent(&self) -> Vec<Vec<String>> {
+        if self.decided() {
+            return Vec::new();
+        }
+        let first = self.groups.first().map_or(0.0, |g| g.1);
+        let sets = self
+            .groups
+            .iter()
+            .filter(|g| g.1 >= LISTED * first)
+            .take(SETS);
+        sets.map(|(set, _)| set.iter().map(|t| self.id(*t)).collect())
+            .collect()
+    }
+
+    pub fn id(&self, term: usize) -> String {
+        self.found.problem.body.candidates[term].info.id.to_owned()
+    }
+
+    /// Forces without a name that matter.
+    pub fn unexplained(&self) -> Vec<Unexplained> {
+        let body = &self.found.problem.body;
+        let said = self.posterior.unnamed.iter().filter(|u| u.1 >= UNNAMED);
+        said.map(|&(d, p)| {
+            let cell = self.best.misfit[d];
+            let over = hydroline_inference::hyper::SIZES[cell.size];
+            let positions = body.recording.channels[d];
+            let channel = if positions { d } else { 6 + d };
+            let weight = over * body.tolerance[channel];
+            let name = Dof::ALL[d].name();
+            let unit = if d < 3 { "N" } else { "N m" };
+            let force = self.found.problem.worth.force(d, cell);
+            let mass = inertia(body, d);
+            let size = force.sd_mps2 * mass;
+            Unexplained {
+                channel: hydroline_identify::data::CHANNELS[channel].to_owned(),
+                weight,
+                depends_on: "time".to_owned(),
+                range: [f64::NAN, f64::NAN],
+                force: size,
+                term: format!(
+                    "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
+                    force.correlation_s
+                ),
+                knots: Vec::new(),
+                force_at: Vec::new(),
+                force_sd: Vec::new(),
+                log_bayes_factor: (p / (1.0 - p).max(1e-300)).ln(),
+            }
+        })
+        .collect()
+    }
+
+    /// Remarks.
+    pub fn notes(&self) -> Vec<String> {
+        let body = &self.found.problem.body;
+        let natural = body.natural(&self.best.terms, &self.best.point);
+        let mut notes = Vec::new();
+        for (i, own) in body.own.iter().enumerate() {
+            let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
+            let ratio = natural[i].0 / unit;
+            let sd = self.best.covariance[(i, i)].sqrt();
+            if ratio.ln().abs() > FAR_OFF.ln() && sd < 0.5 * ratio.ln().abs() {
+                notes.push(format!(
+                    "{} is {ratio:.2} times the rig's (known to {:.0} %)",
+                    own.name(),
+                    100.0 * sd
+                ));
+            }
+        }
+        notes
+    }
+}
+
+/// Ratio to the rig's from which a coefficient is part of what is said.
+const FAR_OFF: f64 = 2.0;
+
+/// Inertia of a DOF as the rig says it \[kg, kg m2\].
+fn inertia(body: &hydroline_inference::body::Body, dof: usize) -> f64 {
+    let h: hydroline_sim::vehicle::Hydrodynamics<f64> =
+        hydroline_sim::vehicle::Hydrodynamics::new(&body.vehicle);
+    h.mass()[dof]
+}
+
+/// Largest weight over the tolerance of its channel.
+pub fn relative(weight: &Rms, tolerance: &[f64; 12]) -> f64 {
+    let each = weight.iter().zip(tolerance).map(|(w, t)| w / t);
+    each.filter(|v| v.is_finite()).fold(0.0, f64::max)
+}

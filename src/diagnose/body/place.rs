@@ -1,0 +1,154 @@
+//! Where the vehicle alone misses, and the test that it does.
+
+use std::collections::BTreeMap;
+
+use hydroline_numerics::statistics::{chi2_above, ljung_box};
+use hydroline_rigs::Dof;
+
+use super::effects::table;
+use super::found::{Judged, relative};
+use crate::verdict::{Test, Where};
+
+/// Length over which innovations are summed \[s\].
+const WINDOW_S: f64 = 0.5;
+/// Excess of their squares, in its sd, above which a window counts.
+const BEYOND: f64 = 5.0;
+/// Lags of the test for whiteness.
+const LAGS: usize = 20;
+
+impl Judged<'_> {
+    /// Stage, DOFs and windows.
+    pub fn place(&self) -> Where {
+        let problem = &self.found.problem;
+        let body = &problem.body;
+        let heaviest = self.weights.get(&self.best.terms).and_then(|w| {
+            let each = self.best.terms.iter().zip(w);
+            each.max_by(|a, b| {
+                relative(a.1, &body.tolerance).total_cmp(&relative(b.1, &body.tolerance))
+            })
+        });
+        let mut windows: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
+        let mut dof: Vec<String> = Vec::new();
+        for (d, runs) in problem.innovations(&[], &self.alone.point) {
+            let mut any = false;
+            for (run, white) in runs.iter().enumerate() {
+                let r = &body.recording.runs[run];
+                for window in high(&r.times_s, white) {
+                    any = true;
+                    merge(windows.entry(r.name.clone()).or_default(), window);
+                }
+            }
+            if any {
+                dof.push(Dof::ALL[d].name().to_owned());
+            }
+        }
+        let first = body
+            .recording
+            .runs
+            .first()
+            .and_then(|r| windows.get(&r.name));
+        Where {
+            stage: heaviest.map(|h| body.candidates[*h.0].info.stage.name().to_owned()),
+            windows_s: first.cloned().unwrap_or_default(),
+            regime: if dof.is_empty() {
+                "nowhere beyond the noise".to_owned()
+            } else {
+                format!("in {}", dof.join(", "))
+            },
+            dof,
+            windows,
+            depends_on: BTreeMap::new(),
+        }
+    }
+
+    /// Whether the vehicle alone passes as noise.
+    pub fn test(&self) -> Test {
+        let problem = &self.found.problem;
+        let (mut value, mut count) = (0.0, 0usize);
+        for (_, runs) in problem.innovations(&[], &self.alone.point) {
+            for pair in runs.iter().flatten() {
+                for v in pair.iter().filter(|v| **v != 0.0) {
+                    value += v * v;
+                    count += 1;
+                }
+            }
+        }
+        let freedom = (count as f64 - self.alone.point.len() as f64).max(1.0);
+        let left = problem.innovations(&self.best.terms, &self.best.point);
+        let runs = problem.body.recording.runs.len();
+        let whiteness = (0..runs).map(|run| {
+            let p = left.iter().flat_map(|(_, all)| {
+                (0..2).filter_map(|c| {
+                    let series: Vec<f64> = all[run]
+                        .iter()
+                        .map(|v| v[c])
+                        .filter(|v| *v != 0.0)
+                        .collect();
+                    (series.len() > 2 * LAGS)
+                        .then(|| ljung_box(&series, LAGS))
+                        .flatten()
+                })
+            });
+            // The worst of several channels, by Bonferroni.
+            let all: Vec<f64> = p.map(|w| w.p_value).collect();
+            let least = all.iter().copied().fold(1.0, f64::min);
+            (least * all.len() as f64).min(1.0)
+        });
+        Test {
+            statistic: "chi-square of the vehicle alone, refitted: squared innovations under the instruments' noise".to_owned(),
+            value,
+            freedom,
+            p_value: chi2_above(value, freedom),
+            whiteness_p: whiteness.collect(),
+            noise_rms: table(&std::array::from_fn(|c| {
+                problem.noises.channels[c].map_or(f64::NAN, |n| n.total_sd())
+            })),
+        }
+    }
+
+    /// Effects that these runs would not show: at their typical size they change nothing that the vehicle's own numbers
+    /// could not.
+    pub fn blind_spots(&self) -> Vec<String> {
+        let mut spots: Vec<String> = Vec::new();
+        for c in self.found.problem.unseen(self.best) {
+            let id = self.id(c);
+            let open = self.best.terms.iter().any(|t| self.id(*t) == id);
+            if !open && !spots.contains(&id) {
+                spots.push(id);
+            }
+        }
+        spots
+    }
+}
+
+/// Windows in which innovations are larger than noise.
+fn high(times_s: &[f64], white: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut found = Vec::new();
+    let mut first = 0;
+    while first < times_s.len() {
+        let from_s = times_s[first];
+        let next = times_s
+            .partition_point(|t| *t < from_s + WINDOW_S)
+            .max(first + 1);
+        let all = white[first..next].iter().flatten().filter(|v| **v != 0.0);
+        let (energy, n) = all.fold((0.0, 0.0), |(e, n), v| (e + v * v, n + 1.0));
+        if n > 0.0 && (energy - n) / (2.0_f64 * n).sqrt() > BEYOND {
+            found.push([from_s, times_s[next - 1]]);
+        }
+        first = next;
+    }
+    found
+}
+
+fn merge(windows: &mut Vec<[f64; 2]>, new: [f64; 2]) {
+    windows.push(new);
+    windows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut joined: Vec<[f64; 2]> = Vec::new();
+    for w in windows.drain(..) {
+        match joined.last_mut().filter(|l| w[0] - l[1] < 2.0 * WINDOW_S) {
+            Some(last) => last[1] = last[1].max(w[1]),
+            None => joined.push(w),
+        }
+    }
+    *windows = joined;
+}

@@ -1,0 +1,76 @@
+//! The verdict in a sentence.
+
+use crate::verdict::{Effect, Verdict, Word};
+
+/// A weight in the unit that people use.
+fn told(channel: &str, weight: f64) -> String {
+    if channel.ends_with("_rad") {
+        format!("{:.2} deg", weight.to_degrees())
+    } else if channel.ends_with("_radps") {
+        format!("{:.2} deg/s", weight.to_degrees())
+    } else if channel.ends_with("_mps") {
+        format!("{:.2} mm/s", weight * 1e3)
+    } else {
+        format!("{:.2} mm", weight * 1e3)
+    }
+}
+
+fn say(e: &Effect) -> String {
+    let mut weight: Vec<(&String, &f64)> = e.weight.iter().collect();
+    weight.sort_by(|a, b| b.1.total_cmp(a.1));
+    let weight: Vec<String> = weight
+        .iter()
+        .map(|(c, w)| format!("{c} {}", told(c, **w)))
+        .take(2)
+        .collect();
+    let numbers: Vec<String> = e
+        .parameters
+        .iter()
+        .map(|(n, p)| format!("{n} = {:.4}", p.value))
+        .collect();
+    let words: Vec<&str> = e.words.values().map(String::as_str).collect();
+    let place = if words.is_empty() {
+        String::new()
+    } else {
+        format!(" in {}", words.join(" "))
+    };
+    format!(
+        "{}{place} ({}; {})",
+        e.effect,
+        weight.join(", "),
+        numbers.join(", ")
+    )
+}
+
+pub fn sentence(v: &Verdict) -> String {
+    let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
+    let small = v.effects.iter().filter(|e| !e.matters).count();
+    let also = match small {
+        0 => String::new(),
+        n => format!("; {n} small effect(s) that do not matter"),
+    };
+    match v.verdict {
+        Word::None => format!("Nothing that matters was left out{also}."),
+        Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),
+        Word::Ambiguous => {
+            let sets: Vec<String> = v
+                .equivalent
+                .iter()
+                .map(|s| format!("[{}]", s.join(" + ")))
+                .collect();
+            format!("These data cannot tell apart: {}{also}.", sets.join(" or "))
+        }
+        Word::Unknown => {
+            let terms: Vec<&str> = v.unexplained.iter().map(|u| u.term.as_str()).collect();
+            let beside = match heavy.is_empty() {
+                true => String::new(),
+                false => format!("; beside it {}", heavy.join(" and ")),
+            };
+            format!(
+                "Something that no effect of the vocabulary explains: {}{beside}{also}.",
+                terms.join("; ")
+            )
+        }
+        Word::DataFault => v.sentence.clone(),
+    }
+}

@@ -1,0 +1,615 @@
+//! The mode of one model, and its log evidence.
+//!
+//! Given sizes of the random forces, the mode over all numbers by Levenberg–Marquardt on the whitened residuals and the
+//! prior; given the mode, the sizes that the data say (restricted likelihood, numbers integrated out); in turn, until
+//! neither moves. Evidence: Laplace over the numbers, a sum over sizes and correlation times.
+//! References: Levenberg 1944, Marquardt 1963; Patterson and Thompson 1971 (REML); MacKay 2003, ch. 27 (Laplace).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::body::{Body, Point, Simulated};
+use super::filter::Filter;
+use super::hyper::{CORRELATIONS_S, Cell, Misfit, Noises, SIZES, Worth, filters, ln_prior};
+use super::noise::estimate;
+use super::prior::{Density, PriorTable};
+use super::recording::Recording;
+use hydroline_identify::data::Run;
+use hydroline_rigs::Rig;
+use hydroline_sim::effect::EffectError;
+
+/// What fits share.
+#[derive(Debug)]
+pub struct Problem {
+    /// The body.
+    pub body: Body,
+    /// Noise, one for all models.
+    pub noises: Noises,
+    /// What random forces are worth.
+    pub worth: Worth,
+}
+
+/// How a fit is stopped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Steps for given sizes of the random forces.
+    pub steps: usize,
+    /// Times that the sizes are chosen anew.
+    pub rounds: usize,
+    /// A step that gains less than this in log posterior is the last one.
+    pub decrement: f64,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Effort {
+            steps: 15,
+            rounds: 4,
+            decrement: 0.02,
+        }
+    }
+}
+
+/// Normal equations of one DOF under one cell.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    /// Information of the numbers.
+    pub information: DMatrix<f64>,
+    /// Gradient of the log likelihood.
+    pub gradient: DVector<f64>,
+    /// Half energy and half log variance: minus the log likelihood, without the constant.
+    pub cost: f64,
+    /// Samples that count.
+    pub used: usize,
+}
+
+/// A model at its mode.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Its effects, ascending.
+    pub terms: Vec<usize>,
+    /// Scaled numbers.
+    pub point: Point,
+    /// Random forces.
+    pub misfit: Misfit,
+    /// Log evidence.
+    pub ln_evidence: f64,
+    /// With the model's prior.
+    pub ln_score: f64,
+    /// Posterior covariance of the scaled numbers.
+    pub covariance: DMatrix<f64>,
+    /// Minus log posterior density at the mode, without the constant.
+    pub cost: f64,
+    /// Probabilities of the random force's sizes per DOF.
+    pub sizes: Vec<(usize, Vec<f64>)>,
+}
+
+impl Problem {
+    /// The problem of some runs against a rig: noise as it is beside the rig's own prediction.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn new(
+        runs: &[Run],
+        rig: &Rig,
+        dofs: &[usize],
+        prior: PriorTable,
+    ) -> Result<Problem, EffectError> {
+        let recording = Recording::new(runs, rig.tank.start_pose[5]);
+        let body = Body::new(recording, rig, dofs, prior)?;
+        let begin = body.begin();
+        let all: Vec<Simulated> = (0..body.recording.runs.len())
+            .into_par_iter()
+            .map(|run| body.simulated(run, &[], &begin))
+            .collect();
+        let mut made = Problem {
+            worth: Worth::new(&body, &all),
+            body,
+            noises: Noises::none(),
+        };
+        let predicted = made.predicted(&[], &begin);
+        made.noises = estimate(&made.body, &predicted, None);
+        Ok(made)
+    }
+
+    fn runs(&self) -> usize {
+        self.body.recording.runs.len()
+    }
+
+    /// All runs with derivatives; `None` where the motion is not finite.
+    pub fn simulate(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Simulated>> {
+        let all: Vec<Simulated> = (0..self.runs())
+            .into_par_iter()
+            .map(|run| self.body.simulated(run, terms, point))
+            .collect();
+        let finite = |s: &Simulated| s.values.iter().flatten().all(|v| v.is_finite());
+        let slopes = |s: &Simulated| {
+            s.columns
+                .iter()
+                .flat_map(|c| &c.1)
+                .flatten()
+                .all(|v| v.is_finite())
+        };
+        all.iter().all(|s| finite(s) && slopes(s)).then_some(all)
+    }
+
+    /// All runs.
+    pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<[f64; 12]>> {
+        (0..self.runs())
+            .into_par_iter()
+            .map(|run| self.body.values(run, terms, point))
+            .collect()
+    }
+
+    /// Channels of one DOF that are measured.
+    fn measured(&self, dof: usize) -> Vec<usize> {
+        (0..2)
+            .filter(|c| self.noises.channels[dof + 6 * c].is_some())
+            .collect()
+    }
+
+    /// Residual of a run's DOF, whitened.
+    pub(super) fn white_residual(
+        &self,
+        run: usize,
+        dof: usize,
+        values: &[[f64; 12]],
+        filter: &Filter,
+    ) -> Vec<[f64; 2]> {
+        let r = &self.body.recording.runs[run];
+        let used = &self.noises.used[run];
+        let mut series: Vec<[f64; 2]> = values
+            .iter()
+            .enumerate()
+            .map(|(k, p)| {
+                let m = r.measured(k);
+                [0, 1].map(|c| {
+                    if used[k][dof + 6 * c] {
+                        m[dof + 6 * c] - p[dof + 6 * c]
+                    } else {
+                        0.0
+                    }
+                })
+            })
+            .collect();
+        filter.apply(&mut series);
+        series
+    }
+
+    /// A column of derivatives or a response, whitened; `None` where it does nothing in this DOF.
+    pub fn white_column(
+        &self,
+        dof: usize,
+        column: &[[f64; 12]],
+        filter: &Filter,
+    ) -> Option<Vec<[f64; 2]>> {
+        let measured = self.measured(dof);
+        let acts = column
+            .iter()
+            .any(|v| measured.iter().any(|c| v[dof + 6 * c] != 0.0));
+        acts.then(|| {
+            let mut series: Vec<[f64; 2]> = column.iter().map(|v| [v[dof], v[6 + dof]]).collect();
+            filter.apply(&mut series);
+            series
+        })
+    }
+
+    /// Normal equations of one DOF under one cell.
+    pub fn normal(&self, all: &[Simulated], dof: usize, cell: Cell, size: usize) -> Normal {
+        let filters = filters(&self.body, &self.worth, &self.noises, dof, cell);
+        self.normal_with(all, dof, &filters, size)
+    }
+
+    /// The same under any filters.
+    pub(super) fn normal_with(
+        &self,
+        all: &[Simulated],
+        dof: usize,
+        filters: &[Filter],
+        size: usize,
+    ) -> Normal {
+        let mut made = Normal {
+            information: DMatrix::zeros(size, size),
+            gradient: DVector::zeros(size),
+            cost: 0.0,
+            used: 0,
+        };
+        let measured = self.measured(dof);
+        for (run, (sim, filter)) in all.iter().zip(filters).enumerate() {
+            let residual = self.white_residual(run, dof, &sim.values, filter);
+            let flat = |series: &[[f64; 2]]| -> Vec<f64> {
+                series
+                    .iter()
+                    .flat_map(|p| measured.iter().map(|c| p[*c]))
+                    .collect()
+            };
+            let right = DVector::from_vec(flat(&residual));
+            made.cost += 0.5 * (right.norm_squared() + filter.ln_variance);
+            made.used += filter.used;
+            let (mut places, mut data) = (Vec::new(), Vec::new());
+            for (i, column) in &sim.columns {
+                if let Some(white) = self.white_column(dof, column, filter) {
+                    places.push(*i);
+                    data.extend(flat(&white));
+                }
+            }
+            if places.is_empty() {
+                continue;
+            }
+            let matrix = DMatrix::from_vec(right.len(), places.len(), data);
+            let square = matrix.tr_mul(&matrix);
+            let slope = matrix.tr_mul(&right);
+            for (a, i) in places.iter().enumerate() {
+                made.gradient[*i] += slope[a];
+                for (b, j) in places.iter().enumerate() {
+                    made.information[(*i, *j)] += square[(a, b)];
+                }
+            }
+        }
+        made
+    }
+
+    /// Cost alone.
+    fn cost(&self, values: &[Vec<[f64; 12]>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
+        let mut sum = 0.0;
+        for (dof, filters) in filters {
+            for (run, (v, filter)) in values.iter().zip(filters).enumerate() {
+                let white = self.white_residual(run, *dof, v, filter);
+                sum +=
+                    0.5 * (white.iter().flatten().map(|v| v * v).sum::<f64>() + filter.ln_variance);
+            }
+        }
+        sum
+    }
+
+    /// Fits a model from a point.
+    pub fn fit(
+        &self,
+        terms: &[usize],
+        start: &[f64],
+        misfit: Misfit,
+        effort: Effort,
+    ) -> Option<Fit> {
+        let densities = self.body.densities(terms);
+        let bounds = self.body.bounds(terms);
+        let mut at: Point = start.to_vec();
+        let mut misfit = misfit;
+        let mut all = self.simulate(terms, &at)?;
+        let mut table = Table::new(self, at.len());
+        let mut seen: Vec<Misfit> = Vec::new();
+        for round in 0..effort.rounds {
+            let chosen = table.choose(&all, misfit, &densities, &at);
+            if round > 0 && (chosen == misfit || seen.contains(&chosen)) {
+                break;
+            }
+            seen.push(chosen);
+            misfit = chosen;
+            let filters: BTreeMap<usize, Vec<Filter>> = self
+                .body
+                .dofs
+                .iter()
+                .map(|d| {
+                    (
+                        *d,
+                        filters(&self.body, &self.worth, &self.noises, *d, misfit[*d]),
+                    )
+                })
+                .collect();
+            let mut damping = 1e-3;
+            let mut failed = 0;
+            let (mut information, mut gradient, mut cost) =
+                table.sum(&all, &misfit, &densities, &at);
+            let mut step = 0;
+            while step < effort.steps {
+                step += 1;
+                let mut damped = information.clone();
+                for i in 0..at.len() {
+                    damped[(i, i)] *= 1.0 + damping;
+                }
+                let Some(root) = Cholesky::new(damped) else {
+                    damping = (damping * 10.0_f64).max(1e-6);
+                    failed += 1;
+                    if failed > 8 {
+                        break;
+                    }
+                    continue;
+                };
+                let move_by = root.solve(&gradient);
+                let promised = 0.5 * move_by.dot(&gradient);
+                let tried: Point = at
+                    .iter()
+                    .zip(move_by.iter())
+                    .zip(&bounds)
+                    .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
+                    .collect();
+                let values = self.predicted(terms, &tried);
+                let new = self.cost(&values, &filters) - prior(&densities, &tried);
+                if new.is_finite() && new <= cost + 1e-9 {
+                    let gained = cost - new;
+                    at = tried;
+                    all = self.simulate(terms, &at)?;
+                    table.clear();
+                    (information, gradient, cost) = table.sum(&all, &misfit, &densities, &at);
+                    damping = (damping * 0.2).max(1e-9);
+                    failed = 0;
+                    if gained < effort.decrement && promised < 2.0 * effort.decrement {
+                        break;
+                    }
+                } else {
+                    if promised < 0.1 * effort.decrement {
+                        break;
+                    }
+                    damping = (damping * 8.0).max(1e-4);
+                    failed += 1;
+                    if failed > 8 {
+                        break;
+                    }
+                }
+            }
+        }
+        let (information, _, cost) = table.sum(&all, &misfit, &densities, &at);
+        let root = Cholesky::new(information)?;
+        let (sizes, more) = table.sizes(&all, &misfit, &densities, &at);
+        let used: usize = self
+            .noises
+            .used
+            .iter()
+            .flatten()
+            .flatten()
+            .filter(|u| **u)
+            .count();
+        let tau = std::f64::consts::TAU.ln();
+        let ln_evidence = -cost + 0.5 * (at.len() as f64 - used as f64) * tau
+            - 0.5 * ln_determinant(&root)
+            + more;
+        let mut made = Fit {
+            terms: terms.to_vec(),
+            point: at,
+            misfit,
+            ln_evidence,
+            ln_score: 0.0,
+            covariance: root.inverse(),
+            cost,
+            sizes,
+        };
+        made.ln_score = made.ln_evidence + self.ln_prior(terms);
+        made.ln_score.is_finite().then_some(made)
+    }
+
+    /// Log prior odds of a set of effects over none.
+    pub fn ln_prior(&self, terms: &[usize]) -> f64 {
+        let all = &self.body.candidates;
+        let ids: std::collections::BTreeSet<&str> = all.iter().map(|c| c.info.id).collect();
+        let one = |t: &usize| {
+            let id = all[*t].info.id;
+            let places = all.iter().filter(|c| c.info.id == id).count();
+            let p = self.body.prior.effects_expected / (ids.len() * places) as f64;
+            (p / (1.0 - p)).ln()
+        };
+        terms.iter().map(one).sum()
+    }
+}
+
+/// Log prior density of a point.
+pub fn prior(densities: &[Density], point: &[f64]) -> f64 {
+    densities.iter().zip(point).map(|(d, v)| d.ln(*v)).sum()
+}
+
+/// Log determinant from a factor.
+pub fn ln_determinant(root: &Cholesky<f64, Dyn>) -> f64 {
+    root.l_dirty().diagonal().iter().map(|v| 2.0 * v.ln()).sum()
+}
+
+/// Normal equations by DOF and cell, of one linearisation.
+struct Table<'a> {
+    problem: &'a Problem,
+    size: usize,
+    known: BTreeMap<(usize, Cell), Normal>,
+}
+
+/// Log-likelihood by which a neighbouring size must differ for those beyond it to be asked.
+const FLAT: f64 = 0.1;
+/// Log-likelihood below the best at which sizes are not followed further.
+const FAR: f64 = 6.0;
+
+impl<'a> Table<'a> {
+    fn new(problem: &'a Problem, size: usize) -> Self {
+        Table {
+            problem,
+            size,
+            known: BTreeMap::new(),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.known.clear();
+    }
+
+    fn ask(&mut self, all: &[Simulated], cells: &[(usize, Cell)]) {
+        let missing: Vec<(usize, Cell)> = cells
+            .iter()
+            .filter(|c| !self.known.contains_key(c))
+            .copied()
+            .collect();
+        let made: Vec<((usize, Cell), Normal)> = missing
+            .into_par_iter()
+            .map(|(d, cell)| ((d, cell), self.problem.normal(all, d, cell, self.size)))
+            .collect();
+        self.known.extend(made);
+    }
+
+    /// Information with the prior's, gradient, cost.
+    fn sum(
+        &mut self,
+        all: &[Simulated],
+        misfit: &Misfit,
+        densities: &[Density],
+        at: &[f64],
+    ) -> (DMatrix<f64>, DVector<f64>, f64) {
+        let cells: Vec<(usize, Cell)> = self
+            .problem
+            .body
+            .dofs
+            .iter()
+            .map(|d| (*d, misfit[*d]))
+            .collect();
+        self.ask(all, &cells);
+        let mut information = DMatrix::zeros(self.size, self.size);
+        let mut gradient = DVector::zeros(self.size);
+        let mut cost = -prior(densities, at);
+        for key in &cells {
+            if let Some(n) = self.known.get(key) {
+                information += &n.information;
+                gradient += &n.gradient;
+                cost += n.cost;
+            }
+        }
+        for (i, (d, v)) in densities.iter().zip(at).enumerate() {
+            let (slope, curvature) = d.step(*v);
+            gradient[i] += slope;
+            information[(i, i)] += curvature.max(1e-12);
+        }
+        (information, gradient, cost)
+    }
+
+    /// Minus log of what the data say of these cells, all numbers integrated out about the linearisation.
+    fn restricted(
+        &mut self,
+        all: &[Simulated],
+        misfit: &Misfit,
+        densities: &[Density],
+        at: &[f64],
+    ) -> f64 {
+        let median = self.problem.body.prior.misfit_over_tolerance;
+        let (information, gradient, cost) = self.sum(all, misfit, densities, at);
+        let Some(root) = Cholesky::new(information) else {
+            return f64::INFINITY;
+        };
+        let gain = 0.5 * gradient.dot(&root.solve(&gradient));
+        let dofs = self.problem.body.dofs.iter();
+        let cells: f64 = dofs.map(|d| ln_prior(misfit[*d], median)).sum();
+        cost - gain + 0.5 * ln_determinant(&root) - cells
+    }
+
+    /// The likeliest cells, by steps to neighbours in each DOF in turn.
+    fn choose(
+        &mut self,
+        all: &[Simulated],
+        mut misfit: Misfit,
+        densities: &[Density],
+        at: &[f64],
+    ) -> Misfit {
+        let dofs = self.problem.body.dofs.clone();
+        let mut best = self.restricted(all, &misfit, densities, at);
+        for _ in 0..3 {
+            let mut moved = false;
+            for &d in &dofs {
+                loop {
+                    let here = misfit[d];
+                    let around = neighbours(here);
+                    let cells: Vec<(usize, Cell)> = around.iter().map(|c| (d, *c)).collect();
+                    self.ask(all, &cells);
+                    let mut next = None;
+                    for cell in around {
+                        let mut tried = misfit;
+                        tried[d] = cell;
+                        let cost = self.restricted(all, &tried, densities, at);
+                        if cost < best - 1e-6 {
+                            best = cost;
+                            next = Some(cell);
+                        }
+                    }
+                    match next {
+                        Some(cell) => misfit[d] = cell,
+                        None => break,
+                    }
+                    moved = true;
+                }
+            }
+            if !moved || dofs.len() == 1 {
+                break;
+            }
+        }
+        misfit
+    }
+
+    /// Per DOF the probabilities of all sizes, and the log of the sum over cells over the chosen one.
+    fn sizes(
+        &mut self,
+        all: &[Simulated],
+        misfit: &Misfit,
+        densities: &[Density],
+        at: &[f64],
+    ) -> (Vec<(usize, Vec<f64>)>, f64) {
+        let dofs = self.problem.body.dofs.clone();
+        let median = self.problem.body.prior.misfit_over_tolerance;
+        let best = self.restricted(all, misfit, densities, at);
+        let mut more = 0.0;
+        let mut sizes = Vec::new();
+        for &d in &dofs {
+            let mut found: BTreeMap<Cell, f64> = BTreeMap::new();
+            for correlation in 0..CORRELATIONS_S.len() {
+                let here = Cell {
+                    correlation,
+                    ..misfit[d]
+                };
+                let cost = |me: &mut Self, cell: Cell| {
+                    let mut tried = *misfit;
+                    tried[d] = cell;
+                    me.restricted(all, &tried, densities, at) + ln_prior(cell, median)
+                };
+                let middle = cost(self, here);
+                found.insert(here, middle);
+                for up in [true, false] {
+                    let mut last = middle;
+                    let mut flat = false;
+                    let mut size = here.size;
+                    loop {
+                        if (up && size + 1 == SIZES.len()) || (!up && size == 0) {
+                            break;
+                        }
+                        size = if up { size + 1 } else { size - 1 };
+                        let cell = Cell { size, correlation };
+                        let now = if flat { last } else { cost(self, cell) };
+                        found.insert(cell, now);
+                        flat |= !up && (now - last).abs() < FLAT && SIZES[size] < 1.0;
+                        if now > best + FAR + 6.0 {
+                            break;
+                        }
+                        last = now;
+                    }
+                }
+            }
+            let reference = found.values().copied().fold(f64::INFINITY, f64::min);
+            let mut by_size = vec![0.0; SIZES.len()];
+            for (cell, cost) in &found {
+                by_size[cell.size] += (reference - cost + ln_prior(*cell, median)).exp();
+            }
+            let sum: f64 = by_size.iter().sum();
+            let chosen = found.get(&misfit[d]).copied().unwrap_or(reference);
+            more += sum.ln() + chosen - reference;
+            by_size.iter_mut().for_each(|p| *p /= sum);
+            sizes.push((d, by_size));
+        }
+        (sizes, more)
+    }
+}
+
+fn neighbours(cell: Cell) -> Vec<Cell> {
+    let Cell { size, correlation } = cell;
+    let mut made = Vec::new();
+    let mut push = |size: usize, correlation: usize| {
+        if size < SIZES.len() && correlation < CORRELATIONS_S.len() {
+            made.push(Cell { size, correlation });
+        }
+    };
+    push(size + 1, correlation);
+    push(size.wrapping_sub(1), correlation);
+    if size > 0 {
+        push(size, correlation + 1);
+        push(size, correlation.wrapping_sub(1));
+    }
+    made
+}

@@ -1,0 +1,220 @@
+//! What is common to all models of a recording (noise of the instruments) and what each has of its own (random forces).
+
+use hydroline_numerics::noise::Noise;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rand::{SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+use super::body::{Body, Simulated};
+use super::filter::{Filter, Force, Instruments, draw};
+
+/// Correlation times of the random force \[s\]: from the shortest that a vehicle follows to as long as a run.
+pub const CORRELATIONS_S: [f64; 4] = [0.3, 1.5, 6.0, 25.0];
+/// Sizes of the random force, over the tolerance: half-decades.
+pub const SIZES: [f64; 15] = [
+    0.0, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4,
+];
+
+/// Noise of every channel, and which samples count.
+#[derive(Debug, Clone)]
+pub struct Noises {
+    /// Per channel; `None` = not measured.
+    pub channels: [Option<Noise>; 12],
+    /// Per run, sample and channel.
+    pub used: Vec<Vec<[bool; 12]>>,
+}
+
+impl Noises {
+    /// Nothing measured.
+    pub fn none() -> Noises {
+        Noises {
+            channels: [None; 12],
+            used: Vec::new(),
+        }
+    }
+}
+
+/// A size and a correlation time of the random force in a DOF, by their places in the tables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Cell {
+    /// Place in [`SIZES`].
+    pub size: usize,
+    /// Place in [`CORRELATIONS_S`].
+    pub correlation: usize,
+}
+
+/// Random forces of all DOFs.
+pub type Misfit = [Cell; 6];
+
+/// Realisations of the force from which its worth is taken: the mean square is then known to some 15 %.
+const DRAWS: usize = 48;
+/// On the diagonal of a projection: derivatives that do the same are one.
+const JITTER: f64 = 1e-10;
+
+/// Of every DOF what the force is worth where it is as large as the tolerance: sd of the acceleration per correlation
+/// time. Worth is counted as the weight of an effect is: rms of the response over the stamps, what the vehicle's own
+/// numbers and the runs' starts can do taken out.
+#[derive(Debug, Clone)]
+pub struct Worth {
+    unit_mps2: [[f64; CORRELATIONS_S.len()]; 6],
+}
+
+impl Worth {
+    /// Of a body's runs; `all` = their motion without effects, with derivatives.
+    pub fn new(body: &Body, all: &[Simulated]) -> Worth {
+        let channels = &body.recording.channels;
+        let mut unit_mps2 = [[0.0; CORRELATIONS_S.len()]; 6];
+        let made: Vec<(usize, [f64; CORRELATIONS_S.len()])> = body
+            .dofs
+            .par_iter()
+            .map(|&d| {
+                // Positions where they are measured, rates else.
+                let which = usize::from(!channels[d] && channels[6 + d]);
+                let own = Own::new(all, d + 6 * which);
+                let each = std::array::from_fn(|c| {
+                    let rms = own.worth(body, d, which, CORRELATIONS_S[c]);
+                    body.tolerance[d + 6 * which] / rms.max(1e-12)
+                });
+                (d, each)
+            })
+            .collect();
+        for (d, each) in made {
+            unit_mps2[d] = each;
+        }
+        Worth { unit_mps2 }
+    }
+
+    /// The force of a cell.
+    pub fn force(&self, dof: usize, cell: Cell) -> Force {
+        Force {
+            sd_mps2: SIZES[cell.size] * self.unit_mps2[dof][cell.correlation],
+            correlation_s: CORRELATIONS_S[cell.correlation],
+        }
+    }
+}
+
+/// What the vehicle's own numbers and the starts can do in one channel.
+struct Own {
+    derivatives: DMatrix<f64>,
+    root: Option<Cholesky<f64, Dyn>>,
+}
+
+impl Own {
+    fn new(all: &[Simulated], channel: usize) -> Own {
+        let rows: usize = all.iter().map(|s| s.values.len()).sum();
+        let size = all
+            .iter()
+            .flat_map(|s| &s.columns)
+            .map(|c| c.0 + 1)
+            .max()
+            .unwrap_or(0);
+        let mut derivatives = DMatrix::zeros(rows, size);
+        let mut at = 0;
+        for s in all {
+            for (i, column) in &s.columns {
+                for (k, state) in column.iter().enumerate() {
+                    derivatives[(at + k, *i)] = state[channel];
+                }
+            }
+            at += s.values.len();
+        }
+        let acting: Vec<usize> = (0..size)
+            .filter(|i| derivatives.column(*i).norm_squared() > 0.0)
+            .collect();
+        let derivatives = derivatives.select_columns(&acting);
+        let mut square = derivatives.tr_mul(&derivatives);
+        for i in 0..square.nrows() {
+            square[(i, i)] *= 1.0 + JITTER;
+        }
+        Own {
+            root: Cholesky::new(square),
+            derivatives,
+        }
+    }
+
+    /// rms of the response to a force of sd 1, outside of what these can do.
+    fn worth(&self, body: &Body, dof: usize, which: usize, correlation_s: f64) -> f64 {
+        let mut rng = StdRng::seed_from_u64(dof as u64);
+        let mut sum = 0.0;
+        let rows = self.derivatives.nrows();
+        for _ in 0..DRAWS {
+            let mut drawn = DVector::zeros(rows);
+            let mut at = 0;
+            for r in &body.recording.runs {
+                let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+                let response = body.responses[dof];
+                for v in draw(&r.times_s, r.start_s, response, correlation_s, &mut normal) {
+                    drawn[at] = v[which];
+                    at += 1;
+                }
+            }
+            if let Some(root) = &self.root {
+                let part = root.solve(&self.derivatives.tr_mul(&drawn));
+                drawn -= &self.derivatives * part;
+            }
+            sum += drawn.norm_squared() / rows.max(1) as f64;
+        }
+        (sum / DRAWS as f64).sqrt()
+    }
+}
+
+/// Log prior probability of a cell: half-Cauchy sizes, every correlation time alike.
+pub fn ln_prior(cell: Cell, median_over_tolerance: f64) -> f64 {
+    // A cell reaches half-way to its neighbours.
+    let edge = |i: usize| (SIZES[i].max(1e-3) * SIZES[i + 1]).sqrt();
+    let low = if cell.size == 0 {
+        0.0
+    } else {
+        edge(cell.size - 1)
+    };
+    let high = if cell.size + 1 < SIZES.len() {
+        edge(cell.size)
+    } else {
+        f64::INFINITY
+    };
+    let below = |v: f64| (v / median_over_tolerance).atan() * std::f64::consts::FRAC_2_PI;
+    (below(high) - below(low)).max(1e-300).ln() - (CORRELATIONS_S.len() as f64).ln()
+}
+
+/// The filters of one DOF, one per run.
+pub fn filters(body: &Body, worth: &Worth, noises: &Noises, dof: usize, cell: Cell) -> Vec<Filter> {
+    let force = worth.force(dof, cell);
+    with_force(body, noises, dof, force)
+}
+
+/// The same for any force.
+pub fn with_force(body: &Body, noises: &Noises, dof: usize, force: Force) -> Vec<Filter> {
+    let instruments: Instruments = [noises.channels[dof], noises.channels[6 + dof]];
+    body.recording
+        .runs
+        .iter()
+        .zip(&noises.used)
+        .map(|(r, used)| {
+            Filter::new(
+                &r.times_s,
+                r.start_s,
+                body.responses[dof],
+                force,
+                &instruments,
+                |k, c| used[k][dof + 6 * c],
+            )
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cells_share_all_probability() {
+        let mut sum = 0.0;
+        for size in 0..SIZES.len() {
+            for correlation in 0..CORRELATIONS_S.len() {
+                sum += ln_prior(Cell { size, correlation }, 0.1).exp();
+            }
+        }
+        assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+    }
+}

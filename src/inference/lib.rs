@@ -1,0 +1,26 @@
+//! Recorded runs of one body to models with their probabilities: one likelihood, one prior table, one score, one search.
+//!
+//! `recording` (all measured channels of all runs) -> `body` (Eq. 1 with every effect's states, by duals) -> `filter`
+//! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode) -> `score` (log evidence) ->
+//! `search` (moves between models) -> `posterior` (marginals).
+//!
+//! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
+//! Nothing here reads a file or prints.
+
+// Tests may unwrap; the crate itself must not.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod body;
+pub mod filter;
+pub mod fit;
+pub mod hyper;
+pub mod noise;
+pub mod posterior;
+pub mod prior;
+pub mod promise;
+pub mod recording;
+pub mod search;
+pub mod summary;
+pub mod term;
+#[cfg(test)]
+mod testing;

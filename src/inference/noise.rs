@@ -1,0 +1,279 @@
+//! Noise of the instruments, before any model and beside one.
+//!
+//! Each DOF's residuals are taken to be the channels' noise plus a random force of any size (see [`super::filter`]): the
+//! force follows whatever a model misses, so that the noise is what is too fast for the vehicle to have done. Maximum of
+//! the likelihood times the prior of the table. It is one for all models of a recording; a model that misses does not get
+//! a noise of its own.
+
+use hydroline_numerics::noise::Noise;
+use hydroline_numerics::statistics::robust_sd;
+use rayon::prelude::*;
+
+use super::body::Body;
+use super::filter::{Filter, Force, Instruments};
+use super::hyper::Noises;
+use super::prior::Density;
+use super::recording::Recorded;
+
+/// An innovation of more than this many sd is an outlier: 6e-7 of normal ones are.
+const OUTLIER_SD: f64 = 5.0;
+/// Samples on either side within which only the largest innovation is taken for the outlier: those after it are pulled.
+const PULLED: usize = 3;
+/// Spread of a logged sd about the real one (sd of the logarithm).
+const LOGGED_LN: f64 = 0.3;
+/// Prior of the coloured part over the white one: median and scale of the logarithm.
+const COLOUR_RATIO: (f64, f64) = (-0.7, 1.2);
+/// Steps of the search's last round, in logarithms.
+const FINEST: f64 = 0.06;
+
+/// One DOF's residuals: (position, rate) per sample, NaN = missing.
+pub type Pairs = Vec<Vec<[f64; 2]>>;
+
+/// Which samples of a run count, per channel of a DOF.
+type Flags = Vec<Vec<[bool; 2]>>;
+
+/// Residuals of a DOF from predicted channels.
+pub fn residuals(body: &Body, predicted: &[Vec<[f64; 12]>], dof: usize) -> Pairs {
+    let runs = body.recording.runs.iter().zip(predicted);
+    runs.map(|(r, p)| {
+        let each = p.iter().enumerate();
+        each.map(|(k, p)| {
+            let m = r.measured(k);
+            [m[dof] - p[dof], m[6 + dof] - p[6 + dof]]
+        })
+        .collect()
+    })
+    .collect()
+}
+
+/// sd of a series' fast part: of second differences, robust.
+fn fast_sd(series: &Pairs, channel: usize) -> Option<f64> {
+    let mut second = Vec::new();
+    for run in series {
+        let v: Vec<f64> = run
+            .iter()
+            .map(|p| p[channel])
+            .filter(|v| v.is_finite())
+            .collect();
+        second.extend(v.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]));
+    }
+    if second.len() < 8 {
+        return None;
+    }
+    let sd = robust_sd(&second) / 6f64.sqrt();
+    // Values that never change, or a resolution coarser than the noise: a hundredth of the range of a step.
+    let largest = second.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    Some(if sd > 0.0 {
+        sd
+    } else {
+        (largest / 100.0).max(1e-12)
+    })
+}
+
+/// Noise and outliers of every channel that moves, beside what a model predicts.
+pub fn estimate(body: &Body, predicted: &[Vec<[f64; 12]>], before: Option<&Noises>) -> Noises {
+    let found: Vec<(usize, Instruments, Flags)> = body
+        .dofs
+        .par_iter()
+        .map(|&d| {
+            let pairs = residuals(body, predicted, d);
+            let (noise, used) = of_dof(body, d, &pairs, before);
+            (d, noise, used)
+        })
+        .collect();
+    let mut made = Noises {
+        channels: [None; 12],
+        used: body
+            .recording
+            .runs
+            .iter()
+            .map(|r| vec![[false; 12]; r.times_s.len()])
+            .collect(),
+    };
+    for (d, noise, used) in found {
+        for c in 0..2 {
+            made.channels[d + 6 * c] = noise[c];
+            for (run, flags) in used.iter().enumerate() {
+                for (k, f) in flags.iter().enumerate() {
+                    made.used[run][k][d + 6 * c] = f[c];
+                }
+            }
+        }
+    }
+    made
+}
+
+/// Numbers of the search: ln white, ln coloured, ln correlation per channel, ln force, ln its correlation time.
+type Numbers = [f64; 8];
+
+fn instruments(x: &Numbers, there: [bool; 2]) -> Instruments {
+    std::array::from_fn(|c| {
+        there[c].then(|| Noise {
+            white_sd: x[3 * c].exp(),
+            coloured_sd: x[3 * c + 1].exp(),
+            correlation_s: x[3 * c + 2].exp(),
+        })
+    })
+}
+
+fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (Instruments, Flags) {
+    let fast: [Option<f64>; 2] = [fast_sd(pairs, 0), fast_sd(pairs, 1)];
+    let there = fast.map(|f| f.is_some());
+    let mut used: Flags = pairs
+        .iter()
+        .map(|run| {
+            run.iter()
+                .map(|p| [0, 1].map(|c| there[c] && p[c].is_finite()))
+                .collect()
+        })
+        .collect();
+    if !there[0] && !there[1] {
+        return ([None; 2], used);
+    }
+    let runs = &body.recording.runs;
+    let logged: Option<f64> = {
+        let mut all: Vec<f64> = runs
+            .iter()
+            .flat_map(|r: &Recorded| r.logged_sd.iter().map(move |s| s[dof]))
+            .filter(|v| v.is_finite())
+            .collect();
+        hydroline_numerics::statistics::median(&mut all)
+    };
+    let response = body.responses[dof];
+    let mut x: Numbers = [0.0; 8];
+    for c in 0..2 {
+        let white = fast[c].unwrap_or(1.0).ln();
+        let known = before.and_then(|b| b.channels[dof + 6 * c]);
+        let colour = known.filter(|k| k.coloured_sd > 0.0);
+        x[3 * c] = known.map_or(white, |k| k.white_sd.max(1e-12).ln());
+        x[3 * c + 1] = colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln());
+        x[3 * c + 2] = colour.map_or(body.prior.colour_s, |k| k.correlation_s).ln();
+    }
+    // An acceleration that is worth the largest residual within a second.
+    let largest = pairs.iter().flatten().flatten().filter(|v| v.is_finite());
+    x[6] = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
+    x[7] = 0.0;
+    let cost = |x: &Numbers, used: &Flags| -> f64 {
+        let force = Force {
+            sd_mps2: x[6].exp(),
+            correlation_s: x[7].exp().clamp(0.1, 60.0),
+        };
+        let made = instruments(x, there);
+        let mut sum = 0.0;
+        for ((r, p), used) in runs.iter().zip(pairs).zip(used) {
+            let filter = Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
+                used[k][c]
+            });
+            let mut series: Vec<[f64; 2]> = p
+                .iter()
+                .map(|v| v.map(|v| if v.is_finite() { v } else { 0.0 }))
+                .collect();
+            filter.apply(&mut series);
+            sum += 0.5 * (series.iter().flatten().map(|v| v * v).sum::<f64>() + filter.ln_variance);
+        }
+        for c in (0..2).filter(|c| there[*c]) {
+            let ratio = Density::Student {
+                centre: COLOUR_RATIO.0,
+                scale: COLOUR_RATIO.1,
+                freedom: 4.0,
+            };
+            sum -= ratio.ln(x[3 * c + 1] - x[3 * c]);
+            sum -= Density::normal(body.prior.colour_s.ln(), body.prior.colour_ln).ln(x[3 * c + 2]);
+            if let Some(sd) = logged.filter(|_| c == 0) {
+                sum -= Density::normal(sd.ln(), LOGGED_LN).ln(x[0]);
+            }
+        }
+        sum -= Density::normal(0.0, 1.5).ln(x[7]);
+        if sum.is_finite() { sum } else { f64::INFINITY }
+    };
+    for round in 0..3 {
+        // Whether slow residuals are the instrument's or a force's has two answers; each is begun from.
+        let shares: &[f64] = if round == 0 {
+            &[0.0, -3.0, -6.0]
+        } else {
+            &[0.0]
+        };
+        let tried = shares.iter().map(|share| {
+            let mut from = x;
+            from[6] += share;
+            descend(from, there, |x| cost(x, &used))
+        });
+        x = tried
+            .min_by(|a, b| cost(a, &used).total_cmp(&cost(b, &used)))
+            .unwrap_or(x);
+        let force = Force {
+            sd_mps2: x[6].exp(),
+            correlation_s: x[7].exp().clamp(0.1, 60.0),
+        };
+        let made = instruments(&x, there);
+        let mut changed = false;
+        for ((r, p), used) in runs.iter().zip(pairs).zip(&mut used) {
+            changed |= reject(r, p, used, |used| {
+                Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
+                    used[k][c]
+                })
+            });
+        }
+        if !changed || round == 2 {
+            break;
+        }
+    }
+    (instruments(&x, there), used)
+}
+
+/// Marks samples whose innovation is too large, the largest of each neighbourhood first; whether any was.
+fn reject(
+    _run: &Recorded,
+    pairs: &[[f64; 2]],
+    used: &mut Vec<[bool; 2]>,
+    filter: impl Fn(&[[bool; 2]]) -> Filter,
+) -> bool {
+    let before = used.clone();
+    for _ in 0..8 {
+        let mut series: Vec<[f64; 2]> = pairs
+            .iter()
+            .map(|v| v.map(|v| if v.is_finite() { v } else { 0.0 }))
+            .collect();
+        filter(used).apply(&mut series);
+        let mut any = false;
+        for c in 0..2 {
+            for k in 0..series.len() {
+                let size = series[k][c].abs();
+                let around = k.saturating_sub(PULLED)..(k + PULLED + 1).min(series.len());
+                if size > OUTLIER_SD && around.clone().all(|j| series[j][c].abs() <= size) {
+                    used[k][c] = false;
+                    any = true;
+                }
+            }
+        }
+        if !any {
+            break;
+        }
+    }
+    *used != before
+}
+
+/// Pattern search: along each number in turn, steps halved when none gains.
+fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> Numbers {
+    let free: Vec<usize> = (0..8).filter(|i| *i >= 6 || there[i / 3]).collect();
+    let mut best = cost(&x);
+    let mut step = 1.0;
+    while step > FINEST {
+        let mut gained = false;
+        for &i in &free {
+            for sign in [1.0, -1.0] {
+                let mut tried = x;
+                tried[i] += sign * step;
+                let c = cost(&tried);
+                if c < best - 1e-3 {
+                    (x, best, gained) = (tried, c, true);
+                    break;
+                }
+            }
+        }
+        if !gained {
+            step *= 0.5;
+        }
+    }
+    x
+}

@@ -1,0 +1,87 @@
+//! Marginals of the models visited, weighted by their scores.
+
+use super::hyper::SIZES;
+use super::search::Found;
+
+/// A marginal of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marginal {
+    /// Candidate.
+    pub candidate: usize,
+    /// Probability that it is in the model.
+    pub probability: f64,
+}
+
+/// The posterior.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posterior {
+    /// (effects, probability) of every model visited, likeliest first.
+    pub models: Vec<(Vec<usize>, f64)>,
+    /// Every effect in any of them, likeliest first.
+    pub effects: Vec<Marginal>,
+    /// Per DOF that moves the probability that the random force is worth more than the tolerance.
+    pub unnamed: Vec<(usize, f64)>,
+}
+
+impl Posterior {
+    /// Of what a search found.
+    pub fn new(found: &Found) -> Posterior {
+        let best = found
+            .models
+            .values()
+            .map(|f| f.ln_score)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = found
+            .models
+            .values()
+            .map(|f| (f.ln_score - best).exp())
+            .sum();
+        let share = |score: f64| (score - best).exp() / sum;
+        let mut models: Vec<(Vec<usize>, f64)> = found
+            .models
+            .values()
+            .map(|f| (f.terms.clone(), share(f.ln_score)))
+            .collect();
+        models.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut effects: Vec<Marginal> = Vec::new();
+        for (terms, p) in &models {
+            for t in terms {
+                match effects.iter_mut().find(|e| e.candidate == *t) {
+                    Some(e) => e.probability += p,
+                    None => effects.push(Marginal {
+                        candidate: *t,
+                        probability: *p,
+                    }),
+                }
+            }
+        }
+        effects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        let unnamed = found
+            .problem
+            .body
+            .dofs
+            .iter()
+            .map(|d| {
+                let of = |f: &super::fit::Fit| -> f64 {
+                    let sizes = f.sizes.iter().find(|s| s.0 == *d);
+                    sizes.map_or(0.0, |s| {
+                        // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
+                        let above = |size: f64| match size {
+                            s if s > 1.0 => 1.0,
+                            1.0 => 0.5,
+                            _ => 0.0,
+                        };
+                        s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()
+                    })
+                };
+                let all = found.models.values().map(|f| share(f.ln_score) * of(f));
+                (*d, all.sum())
+            })
+            .collect();
+        Posterior {
+            models,
+            effects,
+            unnamed,
+        }
+    }
+}

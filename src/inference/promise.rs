@@ -1,0 +1,381 @@
+//! What a candidate would gain beside a fitted model: the score test, by the response of the motion to it.
+//!
+//! The response is finite (the candidate at a typical size), so that thresholds and delays, whose derivative at nothing
+//! is nothing, are asked as well. It is projected off everything that the model can already do.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::body::Point;
+use super::filter::Filter;
+use super::fit::{Fit, Problem};
+use super::hyper::{Cell, Misfit, filters};
+
+/// Share of the random force's size at which candidates are asked as well: the force shrinks when the right one joins.
+const SHRUNK: usize = 3;
+/// Largest multiple of the typical size that a response is stretched to.
+const STRETCH: f64 = 4.0;
+
+/// Share of a response that must lie outside of what a model can do already for it to be told at all.
+const SEEN: f64 = 1e-6;
+
+/// Gain in log likelihood that an effect of typical size must promise for a recording to show it.
+const TOLD: f64 = 3.0;
+
+/// Channels per run and sample.
+type Motion = Vec<Vec<[f64; 12]>>;
+
+/// A candidate beside a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Promise {
+    /// Candidate.
+    pub candidate: usize,
+    /// Natural numbers to begin from.
+    pub numbers: Vec<f64>,
+    /// Gain in log likelihood that the linear view promises.
+    pub gain: f64,
+    /// For an exchange: the member that goes.
+    pub instead: Option<usize>,
+}
+
+/// Columns by the number that they are derivatives by, (position, rate) per sample.
+type Columns = Vec<(usize, Vec<[f64; 2]>)>;
+
+/// Whitened columns of a model under one set of cells.
+struct View {
+    misfit: Misfit,
+    /// Whitened derivatives per DOF and run: (index, column).
+    columns: BTreeMap<(usize, usize), Columns>,
+    residuals: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
+    filters: BTreeMap<usize, Vec<Filter>>,
+    gradient: DVector<f64>,
+    /// Of the whole model.
+    whole: Left,
+    /// Of the model without each of its members.
+    without: Vec<Option<(Left, Products)>>,
+}
+
+/// What a model, or one without a member, can do by itself.
+struct Left {
+    keep: Vec<usize>,
+    root: Cholesky<f64, Dyn>,
+    gradient: DVector<f64>,
+}
+
+impl Left {
+    fn new(information: &DMatrix<f64>, gradient: &DVector<f64>, keep: Vec<usize>) -> Option<Left> {
+        let n = keep.len();
+        let part = DMatrix::from_fn(n, n, |i, j| information[(keep[i], keep[j])]);
+        Some(Left {
+            root: Cholesky::new(part)?,
+            gradient: DVector::from_iterator(n, keep.iter().map(|i| gradient[*i])),
+            keep,
+        })
+    }
+
+    /// What of a response with these products is outside, by itself; and what turns products of others likewise.
+    fn solve(&self, with_columns: &DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+        let part = self.part(with_columns);
+        let solved = self.root.solve(&part);
+        (part, solved)
+    }
+
+    fn part(&self, with_columns: &DVector<f64>) -> DVector<f64> {
+        DVector::from_iterator(self.keep.len(), self.keep.iter().map(|i| with_columns[*i]))
+    }
+}
+
+/// A response against a view: inner products with the columns, the residual and itself.
+struct Products {
+    with_columns: DVector<f64>,
+    with_residual: f64,
+    white: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
+}
+
+fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
+        .sum()
+}
+
+impl Problem {
+    fn view(&self, fit: &Fit, shrink: usize, members: &[Option<Motion>]) -> Option<View> {
+        let mut misfit = fit.misfit;
+        for cell in &mut misfit {
+            *cell = Cell {
+                size: cell.size.saturating_sub(shrink),
+                ..*cell
+            };
+        }
+        let all = self.simulate(&fit.terms, &fit.point)?;
+        let n = fit.point.len();
+        let mut information = DMatrix::zeros(n, n);
+        let mut gradient = DVector::zeros(n);
+        for (i, (d, v)) in self
+            .body
+            .densities(&fit.terms)
+            .iter()
+            .zip(&fit.point)
+            .enumerate()
+        {
+            let (slope, curvature) = d.step(*v);
+            gradient[i] += slope;
+            information[(i, i)] += curvature.max(1e-12);
+        }
+        let (mut columns, mut residuals, mut by_dof) =
+            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        for &d in &self.body.dofs {
+            let normal = self.normal(&all, d, misfit[d], n);
+            information += normal.information;
+            gradient += normal.gradient;
+            let filters = filters(&self.body, &self.worth, &self.noises, d, misfit[d]);
+            for (run, sim) in all.iter().enumerate() {
+                let each = sim.columns.iter();
+                let white =
+                    each.filter_map(|(i, c)| Some((*i, self.white_column(d, c, &filters[run])?)));
+                columns.insert((d, run), white.collect());
+                residuals.insert(
+                    (d, run),
+                    self.white_residual(run, d, &sim.values, &filters[run]),
+                );
+            }
+            by_dof.insert(d, filters);
+        }
+        let whole = Left::new(&information, &gradient, (0..n).collect())?;
+        let mut made = View {
+            misfit,
+            columns,
+            residuals,
+            filters: by_dof,
+            gradient,
+            whole,
+            without: Vec::new(),
+        };
+        let places = self.body.places(&fit.terms);
+        made.without = members
+            .iter()
+            .enumerate()
+            .map(|(m, response)| {
+                let keep = (0..n)
+                    .filter(|i| !(places[m]..places[m + 1]).contains(i))
+                    .collect();
+                let left = Left::new(&information, &made.gradient, keep)?;
+                Some((left, self.products(&made, response.as_ref()?)?))
+            })
+            .collect();
+        Some(made)
+    }
+
+    /// A response (per run, 12 channels per sample) against a view; `None` where nothing of it is seen.
+    fn products(&self, view: &View, response: &[Vec<[f64; 12]>]) -> Option<Products> {
+        let mut made = Products {
+            with_columns: DVector::zeros(view.gradient.len()),
+            with_residual: 0.0,
+            white: BTreeMap::new(),
+        };
+        for (d, filters) in &view.filters {
+            for (run, (column, filter)) in response.iter().zip(filters).enumerate() {
+                let Some(white) = self.white_column(*d, column, filter) else {
+                    continue;
+                };
+                if let Some(columns) = view.columns.get(&(*d, run)) {
+                    for (i, c) in columns {
+                        made.with_columns[*i] += dot(c, &white);
+                    }
+                }
+                if let Some(r) = view.residuals.get(&(*d, run)) {
+                    made.with_residual += dot(r, &white);
+                }
+                made.white.insert((*d, run), white);
+            }
+        }
+        (!made.white.is_empty()).then_some(made)
+    }
+
+    /// What may be added to a model or put in a member's place, best first of each candidate's points.
+    pub fn promises(&self, fit: &Fit) -> Vec<Promise> {
+        let here = self.predicted(&fit.terms, &fit.point);
+        let minus = |made: Motion| -> Option<Motion> {
+            let mut made = made;
+            for (a, b) in made
+                .iter_mut()
+                .flatten()
+                .flatten()
+                .zip(here.iter().flatten().flatten())
+            {
+                *a -= b;
+                if !a.is_finite() {
+                    return None;
+                }
+            }
+            Some(made)
+        };
+        // What each member does now.
+        let members: Vec<Option<Motion>> = (0..fit.terms.len())
+            .map(|m| {
+                let (terms, point) = self.without(fit, m);
+                minus(self.predicted(&terms, &point))
+            })
+            .collect();
+        let Some(plain) = self.view(fit, 0, &members) else {
+            return Vec::new();
+        };
+        let shrunk = if plain.misfit.iter().any(|c| c.size > 0) {
+            self.view(fit, SHRUNK, &members)
+        } else {
+            None
+        };
+        let asked: Vec<(usize, usize)> = (0..self.body.candidates.len())
+            .filter(|c| !fit.terms.contains(c))
+            .flat_map(|c| (0..self.body.candidates[c].starts.len()).map(move |s| (c, s)))
+            .collect();
+        let found: Vec<Vec<Promise>> = asked
+            .into_par_iter()
+            .map(|(c, s)| {
+                let candidate = &self.body.candidates[c];
+                let start = &candidate.starts[s];
+                let (terms, point) = self.with(fit, c, start);
+                let Some(response) = minus(self.predicted(&terms, &point)) else {
+                    return Vec::new();
+                };
+                let mut made = Vec::new();
+                for view in [Some(&plain), shrunk.as_ref()].into_iter().flatten() {
+                    let Some(p) = self.products(view, &response) else {
+                        continue;
+                    };
+                    let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+                    let mut offer = |left: &Left, gone: Option<(usize, &Products)>| {
+                        let (part, solved) = left.solve(&p.with_columns);
+                        let size = own - part.dot(&solved);
+                        if size < SEEN * own || size <= 0.0 {
+                            return;
+                        }
+                        let mut along = p.with_residual - solved.dot(&left.gradient);
+                        if let Some((_, q)) = gone {
+                            // Without the member the residual is larger by what it did.
+                            let each = q.white.iter();
+                            let cross: f64 = each
+                                .filter_map(|(k, w)| Some(dot(w, p.white.get(k)?)))
+                                .sum();
+                            along -= cross - solved.dot(&left.part(&q.with_columns));
+                        }
+                        let share = self.share(c, start, along / size);
+                        let mut numbers = start.clone();
+                        numbers[0] = candidate.nothing + share * (start[0] - candidate.nothing);
+                        made.push(Promise {
+                            candidate: c,
+                            numbers,
+                            gain: share * along - 0.5 * share * share * size,
+                            instead: gone.map(|g| g.0),
+                        });
+                    };
+                    offer(&view.whole, None);
+                    for (m, without) in view.without.iter().enumerate() {
+                        if let Some((left, products)) = without {
+                            offer(left, Some((m, products)));
+                        }
+                    }
+                }
+                made
+            })
+            .collect();
+        // Of each candidate and place the best point.
+        let mut best: BTreeMap<(usize, Option<usize>), Promise> = BTreeMap::new();
+        for p in found.into_iter().flatten() {
+            let key = (p.candidate, p.instead);
+            if best.get(&key).is_none_or(|b| b.gain < p.gain) {
+                best.insert(key, p);
+            }
+        }
+        let mut all: Vec<Promise> = best.into_values().collect();
+        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        all
+    }
+
+    /// Candidates whose response at their typical size says less than [`TOLD`] beside a model.
+    pub fn unseen(&self, fit: &Fit) -> Vec<usize> {
+        let Some(view) = self.view(fit, 0, &[]) else {
+            return Vec::new();
+        };
+        let here = self.predicted(&fit.terms, &fit.point);
+        (0..self.body.candidates.len())
+            .into_par_iter()
+            .filter(|c| !fit.terms.contains(c))
+            .filter(|c| {
+                let Some(start) = self.body.candidates[*c].starts.first() else {
+                    return false;
+                };
+                let (terms, point) = self.with(fit, *c, start);
+                let mut response = self.predicted(&terms, &point);
+                for (a, b) in response
+                    .iter_mut()
+                    .flatten()
+                    .flatten()
+                    .zip(here.iter().flatten().flatten())
+                {
+                    *a -= b;
+                }
+                if response.iter().flatten().flatten().any(|v| !v.is_finite()) {
+                    return false;
+                }
+                let Some(p) = self.products(&view, &response) else {
+                    return true;
+                };
+                let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+                let (part, solved) = view.whole.solve(&p.with_columns);
+                0.5 * (own - part.dot(&solved)) < TOLD
+            })
+            .collect()
+    }
+
+    /// How far a response may be stretched: within what the parameter may be.
+    fn share(&self, candidate: usize, start: &[f64], share: f64) -> f64 {
+        let c = &self.body.candidates[candidate];
+        let scale = &c.scales[0];
+        // A size with one sign does not go through nothing.
+        let low = if scale.logarithmic || c.info.parameters[0].bounds_load {
+            0.02
+        } else {
+            -STRETCH
+        };
+        let mut share = share.clamp(low, STRETCH);
+        let (a, b) = scale.limits;
+        let value = (c.nothing + share * (start[0] - c.nothing)).clamp(a, b);
+        if start[0] != c.nothing {
+            share = (value - c.nothing) / (start[0] - c.nothing);
+        }
+        share
+    }
+
+    /// A model with one effect more, at these natural numbers.
+    pub fn with(&self, fit: &Fit, candidate: usize, numbers: &[f64]) -> (Vec<usize>, Point) {
+        let at = fit.terms.partition_point(|t| *t < candidate);
+        let mut terms = fit.terms.clone();
+        terms.insert(at, candidate);
+        let place = self.body.places(&fit.terms)[at];
+        let scales = self.body.candidates[candidate].scales.iter();
+        let scaled: Vec<f64> = scales
+            .zip(numbers)
+            .map(|(s, v)| {
+                let (low, high) = s.bounds();
+                s.scaled(*v).clamp(low, high)
+            })
+            .collect();
+        let mut point = fit.point.clone();
+        point.splice(place..place, scaled);
+        (terms, point)
+    }
+
+    /// A model without one of its effects.
+    pub fn without(&self, fit: &Fit, member: usize) -> (Vec<usize>, Point) {
+        let places = self.body.places(&fit.terms);
+        let mut terms = fit.terms.clone();
+        terms.remove(member);
+        let mut point = fit.point.clone();
+        point.drain(places[member]..places[member + 1]);
+        (terms, point)
+    }
+}

@@ -1,0 +1,271 @@
+//! What was measured: all channels of all runs, in the axes in which noise and random forces are described.
+//!
+//! Errors of x and y are looked at along the body's own axes (turned by the measured heading): there a DOF's misfit shows
+//! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
+
+use hydroline_identify::data::{CHANNELS, Run, Sample};
+use hydroline_numerics::statistics::{median, robust_sd};
+
+/// Motion that starts this late after the log's first stamp is a window of a longer log: its state is free, and time
+/// begins there \[s\].
+const START_SLACK_S: f64 = 1.0;
+
+/// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a vehicle with time
+/// constants of a tenth of a second and more feels no difference.
+const HOLD_S: f64 = 0.02;
+/// Samples per second looked at: of denser ones every second, third … \[1/s\]. Slow motion and correlated noise say no
+/// more with more of them.
+const RATE_MOST_HZ: f64 = 60.0;
+
+/// Commands as they are, or where they come faster than [`HOLD_S`] the mean load over each such while.
+fn averaged(commands: Vec<(f64, [f64; 6])>) -> Vec<(f64, [f64; 6])> {
+    let (Some(first), Some(last)) = (commands.first(), commands.last()) else {
+        return commands;
+    };
+    let (begin_s, span_s) = (first.0, last.0 - first.0);
+    if (commands.len() - 1) as f64 * HOLD_S <= span_s {
+        return commands;
+    }
+    let whiles = (span_s / HOLD_S) as usize;
+    let mut made: Vec<(f64, [f64; 6])> = Vec::with_capacity(whiles + 2);
+    let (mut next, mut load) = (0, [0.0; 6]);
+    let mut push = |t_s: f64, w: [f64; 6]| {
+        if made.last().is_none_or(|e: &(f64, [f64; 6])| e.1 != w) {
+            made.push((t_s, w));
+        }
+    };
+    for k in 0..=whiles {
+        let from_s = begin_s + HOLD_S * k as f64;
+        let to_s = begin_s + HOLD_S * (k + 1) as f64;
+        let (mut now_s, mut impulse) = (from_s, [0.0; 6]);
+        // The last while takes every command that is left: its end may be the last one's time, rounded.
+        while let Some((t_s, new)) = commands.get(next).filter(|e| k == whiles || e.0 < to_s) {
+            let held_s = (t_s - now_s).max(0.0);
+            impulse = std::array::from_fn(|d| impulse[d] + load[d] * held_s);
+            now_s = t_s.max(now_s);
+            load = *new;
+            next += 1;
+        }
+        push(
+            from_s,
+            std::array::from_fn(|d| (impulse[d] + load[d] * (to_s - now_s)) / HOLD_S),
+        );
+    }
+    // What holds behind the last command holds from the end of its while.
+    push(begin_s + HOLD_S * (whiles + 1) as f64, load);
+    made
+}
+
+/// Every n-th sample of a run that has more than [`RATE_MOST_HZ`].
+fn thinned(run: &Run) -> Vec<&Sample> {
+    let interval_s = run.interval_s().unwrap_or(1.0).max(1e-9);
+    let every = (1.0 / (interval_s * RATE_MOST_HZ) - 1e-6).ceil().max(1.0) as usize;
+    run.samples.iter().step_by(every).collect()
+}
+
+/// One run.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    /// Name.
+    pub name: String,
+    /// Stamps \[s since the log's first stamp\].
+    pub times_s: Vec<f64>,
+    /// Where the state is given \[s\].
+    pub start_s: f64,
+    /// Measured channels (identify's order, SI), NaN = not measured.
+    pub values: Vec<[f64; 12]>,
+    /// Standard deviation of each pose channel as logged; NaN = unknown.
+    pub logged_sd: Vec<[f64; 6]>,
+    /// (time, body wrench), from `start_s` on.
+    pub commands: Vec<(f64, [f64; 6])>,
+    /// (sine, cosine) of the heading at each stamp.
+    pub heading: Vec<(f64, f64)>,
+}
+
+/// All runs.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// Runs.
+    pub runs: Vec<Recorded>,
+    /// Which channels any run measured.
+    pub channels: [bool; 12],
+}
+
+impl Recording {
+    /// Takes runs over.
+    ///
+    /// `heading_rad` where psi was not measured.
+    pub fn new(runs: &[Run], heading_rad: f64) -> Recording {
+        let runs: Vec<Recorded> = runs.iter().map(|r| Recorded::new(r, heading_rad)).collect();
+        let measured = |c: usize| {
+            let any = |r: &Recorded| r.values.iter().any(|v| v[c].is_finite());
+            runs.iter().any(any)
+        };
+        let channels = std::array::from_fn(measured);
+        Recording { runs, channels }
+    }
+
+    /// Turns every run by its median heading: where yaw does not move, its noise is none of x and y.
+    pub fn hold_heading(&mut self) {
+        for r in &mut self.runs {
+            let mut seen: Vec<f64> = r.heading.iter().map(|(s, c)| s.atan2(*c)).collect();
+            let turn = median(&mut seen).unwrap_or(0.0).sin_cos();
+            r.heading.iter_mut().for_each(|h| *h = turn);
+        }
+    }
+
+    /// Name of a channel.
+    pub fn name(channel: usize) -> &'static str {
+        CHANNELS[channel]
+    }
+}
+
+/// Robust deviation of a channel from its median, over that of its fast part, from which a DOF is said to move.
+const MOVES: f64 = 3.0;
+
+impl Recording {
+    /// DOFs that are driven, or move by more than their noise and a third of the tolerance.
+    pub fn moving(&self, tolerance: &[f64; 12]) -> Vec<usize> {
+        let driven = |d: usize| {
+            let any = |r: &Recorded| r.commands.iter().any(|c| c.1[d] != 0.0);
+            (self.channels[d] || self.channels[6 + d]) && self.runs.iter().any(any)
+        };
+        let moves = |c: usize| {
+            self.channels[c]
+                && self.runs.iter().any(|r| {
+                    let mut seen: Vec<f64> = (0..r.values.len())
+                        .map(|k| r.measured(k)[c])
+                        .filter(|v| v.is_finite())
+                        .collect();
+                    let second: Vec<f64> =
+                        seen.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+                    let fast = robust_sd(&second) / 6f64.sqrt();
+                    let middle = median(&mut seen).unwrap_or(0.0);
+                    let off: Vec<f64> = seen.iter().map(|v| v - middle).collect();
+                    robust_sd(&off) > (MOVES * fast).max(tolerance[c] / 3.0)
+                })
+        };
+        (0..6)
+            .filter(|d| driven(*d) || moves(*d) || moves(6 + d))
+            .collect()
+    }
+}
+
+impl Recorded {
+    fn new(run: &Run, heading_rad: f64) -> Recorded {
+        let samples = thinned(run);
+        let times_s: Vec<f64> = samples.iter().map(|s| s.t_s).collect();
+        let first_s = times_s.first().copied().unwrap_or(0.0);
+        let start_s = if first_s > START_SLACK_S {
+            first_s
+        } else {
+            0.0
+        };
+        let values: Vec<[f64; 12]> = samples.iter().map(|s| s.values).collect();
+        let both = run.count(0) > 0 && run.count(1) > 0;
+        let mut last = values.iter().map(|v| v[5]).find(|v| v.is_finite());
+        let heading = values
+            .iter()
+            .map(|v| {
+                if v[5].is_finite() {
+                    last = Some(v[5]);
+                }
+                // One coordinate alone cannot be turned.
+                let psi = if both {
+                    last.unwrap_or(heading_rad)
+                } else {
+                    0.0
+                };
+                psi.sin_cos()
+            })
+            .collect();
+        let logged_sd = samples
+            .iter()
+            .map(|s| {
+                std::array::from_fn(|c| {
+                    let variance = s.covariance.as_deref().map_or(f64::NAN, |p| p[7 * c]);
+                    if variance > 0.0 {
+                        variance.sqrt()
+                    } else {
+                        f64::NAN
+                    }
+                })
+            })
+            .collect();
+        let mut commands: Vec<(f64, [f64; 6])> = vec![(start_s, run.wrench_at(start_s))];
+        let later = run.commands.iter().filter(|c| c.t_s > start_s);
+        commands.extend(later.map(|c| (c.t_s, c.wrench)));
+        Recorded {
+            name: run.name.clone(),
+            times_s,
+            start_s,
+            values,
+            logged_sd,
+            commands: averaged(commands),
+            heading,
+        }
+    }
+
+    /// A state's channels with x and y turned into the body's axes at sample `k`.
+    pub fn turned<T: hydroline_sim::Real>(&self, k: usize, mut state: [T; 12]) -> [T; 12] {
+        let (sin, cos) = self.heading[k];
+        let (x, y) = (state[0], state[1]);
+        state[0] = x * cos + y * sin;
+        state[1] = y * cos - x * sin;
+        state
+    }
+
+    /// What was measured at sample `k`, turned likewise; a heading of 0 leaves a single coordinate as it is.
+    pub fn measured(&self, k: usize) -> [f64; 12] {
+        let mut v = self.values[k];
+        if v[0].is_finite() && v[1].is_finite() {
+            v = self.turned(k, v);
+        } else if self.heading[k].0 != 0.0 {
+            // One of two is missing here: neither can be turned.
+            v[0] = f64::NAN;
+            v[1] = f64::NAN;
+        }
+        v
+    }
+
+    /// First finite value of a channel.
+    pub fn first(&self, channel: usize) -> Option<f64> {
+        self.values
+            .iter()
+            .map(|v| v[channel])
+            .find(|v| v.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::averaged;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Dense commands keep their impulse and the last load; sparse ones stay.
+        #[test]
+        fn dense_commands_keep_their_impulse(gap_s in 1e-3..0.019f64, count in 20usize..900, begin_s in 0.0..5.0f64) {
+            let load = |k: usize| if k + 1 == count { 0.0 } else { (0.37 * k as f64).sin() };
+            let commands: Vec<(f64, [f64; 6])> = (0..count)
+                .map(|k| (begin_s + gap_s * k as f64, [load(k), 0.0, 0.0, 0.0, -load(k), 1.0]))
+                .collect();
+            let made = averaged(commands.clone());
+            let end_s = commands[count - 1].0 + 1.0;
+            let impulse = |all: &[(f64, [f64; 6])], d: usize| -> f64 {
+                let until = all.iter().skip(1).map(|c| c.0).chain([end_s]);
+                all.iter().zip(until).map(|(c, to)| c.1[d] * (to - c.0)).sum()
+            };
+            for d in [0, 4, 5] {
+                prop_assert!((impulse(&commands, d) - impulse(&made, d)).abs() < 1e-9 * count as f64);
+            }
+            prop_assert_eq!(made.last().map(|c| c.1), commands.last().map(|c| c.1));
+        }
+
+        #[test]
+        fn sparse_commands_stay(gap_s in 0.021..3.0f64, count in 1usize..30) {
+            let commands: Vec<(f64, [f64; 6])> = (0..count).map(|k| (gap_s * k as f64, [k as f64; 6])).collect();
+            prop_assert_eq!(averaged(commands.clone()), commands);
+        }
+    }
+}

@@ -1,0 +1,565 @@
+//! From the vehicle alone to the models that the data leave: add, drop, exchange, as the score test proposes.
+//!
+//! Textbook loop: of all models visited the likeliest that was not yet looked at is expanded; what lies outside of
+//! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+
+use hydroline_identify::parameter::Term;
+
+use super::body::Own;
+use super::fit::{Effort, Fit, Problem};
+use super::hyper::{Cell, Misfit};
+use super::noise::estimate;
+use super::promise::Promise;
+
+/// Options of a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Log score below the best at which a model is not expanded (Occam's window: a hundredth).
+    pub window: f64,
+    /// Candidates fitted beside each model.
+    pub additions: usize,
+    /// Candidates fitted in a member's place.
+    pub exchanges: usize,
+    /// Fits in all.
+    pub fits: usize,
+    /// Gain in log likelihood below which a promise is not worth a fit.
+    pub least_gain: f64,
+    /// Times that the noise is estimated beside the best model and the models are scored anew.
+    pub noise_rounds: usize,
+    /// Change of a noise's logarithm below which it stays.
+    pub noise_change: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            window: 100f64.ln(),
+            additions: 5,
+            exchanges: 2,
+            fits: 150,
+            least_gain: 3.0,
+            noise_rounds: 2,
+            noise_change: 0.03,
+        }
+    }
+}
+
+/// What a search found.
+#[derive(Debug)]
+pub struct Found {
+    /// The problem, with the noise at the end.
+    pub problem: Problem,
+    /// Models visited, by their effects.
+    pub models: BTreeMap<Vec<usize>, Fit>,
+    /// Fits made.
+    pub fits: usize,
+}
+
+/// Sizes of the random force where a search begins: a large one keeps a vehicle that is far off from drowning everything,
+/// a small one finds the mode that a large one hides.
+const BEGIN: [usize; 3] = [4, 8, 12];
+/// Factors on inertia and damping from which the vehicle alone is fitted as well: a rig may be off by five.
+const FAR: [(f64, f64); 4] = [(3.0, 1.0), (0.4, 1.0), (1.0, 4.0), (1.0, 0.25)];
+
+struct Search<'a> {
+    problem: Problem,
+    models: BTreeMap<Vec<usize>, Fit>,
+    expanded: BTreeSet<Vec<usize>>,
+    fits: usize,
+    options: Options,
+    progress: &'a (dyn Fn(&str) + Sync),
+}
+
+type Job = (Vec<usize>, Vec<f64>, Misfit);
+
+impl Search<'_> {
+    fn fit(&mut self, jobs: Vec<Job>, effort: Effort) {
+        self.fits += jobs.len();
+        let made: Vec<Fit> = jobs
+            .into_par_iter()
+            .filter_map(|(terms, from, misfit)| self.problem.fit(&terms, &from, misfit, effort))
+            .collect();
+        for fit in made {
+            tracing::debug!(
+                "{:.1} evidence {:.1} {:?} {:?}",
+                fit.ln_score,
+                fit.ln_evidence,
+                self.names(&fit),
+                self.problem
+                    .body
+                    .dofs
+                    .iter()
+                    .map(|d| fit.misfit[*d])
+                    .collect::<Vec<_>>()
+            );
+            let keep = self
+                .models
+                .get(&fit.terms)
+                .is_none_or(|old| old.ln_score < fit.ln_score);
+            if keep {
+                self.models.insert(fit.terms.clone(), fit);
+            }
+        }
+    }
+
+    /// The vehicle alone, from several points.
+    fn alone(&mut self) {
+        let begin = self.problem.body.begin();
+        let cell = |size: usize| Cell {
+            size,
+            correlation: 1,
+        };
+        let mut jobs: Vec<Job> = BEGIN
+            .iter()
+            .map(|s| (Vec::new(), begin.clone(), [cell(*s); 6]))
+            .collect();
+        for (inertia, damping) in FAR {
+            let mut from = begin.clone();
+            for (own, v) in self.problem.body.own.iter().zip(&mut from) {
+                *v = match own {
+                    Own::Coefficient(c, _) if c.term == Term::Added => inertia.ln(),
+                    Own::Coefficient(..) => damping.ln(),
+                    Own::Restoring(_) => 0.0,
+                };
+            }
+            jobs.push((Vec::new(), from, [cell(BEGIN[1]); 6]));
+        }
+        self.fit(jobs, Effort::default());
+    }
+
+    fn names(&self, fit: &Fit) -> Vec<String> {
+        fit.terms
+            .iter()
+            .map(|t| self.problem.body.candidates[*t].name())
+            .collect()
+    }
+
+    fn best(&self) -> Option<&Fit> {
+        self.models
+            .values()
+            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
+    }
+
+    /// The likeliest model within the window that was not looked at.
+    fn next(&self) -> Option<Fit> {
+        let floor = self.best()?.ln_score - self.options.window;
+        self.models
+            .values()
+            .filter(|f| f.ln_score >= floor && !self.expanded.contains(&f.terms))
+            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
+            .cloned()
+    }
+
+    fn expand(&mut self, fit: &Fit) {
+        self.expanded.insert(fit.terms.clone());
+        let promises = self.problem.promises(fit);
+        let mut jobs: Vec<Job> = Vec::new();
+        let mut add = |job: Job| {
+            if !self.models.contains_key(&job.0) {
+                jobs.push(job);
+            }
+        };
+        let additions = promises.iter().filter(|p| p.instead.is_none());
+        for p in additions
+            .filter(|p| p.gain > self.options.least_gain)
+            .take(self.options.additions)
+        {
+            let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
+            add((terms, point, fit.misfit));
+        }
+        for member in 0..fit.terms.len() {
+            let (terms, point) = self.problem.without(fit, member);
+            add((terms.clone(), point.clone(), fit.misfit));
+            let instead: Vec<&Promise> = promises
+                .iter()
+                .filter(|p| p.instead == Some(member))
+                .collect();
+            for p in instead
+                .into_iter()
+                .filter(|p| p.gain > self.options.least_gain)
+                .take(self.options.exchanges)
+            {
+                let smaller = Fit {
+                    terms: terms.clone(),
+                    point: point.clone(),
+                    ..fit.clone()
+                };
+                let (terms, point) = self.problem.with(&smaller, p.candidate, &p.numbers);
+                add((terms, point, fit.misfit));
+            }
+        }
+        self.fit(jobs, Effort::default());
+    }
+
+    fn run(&mut self) {
+        while self.fits < self.options.fits {
+            let Some(fit) = self.next() else { break };
+            (self.progress)(&match fit.terms.len() {
+                0 => "beside the vehicle alone".to_owned(),
+                _ => format!("beside {}", self.names(&fit).join(" + ")),
+            });
+            self.expand(&fit);
+        }
+    }
+
+    /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
+    fn renew_noise(&mut self) -> bool {
+        let Some(best) = self.best().cloned() else {
+            return false;
+        };
+        let predicted = self.problem.predicted(&best.terms, &best.point);
+        let noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
+        let pairs = noises.channels.iter().zip(&self.problem.noises.channels);
+        let change = pairs
+            .filter_map(|(a, b)| Some((a.as_ref()?.total_sd() / b.as_ref()?.total_sd()).ln().abs()))
+            .fold(0.0, f64::max);
+        let rejected = noises.used != self.problem.noises.used;
+        if change < self.options.noise_change && !rejected {
+            return false;
+        }
+        tracing::debug!(
+            "noise {:?}",
+            noises.channels.iter().flatten().collect::<Vec<_>>()
+        );
+        self.problem.noises = noises;
+        true
+    }
+
+    /// Scores of the models at the front under the present noise; the others are dropped.
+    fn rescore(&mut self) {
+        let Some(floor) = self.best().map(|b| b.ln_score - 3.0 * self.options.window) else {
+            return;
+        };
+        let kept: Vec<Fit> = std::mem::take(&mut self.models).into_values().collect();
+        let jobs = kept
+            .into_iter()
+            .filter(|f| f.ln_score >= floor || f.terms.is_empty())
+            .map(|f| (f.terms, f.point, f.misfit))
+            .collect();
+        self.expanded.clear();
+        self.fit(jobs, Effort::default());
+    }
+}
+
+/// Searches the models of a problem.
+///
+/// `None` when the vehicle alone gives no finite motion from the rig's numbers.
+pub fn search(
+    problem: Problem,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Option<Found> {
+    let mut search = Search {
+        problem,
+        models: BTreeMap::new(),
+        expanded: BTreeSet::new(),
+        fits: 0,
+        options,
+        progress,
+    };
+    search.alone();
+    search.best()?;
+    if search.renew_noise() {
+        search.rescore();
+    }
+    search.run();
+    for _ in 0..options.noise_rounds {
+        if !search.renew_noise() {
+            break;
+        }
+        search.rescore();
+        search.options.fits = search.fits + options.fits / 3;
+        search.run();
+    }
+    Some(Found {
+        problem: search.problem,
+        models: search.models,
+        fits: search.fits,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::posterior::Posterior;
+    use crate::prior::PriorTable;
+    use crate::recording::Recording;
+    use crate::testing::{Tank, entry};
+    use hydroline_rigs::{PhysicsEntry, Rig};
+    use std::time::Instant;
+
+    fn cases() -> Vec<(&'static str, Vec<usize>, Vec<PhysicsEntry>)> {
+        let lag = |dof: &str| vec![entry("thruster_lag", &[("lag_s", 0.25)], &[("dof", dof)])];
+        let cross = |dof: &str, a: &str, b: &str, c: f64| {
+            vec![entry(
+                "cross_flow_coupling",
+                &[("c", c)],
+                &[("dof", dof), ("a", a), ("b", b)],
+            )]
+        };
+        vec![
+            ("surge-nothing", vec![0], vec![]),
+            ("surge-lag", vec![0], lag("surge")),
+            ("planar-nothing", vec![0, 1, 5], vec![]),
+            ("planar-lag-yaw", vec![0, 1, 5], lag("yaw")),
+            (
+                "planar-current",
+                vec![0, 1, 5],
+                vec![entry(
+                    "current",
+                    &[("vx_mps", -0.012), ("vy_mps", 0.008)],
+                    &[],
+                )],
+            ),
+            ("planar-cross", vec![0, 1, 5], cross("yaw", "u", "r", -8.0)),
+            (
+                "planar-latency",
+                vec![0, 1, 5],
+                vec![entry("command_latency", &[("delay_s", 0.1)], &[])],
+            ),
+            (
+                "surge-pitch",
+                vec![0],
+                vec![entry(
+                    "thrust_line_offset",
+                    &[("lever_m", 0.02)],
+                    &[("axis", "pitch")],
+                )],
+            ),
+            (
+                "surge-two",
+                vec![0],
+                vec![
+                    entry("thruster_lag", &[("lag_s", 0.2)], &[("dof", "surge")]),
+                    entry("constant_force", &[("bias_n", 0.2)], &[("dof", "surge")]),
+                ],
+            ),
+        ]
+    }
+
+    /// Short runs, so that every day has its share; `a_few_cases` has more.
+    fn short(driven: &[usize], effects: Vec<PhysicsEntry>, seed: u64) -> (Found, Posterior) {
+        let tank = Tank {
+            seconds: 12.0,
+            hz: 12.5,
+            ..Tank::new(driven, effects)
+        };
+        let runs = tank.runs(3, seed);
+        let tolerance = std::array::from_fn(|c| if c % 6 < 3 { 2e-3 } else { 1.745e-3 });
+        let dofs = Recording::new(&runs, 0.1).moving(&tolerance);
+        let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
+        let found = search(problem, Options::default(), &|_| {}).unwrap();
+        let posterior = Posterior::new(&found);
+        (found, posterior)
+    }
+
+    fn probability(found: &Found, posterior: &Posterior, name: &str) -> f64 {
+        let body = &found.problem.body;
+        let of = posterior
+            .effects
+            .iter()
+            .find(|e| body.candidates[e.candidate].name() == name);
+        of.map_or(0.0, |e| e.probability)
+    }
+
+    #[test]
+    fn nothing_left_out_is_nothing_found() {
+        for driven in [&[0][..], &[0, 1, 5]] {
+            let (_, posterior) = short(driven, vec![], 3);
+            let nothing = posterior.models.iter().find(|m| m.0.is_empty()).unwrap();
+            assert!(nothing.1 > 0.5, "{posterior:?}");
+            assert!(
+                posterior.effects.iter().all(|e| e.probability < 0.5),
+                "{posterior:?}"
+            );
+            assert!(posterior.unnamed.iter().all(|u| u.1 < 0.1), "{posterior:?}");
+        }
+    }
+
+    /// A lag in yaw alone, while surge and sway are driven as well, gave no verdict in ten minutes.
+    #[test]
+    fn a_lag_of_one_dof_of_three_is_named_there() {
+        let lag = entry("thruster_lag", &[("lag_s", 0.25)], &[("dof", "yaw")]);
+        let (found, posterior) = short(&[0, 1, 5], vec![lag], 4);
+        assert!(
+            probability(&found, &posterior, "thruster_lag yaw") > 0.95,
+            "{posterior:?}"
+        );
+        let best = &found.models[&posterior.models[0].0];
+        let body = &found.problem.body;
+        let member = best
+            .terms
+            .iter()
+            .position(|t| body.candidates[*t].name() == "thruster_lag yaw")
+            .unwrap();
+        let at = body.places(&best.terms)[member];
+        let (lag_s, slope) = body.natural(&best.terms, &best.point)[at];
+        let sd = slope * best.covariance[(at, at)].sqrt();
+        assert!((lag_s - 0.25).abs() < 4.0 * sd && sd < 0.01, "{lag_s} {sd}");
+    }
+
+    /// Surge runs that pitch, which no command asks for, were taken for complete.
+    #[test]
+    fn a_dof_that_nobody_commanded_is_looked_at() {
+        let offset = entry(
+            "thrust_line_offset",
+            &[("lever_m", 0.03)],
+            &[("axis", "pitch")],
+        );
+        let (found, posterior) = short(&[0], vec![offset], 5);
+        assert!(found.problem.body.dofs.contains(&4));
+        assert!(
+            probability(&found, &posterior, "thrust_line_offset pitch") > 0.95,
+            "{posterior:?}"
+        );
+    }
+
+    /// What a search finds, for eyes.
+    fn told(problem: Problem, begun: Instant) {
+        for d in &problem.body.dofs {
+            println!(
+                "   {d} {:?} {:?}",
+                problem.noises.channels[*d], problem.body.responses[*d]
+            );
+        }
+        let found = search(problem, Options::default(), &|what| {
+            println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
+        })
+        .unwrap();
+        let body = &found.problem.body;
+        let dofs = &body.dofs;
+        let posterior = Posterior::new(&found);
+        println!(
+            "   {} fits, {:.1} s",
+            found.fits,
+            begun.elapsed().as_secs_f64()
+        );
+        for (terms, p) in posterior.models.iter().take(6) {
+            let fit = &found.models[terms];
+            let names: Vec<String> = terms.iter().map(|t| body.candidates[*t].name()).collect();
+            let places = body.places(terms);
+            let natural = body.natural(terms, &fit.point);
+            let numbers: Vec<String> = natural[places[0]..places[terms.len()]]
+                .iter()
+                .zip(places[0]..)
+                .map(|(v, i)| {
+                    format!(
+                        "{:.4}±{:.4}",
+                        v.0,
+                        v.1.abs() * fit.covariance[(i, i)].sqrt()
+                    )
+                })
+                .collect();
+            let cells: Vec<_> = dofs
+                .iter()
+                .map(|d| (fit.misfit[*d].size, fit.misfit[*d].correlation))
+                .collect();
+            println!(
+                "   p {p:.4} {:.2} {names:?} {numbers:?} {cells:?}",
+                fit.ln_score
+            );
+        }
+        for e in posterior.effects.iter().take(8) {
+            println!(
+                "   {:.4} {}",
+                e.probability,
+                body.candidates[e.candidate].name()
+            );
+        }
+        let best = &found.models[&posterior.models[0].0];
+        let natural = body.natural(&best.terms, &best.point);
+        for (i, own) in body.own.iter().enumerate() {
+            let ratio = best.point[i].exp();
+            println!(
+                "   {} {:.4} = {ratio:.3} of the rig's, ±{:.3}",
+                own.name(),
+                natural[i].0,
+                best.covariance[(i, i)].sqrt()
+            );
+        }
+        let short = |r: [f64; 12]| -> Vec<String> {
+            r.iter()
+                .filter(|v| v.is_finite())
+                .map(|v| format!("{v:.2e}"))
+                .collect()
+        };
+        println!(
+            "   alone {:?}",
+            short(found.problem.left(&[], &found.models[&Vec::new()].point))
+        );
+        println!(
+            "   best  {:?}",
+            short(found.problem.left(&best.terms, &best.point))
+        );
+        for (t, w) in best.terms.iter().zip(found.problem.weights(best)) {
+            println!("   weight {} {:?}", body.candidates[*t].name(), short(w));
+        }
+        println!("   unnamed {:?}", posterior.unnamed);
+        for d in dofs {
+            println!(
+                "   noise {d} {:?} {:?}",
+                found.problem.noises.channels[*d],
+                found.problem.noises.channels[6 + *d]
+            );
+        }
+    }
+
+    /// `RIG=rig.toml LOGS="a.mcap b.mcap" cargo test -p hydroline-inference --lib of_logs -- --ignored --nocapture`
+    #[test]
+    #[ignore]
+    fn of_logs() {
+        let rig = std::env::var("RIG").unwrap_or_else(|_| "lshpi".to_owned());
+        let rig = Rig::load_or_builtin(&rig).unwrap();
+        let logs = std::env::var("LOGS").unwrap();
+        let runs: Vec<_> = logs
+            .split_whitespace()
+            .map(|l| hydroline_identify::data::load(std::path::Path::new(l), &rig).unwrap())
+            .collect();
+        let begun = Instant::now();
+        let tolerance = std::array::from_fn(|c| {
+            if c % 6 < 3 {
+                rig.tolerance.position_m
+            } else {
+                rig.tolerance.attitude_rad
+            }
+        });
+        let dofs = Recording::new(&runs, 0.0).moving(&tolerance);
+        println!("== {logs} dofs {dofs:?}");
+        told(
+            Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
+            begun,
+        );
+    }
+
+    /// `CASE=name SEED=n cargo test -p hydroline-inference --lib a_few -- --ignored --nocapture`
+    #[test]
+    #[ignore]
+    fn a_few_cases() {
+        let one = std::env::var("CASE").unwrap_or_default();
+        let seed: u64 = std::env::var("SEED")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(1);
+        for (name, driven, effects) in cases() {
+            if !name.contains(&one) {
+                continue;
+            }
+            let tank = Tank::new(&driven, effects);
+            let runs = tank.runs(4, seed);
+            let begun = Instant::now();
+            let recording = Recording::new(&runs, 0.1);
+            let tolerance = std::array::from_fn(|c| if c % 6 < 3 { 2e-3 } else { 1.745e-3 });
+            let dofs = recording.moving(&tolerance);
+            let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
+            println!(
+                "== {name} dofs {dofs:?}, noise at {:.1} s",
+                begun.elapsed().as_secs_f64()
+            );
+            told(problem, begun);
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! What is said of a fitted model: residuals, weights of its effects, predictions of runs it has not seen.
+
+use hydroline_identify::data::Run;
+use hydroline_rigs::Rig;
+use hydroline_sim::effect::EffectError;
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::body::{Body, Point};
+use super::filter::Force;
+use super::fit::{Effort, Fit, Problem};
+use super::hyper::{Noises, with_force};
+use super::recording::Recording;
+
+/// Steps of the fit of a run's start.
+const START_STEPS: usize = 6;
+/// On the diagonal of a projection: derivatives that do the same are one.
+const JITTER: f64 = 1e-10;
+
+/// rms per channel; NaN = not measured or not of a DOF that moves.
+pub type Rms = [f64; 12];
+
+/// Sums squares per channel.
+#[derive(Debug, Default, Clone, Copy)]
+struct Squares {
+    sum: [f64; 12],
+    count: [usize; 12],
+}
+
+impl Squares {
+    fn add(&mut self, channel: usize, value: f64) {
+        self.sum[channel] += value * value;
+        self.count[channel] += 1;
+    }
+
+    fn rms(&self) -> Rms {
+        std::array::from_fn(|c| match self.count[c] {
+            0 => f64::NAN,
+            n => (self.sum[c] / n as f64).sqrt(),
+        })
+    }
+}
+
+impl Problem {
+    /// rms of what a point leaves of the samples that count.
+    pub fn left(&self, terms: &[usize], point: &[f64]) -> Rms {
+        let mut squares = Squares::default();
+        for (run, predicted) in self.predicted(terms, point).iter().enumerate() {
+            let r = &self.body.recording.runs[run];
+            for (k, p) in predicted.iter().enumerate() {
+                let m = r.measured(k);
+                for c in (0..12).filter(|c| self.noises.used[run][k][*c]) {
+                    squares.add(c, m[c] - p[c]);
+                }
+            }
+        }
+        squares.rms()
+    }
+
+    /// Weight of each effect of a model as interfaces.md defines it: rms of [motion with it alone − motion with none], at
+    /// the fitted vehicle, what the vehicle's own numbers can do taken out.
+    pub fn weights(&self, fit: &Fit) -> Vec<Rms> {
+        let alone = |keep: Option<usize>| -> (Vec<usize>, Point) {
+            let mut made = fit.clone();
+            for member in (0..fit.terms.len()).rev().filter(|m| Some(*m) != keep) {
+                let (terms, point) = self.without(&made, member);
+                (made.terms, made.point) = (terms, point);
+            }
+            (made.terms, made.point)
+        };
+        let (_, bare) = alone(None);
+        let Some(all) = self.simulate(&[], &bare) else {
+            return vec![[f64::NAN; 12]; fit.terms.len()];
+        };
+        let own = self.body.own.len();
+        let channels: Vec<usize> = (0..12)
+            .filter(|c| self.noises.channels[*c].is_some())
+            .collect();
+        // All channels in units of what matters.
+        let row = |state: &[f64; 12]| -> Vec<f64> {
+            channels
+                .iter()
+                .map(|c| state[*c] / self.body.tolerance[*c])
+                .collect()
+        };
+        let rows: usize = all.iter().map(|s| s.values.len() * channels.len()).sum();
+        let mut derivatives = DMatrix::zeros(rows, own);
+        let mut at = 0;
+        for s in &all {
+            for (i, column) in s.columns.iter().filter(|c| c.0 < own) {
+                for (k, state) in column.iter().enumerate() {
+                    for (j, v) in row(state).into_iter().enumerate() {
+                        derivatives[(at + k * channels.len() + j, *i)] = v;
+                    }
+                }
+            }
+            at += s.values.len() * channels.len();
+        }
+        let mut square = derivatives.tr_mul(&derivatives);
+        for i in 0..own {
+            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
+        }
+        let root = Cholesky::new(square);
+        let weigh = |member: usize| -> Rms {
+            let (terms, point) = alone(Some(member));
+            let with = self.predicted(&terms, &point);
+            let difference: Vec<f64> = with
+                .iter()
+                .zip(&all)
+                .flat_map(|(a, b)| a.iter().zip(&b.values))
+                .flat_map(|(a, b)| row(&std::array::from_fn(|c| a[c] - b[c])))
+                .collect();
+            let mut difference = DVector::from_vec(difference);
+            if let Some(root) = &root {
+                let part = root.solve(&derivatives.tr_mul(&difference));
+                difference -= &derivatives * part;
+            }
+            let mut squares = Squares::default();
+            for (i, v) in difference.iter().enumerate() {
+                let c = channels[i % channels.len()];
+                squares.add(c, v * self.body.tolerance[c]);
+            }
+            squares.rms()
+        };
+        (0..fit.terms.len()).map(weigh).collect()
+    }
+
+    /// The same problem with only some of its runs.
+    #[must_use]
+    pub fn only(&self, keep: &[usize]) -> Problem {
+        let body = Body {
+            recording: Recording {
+                runs: keep
+                    .iter()
+                    .map(|i| self.body.recording.runs[*i].clone())
+                    .collect(),
+                channels: self.body.recording.channels,
+            },
+            starts: keep.iter().map(|i| self.body.starts[*i].clone()).collect(),
+            rest: keep.iter().map(|i| self.body.rest[*i]).collect(),
+            lines: keep
+                .iter()
+                .filter_map(|i| self.body.lines.get(*i).copied())
+                .collect(),
+            ..self.body.clone()
+        };
+        Problem {
+            worth: self.worth.clone(),
+            noises: Noises {
+                channels: self.noises.channels,
+                used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
+            },
+            body,
+        }
+    }
+
+    /// The same body over other runs, with the same noise and candidates.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn over(&self, runs: &[Run], rig: &Rig) -> Result<Problem, EffectError> {
+        let recording = Recording::new(runs, rig.tank.start_pose[5]);
+        let mut body = Body::new(recording, rig, &self.body.dofs, self.body.prior)?;
+        body.candidates.clone_from(&self.body.candidates);
+        body.own.clone_from(&self.body.own);
+        let used = body
+            .recording
+            .runs
+            .iter()
+            .map(|r| {
+                let of = |k: usize| {
+                    let m = r.measured(k);
+                    std::array::from_fn(|c| self.noises.channels[c].is_some() && m[c].is_finite())
+                };
+                (0..r.times_s.len()).map(of).collect()
+            })
+            .collect();
+        Ok(Problem {
+            worth: self.worth.clone(),
+            noises: Noises {
+                channels: self.noises.channels,
+                used,
+            },
+            body,
+        })
+    }
+
+    /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then foretold but for
+    /// where it began.
+    pub fn foretold(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {
+        let places = self.body.start_places(terms);
+        let mut at: Point = globals[..places[0]].to_vec();
+        for (run, free) in self.body.starts.iter().enumerate() {
+            at.extend(free.iter().map(|c| self.body.rest[run][*c]));
+        }
+        let n = at.len() - places[0];
+        let densities = self.body.densities(terms);
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
+        for _ in 0..START_STEPS {
+            let all = self.simulate(terms, &at)?;
+            let mut information = DMatrix::zeros(n, n);
+            let mut gradient = DVector::zeros(n);
+            for &d in &self.body.dofs {
+                let filters = with_force(&self.body, &self.noises, d, none);
+                let normal = self.normal_with(&all, d, &filters, at.len());
+                information += normal.information.view((places[0], places[0]), (n, n));
+                gradient += normal.gradient.rows(places[0], n);
+            }
+            for i in 0..n {
+                let (slope, curvature) = densities[places[0] + i].step(at[places[0] + i]);
+                gradient[i] += slope;
+                information[(i, i)] += curvature.max(1e-12);
+            }
+            let step = Cholesky::new(information)?.solve(&gradient);
+            for i in 0..n {
+                at[places[0] + i] += step[i];
+            }
+        }
+        Some(at)
+    }
+
+    /// rms on runs that a model has not seen.
+    pub fn foretold_rms(&self, fit: &Fit) -> Option<Rms> {
+        let point = self.foretold(&fit.terms, &fit.point)?;
+        Some(self.left(&fit.terms, &point))
+    }
+
+    /// rms of every run as the others foretell it, each model fitted anew without it.
+    pub fn one_run_out(&self, fit: &Fit) -> Option<Rms> {
+        let runs = self.body.recording.runs.len();
+        let mut sum = Squares::default();
+        for out in 0..runs {
+            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
+            let part = self.only(&others);
+            let places = self.body.start_places(&fit.terms);
+            let mut from = fit.point[..places[0]].to_vec();
+            for r in &others {
+                from.extend(&fit.point[places[*r]..places[r + 1]]);
+            }
+            let made = part.fit(&fit.terms, &from, fit.misfit, Effort::default())?;
+            let alone = self.only(&[out]);
+            let point = alone.foretold(&fit.terms, &made.point)?;
+            let r = &alone.body.recording.runs[0];
+            for (k, p) in alone.predicted(&fit.terms, &point)[0].iter().enumerate() {
+                let m = r.measured(k);
+                for c in (0..12).filter(|c| alone.noises.used[0][k][*c]) {
+                    sum.add(c, m[c] - p[c]);
+                }
+            }
+        }
+        Some(sum.rms())
+    }
+
+    /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.
+    pub fn innovations(&self, terms: &[usize], point: &[f64]) -> Vec<(usize, Vec<Vec<[f64; 2]>>)> {
+        let predicted = self.predicted(terms, point);
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
+        self.body
+            .dofs
+            .iter()
+            .map(|&d| {
+                let filters = with_force(&self.body, &self.noises, d, none);
+                let runs = predicted.iter().zip(&filters).enumerate();
+                let white = runs.map(|(run, (v, f))| self.white_residual(run, d, v, f));
+                (d, white.collect())
+            })
+            .collect()
+    }
+}

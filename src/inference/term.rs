@@ -1,0 +1,202 @@
+//! Terms of a model: which effects of the registry may act where, with points to begin from.
+
+use hydroline_rigs::Dof;
+use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo, WordInfo};
+
+use super::prior::{Scale, nothing};
+
+/// An effect that may have been left out, at one place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// The effect.
+    pub info: &'static EffectInfo,
+    /// Index per word.
+    pub words: Vec<usize>,
+    /// Scale and prior per parameter.
+    pub scales: Vec<Scale>,
+    /// Points to begin from, natural numbers.
+    pub starts: Vec<Vec<f64>>,
+    /// Value of the first parameter where the effect is not there.
+    pub nothing: f64,
+}
+
+impl Candidate {
+    /// Name with its words, e.g. `thruster_lag yaw`.
+    pub fn name(&self) -> String {
+        let words = self.info.words.iter().zip(&self.words);
+        let words: Vec<&str> = words
+            .filter_map(|(w, i)| w.allowed.get(*i).copied())
+            .collect();
+        [&[self.info.id], &words[..]].concat().join(" ")
+    }
+
+    /// A word's value.
+    pub fn word(&self, name: &str) -> Option<&'static str> {
+        let at = self.info.words.iter().position(|w| w.name == name)?;
+        self.info.words[at].allowed.get(self.words[at]).copied()
+    }
+
+    /// As the simulator takes it; numbers are filled in by whoever runs it.
+    pub fn checked(&self, numbers: &[f64]) -> CheckedEffect {
+        CheckedEffect {
+            info: self.info,
+            numbers: numbers.to_vec(),
+            words: self.words.clone(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+/// Every effect at every place where it may act in these DOFs, but those that are switched on already.
+///
+/// `largest` = greatest load commanded per DOF \[N, N m\].
+pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> Vec<Candidate> {
+    let mut all = Vec::new();
+    for info in ALL.iter().filter(|i| !i.parameters.is_empty()) {
+        for words in choices(info.words, dofs) {
+            if on.iter().any(|o| o.info.id == info.id && o.words == words) {
+                continue;
+            }
+            all.push(Candidate::new(info, words, largest));
+        }
+    }
+    all
+}
+
+/// All combinations of words in which no word names a DOF that does not move.
+fn choices(words: &[WordInfo], dofs: &[usize]) -> Vec<Vec<usize>> {
+    let moves = |word: &str| {
+        let dof = Dof::ALL.into_iter().position(|d| d.name() == word);
+        let rate = ["u", "v", "w", "p", "q", "r"]
+            .iter()
+            .position(|r| *r == word);
+        dof.or(rate).is_none_or(|d| dofs.contains(&d))
+    };
+    let mut made = vec![Vec::new()];
+    for w in words {
+        let allowed = (0..w.allowed.len()).filter(|i| moves(w.allowed[*i]));
+        let allowed: Vec<usize> = allowed.collect();
+        made = made
+            .into_iter()
+            .flat_map(|chosen: Vec<usize>| {
+                allowed.iter().map(move |i| {
+                    let mut more = chosen.clone();
+                    more.push(*i);
+                    more
+                })
+            })
+            .collect();
+    }
+    made
+}
+
+/// Where a limit on the load begins, over the largest load: between loads a limit clips other steps of the command, and
+/// no fit finds from one of these stretches into the next.
+const LIMITS: [f64; 5] = [0.95, 0.85, 0.72, 0.58, 0.44];
+
+impl Candidate {
+    fn new(info: &'static EffectInfo, words: Vec<usize>, largest: &[f64; 6]) -> Candidate {
+        let mut made = Candidate {
+            scales: info
+                .parameters
+                .iter()
+                .enumerate()
+                .map(|(i, p)| Scale::of(p, i))
+                .collect(),
+            starts: starts(info),
+            nothing: info.parameters.first().map_or(0.0, nothing),
+            info,
+            words,
+        };
+        if info.parameters.first().is_some_and(|p| p.bounds_load) {
+            let dof = made
+                .word("dof")
+                .and_then(|w| Dof::ALL.into_iter().find(|d| d.name() == w))
+                .map_or(0, Dof::index);
+            let top = largest[dof];
+            if top > 0.0 {
+                made.nothing = top;
+                made.starts = LIMITS
+                    .iter()
+                    .map(|share| {
+                        let mut point = made.starts[0].clone();
+                        point[0] = share * top;
+                        point
+                    })
+                    .collect();
+                // A thruster that limits at all is one that passed for sound: between a third of the largest load and it.
+                made.scales[0].density = super::prior::Density::Student {
+                    centre: (0.65 * top).ln(),
+                    scale: 0.25,
+                    freedom: 4.0,
+                };
+                made.scales[0].logarithmic = true;
+                made.scales[0].sign = 1.0;
+            }
+        }
+        made
+    }
+}
+
+/// A share of the plausible range.
+fn point(p: &ParameterInfo, share: f64) -> f64 {
+    let (low, high) = p.plausible;
+    if low > 0.0 && high >= 4.0 * low {
+        low * (high / low).powf(share)
+    } else {
+        low + (high - low) * share
+    }
+}
+
+/// Radical inverse: evenly filling points without a seed (Halton 1960).
+fn radical(mut k: usize, base: usize) -> f64 {
+    let (mut value, mut digit) = (0.0, 1.0 / base as f64);
+    while k > 0 {
+        value += (k % base) as f64 * digit;
+        k /= base;
+        digit /= base as f64;
+    }
+    value
+}
+
+fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
+    const BASES: [usize; 5] = [2, 3, 5, 7, 11];
+    let typical: Vec<f64> = info.parameters.iter().map(|p| p.typical).collect();
+    let mut points = vec![typical];
+    let count = match info.parameters.len() {
+        1 => {
+            points.extend([0.1, 0.9].map(|s| vec![point(&info.parameters[0], s)]));
+            return points;
+        }
+        2 => 6,
+        _ => 24,
+    };
+    for k in 1..=count {
+        let numbers = info.parameters.iter().enumerate();
+        points.push(
+            numbers
+                .map(|(i, p)| point(p, radical(k, BASES[i % BASES.len()])))
+                .collect(),
+        );
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_is_asked_at_every_place_where_it_may_act() {
+        let surge = candidates(&[0], &[], &[8.0; 6]);
+        let planar = candidates(&[0, 1, 5], &[], &[8.0; 6]);
+        let count = |all: &[Candidate], id: &str| all.iter().filter(|c| c.info.id == id).count();
+        assert_eq!(count(&surge, "thruster_lag"), 1);
+        assert_eq!(count(&planar, "thruster_lag"), 3);
+        assert_eq!(count(&planar, "lift_damping"), 2);
+        assert_eq!(count(&surge, "command_latency"), 1);
+        let names: std::collections::BTreeSet<String> =
+            planar.iter().map(Candidate::name).collect();
+        assert_eq!(names.len(), planar.len());
+    }
+}
