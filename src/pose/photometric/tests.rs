@@ -439,6 +439,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         redescending: false,
         response: Response::new([at, 0.0], 255),
         curve: Curve::Sought,
+        even: false,
     };
     let (dark, lamp) = (14.0, 6.0);
     let seen = |light: f64| weighting.response.between(grey(light));
@@ -453,7 +454,10 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         counter.uneven = Some(Uneven::of_rows(seen(dark), vec![by; 2]));
         let shown = grey(dark + lamp + laser).round() as u8;
         let background = counter.background(state.background, 1);
-        counter.bulk(shown, laser, background).unwrap()
+        let mut tally = counter.sums.tally;
+        counter
+            .bulk::<true>(shown, laser, background, &mut tally)
+            .unwrap()
     };
     let lights: Vec<f64> = (0..700).map(|k| 60.0 + 0.2 * f64::from(k)).collect();
     let mean = |lamp: f64| {
