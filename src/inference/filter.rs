@@ -129,8 +129,7 @@ fn square_root(covariance: &SMatrix<f64, 3, 3>) -> SMatrix<f64, 3, 3> {
 }
 
 impl Filter {
-    /// For samples at `times_s`; `scale(k)` is by how much the white noise of sample k is larger than the channels' own,
-    /// `used(k, c)` whether channel c of it counts.
+    /// For samples at `times_s`, the response at rest at `start_s`; `used(k, c)` says whether channel c of sample k counts.
     pub fn new(
         times_s: &[f64],
         start_s: f64,

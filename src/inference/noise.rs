@@ -208,7 +208,7 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
         let made = instruments(&x, there);
         let mut changed = false;
         for ((r, p), used) in runs.iter().zip(pairs).zip(&mut used) {
-            changed |= reject(r, p, used, |used| {
+            changed |= reject(p, used, |used| {
                 Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
                     used[k][c]
                 })
@@ -223,7 +223,6 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
 
 /// Marks samples whose innovation is too large, the largest of each neighbourhood first; whether any was.
 fn reject(
-    _run: &Recorded,
     pairs: &[[f64; 2]],
     used: &mut Vec<[bool; 2]>,
     filter: impl Fn(&[[bool; 2]]) -> Filter,
