@@ -15,6 +15,7 @@ use super::source::Source;
 use super::verdict::{NoiseFound, Word};
 use found::Judged;
 use hydroline_identify::data::{Run, is_still};
+use hydroline_inference::body::tolerance;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::prior::PriorTable;
@@ -42,14 +43,7 @@ pub fn diagnose(
         .filter(|r| !is_still(r, still))
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
-    let tolerance: [f64; 12] = std::array::from_fn(|c| {
-        if c % 6 < 3 {
-            rig.tolerance.position_m
-        } else {
-            rig.tolerance.attitude_rad
-        }
-    });
-    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&tolerance);
+    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&tolerance(rig));
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }

@@ -9,6 +9,8 @@ use hydroline_sim::EffectStack;
 use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo, Stage};
 
 use super::fit::is_phase;
+use hydroline_inference::prior::nothing;
+use hydroline_inference::term::{by_ratio, point, radical};
 
 /// An effect that may have been left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -180,17 +182,6 @@ pub fn limit(vocabulary: &mut [Candidate], largest_load: f64) {
     }
 }
 
-/// Where the effect is not there: 0, or a factor of 1 if that is nearer to the plausible range.
-fn nothing(p: &ParameterInfo) -> f64 {
-    let (low, high) = p.plausible;
-    let away = |v: f64| (low - v).max(v - high);
-    if p.unit == "1" && away(1.0) < away(0.0) {
-        1.0
-    } else {
-        0.0
-    }
-}
-
 /// The plausible range down to where the effect is not there.
 fn flat(p: &ParameterInfo) -> (f64, f64) {
     let nothing = nothing(p);
@@ -210,21 +201,6 @@ fn width((i, p): (usize, &ParameterInfo)) -> f64 {
     mostly(i, p).map_or(flat, |_| flat * (TAU / 12.0).sqrt())
 }
 
-/// Whether shares of the plausible range go by ratio: it has one sign and spans a factor of four.
-fn by_ratio((low, high): (f64, f64)) -> bool {
-    low > 0.0 && high >= 4.0 * low
-}
-
-/// A share of the plausible range.
-fn point(p: &ParameterInfo, share: f64) -> f64 {
-    let (low, high) = p.plausible;
-    if by_ratio(p.plausible) {
-        low * (high / low).powf(share)
-    } else {
-        low + (high - low) * share
-    }
-}
-
 /// The share of the plausible range at which a value lies, as [`point`] has it.
 pub fn share(p: &ParameterInfo, value: f64) -> f64 {
     let (low, high) = p.plausible;
@@ -233,17 +209,6 @@ pub fn share(p: &ParameterInfo, value: f64) -> f64 {
     } else {
         (value - low) / (high - low).max(1e-300)
     }
-}
-
-/// Radical inverse: evenly filling points without a seed (Halton 1960).
-fn radical(mut k: usize, base: usize) -> f64 {
-    let (mut value, mut digit) = (0.0, 1.0 / base as f64);
-    while k > 0 {
-        value += (k % base) as f64 * digit;
-        k /= base;
-        digit /= base as f64;
-    }
-    value
 }
 
 fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {

@@ -11,6 +11,7 @@ use super::candidate::{Candidate, limit, vocabulary};
 use super::scale::{factors, rescale};
 use hydroline_identify::data::{CHANNELS, Run};
 use hydroline_identify::parameter::{Coefficient, Term};
+use hydroline_inference::recording;
 
 /// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
 const STEP_MAX_S: f64 = 0.04;
@@ -21,9 +22,6 @@ const START_SLACK_S: f64 = 1.0;
 /// Derivatives per pass.
 pub const PASS: usize = 16;
 
-/// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a
-/// vehicle with time constants of a tenth of a second and more feels no difference.
-const HOLD_S: f64 = 0.02;
 /// Samples per second looked at: of denser ones every second, third … [1/s]. Slow motion and correlated
 /// noise say no more with more of them.
 const RATE_MOST_HZ: f64 = 60.0;
@@ -164,45 +162,10 @@ impl Track {
     }
 }
 
-/// Edges as they are, or where they come faster than [`HOLD_S`] the mean load over each such while.
+/// The same, of one load.
 fn averaged(edges: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let (Some(first), Some(last)) = (edges.first(), edges.last()) else {
-        return edges;
-    };
-    let (begin_s, span_s) = (first.0, last.0 - first.0);
-    if (edges.len() - 1) as f64 * HOLD_S <= span_s {
-        return edges;
-    }
-    let mut made: Vec<(f64, f64)> = Vec::new();
-    let (mut next, mut load) = (0, 0.0);
-    let whiles = (span_s / HOLD_S) as usize;
-    for k in 0..=whiles {
-        let (from_s, to_s) = (
-            begin_s + HOLD_S * k as f64,
-            begin_s + HOLD_S * (k + 1) as f64,
-        );
-        let (mut now_s, mut impulse) = (from_s, 0.0);
-        // The last while takes every edge that is left: its end may be the last edge's time, rounded.
-        while let Some((t_s, new)) = edges.get(next).filter(|e| k == whiles || e.0 < to_s) {
-            impulse += load * (t_s - now_s).max(0.0);
-            now_s = t_s.max(now_s);
-            load = *new;
-            next += 1;
-        }
-        impulse += load * (to_s - now_s);
-        let mean = impulse / HOLD_S;
-        if made.last().is_none_or(|e| e.1 != mean) {
-            made.push((from_s, mean));
-        }
-    }
-    // What holds behind the last edge holds from the end of its while.
-    if made.last().is_none_or(|e| e.1 != load) {
-        made.push((
-            begin_s + HOLD_S * ((span_s / HOLD_S) as usize + 1) as f64,
-            load,
-        ));
-    }
-    made
+    let made = recording::averaged(edges.into_iter().map(|(t_s, load)| (t_s, [load])).collect());
+    made.into_iter().map(|(t_s, [load])| (t_s, load)).collect()
 }
 
 /// The problem of one DOF.

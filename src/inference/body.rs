@@ -90,6 +90,15 @@ pub struct Simulated {
     pub columns: Vec<(usize, Vec<[f64; 12]>)>,
 }
 
+/// Largest tolerable rms per channel; rates per second as places.
+pub fn tolerance(rig: &Rig) -> [f64; 12] {
+    let tolerance = &rig.tolerance;
+    std::array::from_fn(|c| match c % 6 {
+        0..3 => tolerance.position_m,
+        _ => tolerance.attitude_rad,
+    })
+}
+
 /// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
 const RATE_OVER_S: f64 = 0.6;
 /// See there.
@@ -256,12 +265,6 @@ impl Body {
             starts.push(free);
             rest.push(at);
         }
-        let tolerance = std::array::from_fn(|c| match c {
-            0..3 => rig.tolerance.position_m,
-            3..6 => rig.tolerance.attitude_rad,
-            6..9 => rig.tolerance.position_m,
-            _ => rig.tolerance.attitude_rad,
-        });
         Ok(Body {
             candidates: candidates(dofs, &base, &largest),
             recording,
@@ -274,7 +277,7 @@ impl Body {
             lines,
             prior,
             responses,
-            tolerance,
+            tolerance: tolerance(rig),
             step_max_s: STEP_MAX_S.min(STEP_SHARE / quickest.max(1e-9)).max(0.005),
         })
     }

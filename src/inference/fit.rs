@@ -397,6 +397,23 @@ pub fn prior(densities: &[Density], point: &[f64]) -> f64 {
     densities.iter().zip(point).map(|(d, v)| d.ln(*v)).sum()
 }
 
+/// Information of a number of which neither data nor prior say anything: it keeps a factor from failing.
+const INFORMATION_LEAST: f64 = 1e-12;
+
+/// Adds what the prior says at a point to normal equations.
+pub(super) fn add_prior(
+    densities: &[Density],
+    point: &[f64],
+    information: &mut DMatrix<f64>,
+    gradient: &mut DVector<f64>,
+) {
+    for (i, (density, v)) in densities.iter().zip(point).enumerate() {
+        let (slope, curvature) = density.step(*v);
+        gradient[i] += slope;
+        information[(i, i)] += curvature.max(INFORMATION_LEAST);
+    }
+}
+
 /// Log determinant from a factor.
 pub fn ln_determinant(root: &Cholesky<f64, Dyn>) -> f64 {
     root.l_dirty().diagonal().iter().map(|v| 2.0 * v.ln()).sum()
@@ -466,11 +483,7 @@ impl<'a> Table<'a> {
                 cost += n.cost;
             }
         }
-        for (i, (d, v)) in densities.iter().zip(at).enumerate() {
-            let (slope, curvature) = d.step(*v);
-            gradient[i] += slope;
-            information[(i, i)] += curvature.max(1e-12);
-        }
+        add_prior(densities, at, &mut information, &mut gradient);
         (information, gradient, cost)
     }
 

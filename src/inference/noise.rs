@@ -199,8 +199,8 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
             descend(from, there, |x| cost(x, &used))
         });
         x = tried
-            .min_by(|a, b| cost(a, &used).total_cmp(&cost(b, &used)))
-            .unwrap_or(x);
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(x, |found| found.0);
         let force = Force {
             sd_mps2: x[6].exp(),
             correlation_s: x[7].exp().clamp(0.1, 60.0),
@@ -252,8 +252,8 @@ fn reject(
     *used != before
 }
 
-/// Pattern search: along each number in turn, steps halved when none gains.
-fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> Numbers {
+/// Pattern search: along each number in turn, steps halved when none gains; the place and its cost.
+fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> (Numbers, f64) {
     let free: Vec<usize> = (0..8).filter(|i| *i >= 6 || there[i / 3]).collect();
     let mut best = cost(&x);
     let mut step = 1.0;
@@ -274,5 +274,5 @@ fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> 
             step *= 0.5;
         }
     }
-    x
+    (x, best)
 }

@@ -10,11 +10,14 @@ use rayon::prelude::*;
 
 use super::body::Point;
 use super::filter::Filter;
-use super::fit::{Fit, Problem};
-use super::hyper::{Cell, Misfit, filters};
+use super::fit::{Fit, Problem, add_prior};
+use super::hyper::{Cell, filters};
 
-/// Share of the random force's size at which candidates are asked as well: the force shrinks when the right one joins.
+/// Places in the table of sizes by which the random force is taken smaller for a second look: it shrinks when the right
+/// effect joins.
 const SHRUNK: usize = 3;
+/// Least one of an effect whose size has one sign: it does not go through nothing.
+const SHARE_LEAST: f64 = 0.02;
 /// Largest multiple of the typical size that a response is stretched to.
 const STRETCH: f64 = 4.0;
 
@@ -45,7 +48,6 @@ type Columns = Vec<(usize, Vec<[f64; 2]>)>;
 
 /// Whitened columns of a model under one set of cells.
 struct View {
-    misfit: Misfit,
     /// Whitened derivatives per DOF and run: (index, column).
     columns: BTreeMap<(usize, usize), Columns>,
     residuals: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
@@ -101,6 +103,18 @@ fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
         .sum()
 }
 
+/// By how much a motion differs from another; `None` where it is not finite.
+fn minus(mut made: Motion, here: &[Vec<[f64; 12]>]) -> Option<Motion> {
+    let others = here.iter().flatten().flatten();
+    for (a, b) in made.iter_mut().flatten().flatten().zip(others) {
+        *a -= b;
+        if !a.is_finite() {
+            return None;
+        }
+    }
+    Some(made)
+}
+
 impl Problem {
     fn view(&self, fit: &Fit, shrink: usize, members: &[Option<Motion>]) -> Option<View> {
         let mut misfit = fit.misfit;
@@ -114,24 +128,15 @@ impl Problem {
         let n = fit.point.len();
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
-        for (i, (d, v)) in self
-            .body
-            .densities(&fit.terms)
-            .iter()
-            .zip(&fit.point)
-            .enumerate()
-        {
-            let (slope, curvature) = d.step(*v);
-            gradient[i] += slope;
-            information[(i, i)] += curvature.max(1e-12);
-        }
+        let densities = self.body.densities(&fit.terms);
+        add_prior(&densities, &fit.point, &mut information, &mut gradient);
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for &d in &self.body.dofs {
-            let normal = self.normal(&all, d, misfit[d], n);
+            let filters = filters(&self.body, &self.worth, &self.noises, d, misfit[d]);
+            let normal = self.normal_with(&all, d, &filters, n);
             information += normal.information;
             gradient += normal.gradient;
-            let filters = filters(&self.body, &self.worth, &self.noises, d, misfit[d]);
             for (run, sim) in all.iter().enumerate() {
                 let each = sim.columns.iter();
                 let white =
@@ -146,7 +151,6 @@ impl Problem {
         }
         let whole = Left::new(&information, &gradient, (0..n).collect())?;
         let mut made = View {
-            misfit,
             columns,
             residuals,
             filters: by_dof,
@@ -198,32 +202,17 @@ impl Problem {
     /// What may be added to a model or put in a member's place, best first of each candidate's points.
     pub fn promises(&self, fit: &Fit) -> Vec<Promise> {
         let here = self.predicted(&fit.terms, &fit.point);
-        let minus = |made: Motion| -> Option<Motion> {
-            let mut made = made;
-            for (a, b) in made
-                .iter_mut()
-                .flatten()
-                .flatten()
-                .zip(here.iter().flatten().flatten())
-            {
-                *a -= b;
-                if !a.is_finite() {
-                    return None;
-                }
-            }
-            Some(made)
-        };
         // What each member does now.
         let members: Vec<Option<Motion>> = (0..fit.terms.len())
             .map(|m| {
                 let (terms, point) = self.without(fit, m);
-                minus(self.predicted(&terms, &point))
+                minus(self.predicted(&terms, &point), &here)
             })
             .collect();
         let Some(plain) = self.view(fit, 0, &members) else {
             return Vec::new();
         };
-        let shrunk = if plain.misfit.iter().any(|c| c.size > 0) {
+        let shrunk = if fit.misfit.iter().any(|c| c.size > 0) {
             self.view(fit, SHRUNK, &members)
         } else {
             None
@@ -238,7 +227,7 @@ impl Problem {
                 let candidate = &self.body.candidates[c];
                 let start = &candidate.starts[s];
                 let (terms, point) = self.with(fit, c, start);
-                let Some(response) = minus(self.predicted(&terms, &point)) else {
+                let Some(response) = minus(self.predicted(&terms, &point), &here) else {
                     return Vec::new();
                 };
                 let mut made = Vec::new();
@@ -309,18 +298,9 @@ impl Problem {
                     return false;
                 };
                 let (terms, point) = self.with(fit, *c, start);
-                let mut response = self.predicted(&terms, &point);
-                for (a, b) in response
-                    .iter_mut()
-                    .flatten()
-                    .flatten()
-                    .zip(here.iter().flatten().flatten())
-                {
-                    *a -= b;
-                }
-                if response.iter().flatten().flatten().any(|v| !v.is_finite()) {
+                let Some(response) = minus(self.predicted(&terms, &point), &here) else {
                     return false;
-                }
+                };
                 let Some(p) = self.products(&view, &response) else {
                     return true;
                 };
@@ -335,9 +315,8 @@ impl Problem {
     fn share(&self, candidate: usize, start: &[f64], share: f64) -> f64 {
         let c = &self.body.candidates[candidate];
         let scale = &c.scales[0];
-        // A size with one sign does not go through nothing.
         let low = if scale.logarithmic || c.info.parameters[0].bounds_load {
-            0.02
+            SHARE_LEAST
         } else {
             -STRETCH
         };

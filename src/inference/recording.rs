@@ -18,7 +18,7 @@ const HOLD_S: f64 = 0.02;
 const RATE_MOST_HZ: f64 = 60.0;
 
 /// Commands as they are, or where they come faster than [`HOLD_S`] the mean load over each such while.
-fn averaged(commands: Vec<(f64, [f64; 6])>) -> Vec<(f64, [f64; 6])> {
+pub fn averaged<const N: usize>(commands: Vec<(f64, [f64; N])>) -> Vec<(f64, [f64; N])> {
     let (Some(first), Some(last)) = (commands.first(), commands.last()) else {
         return commands;
     };
@@ -27,17 +27,17 @@ fn averaged(commands: Vec<(f64, [f64; 6])>) -> Vec<(f64, [f64; 6])> {
         return commands;
     }
     let whiles = (span_s / HOLD_S) as usize;
-    let mut made: Vec<(f64, [f64; 6])> = Vec::with_capacity(whiles + 2);
-    let (mut next, mut load) = (0, [0.0; 6]);
-    let mut push = |t_s: f64, w: [f64; 6]| {
-        if made.last().is_none_or(|e: &(f64, [f64; 6])| e.1 != w) {
+    let mut made: Vec<(f64, [f64; N])> = Vec::with_capacity(whiles + 2);
+    let (mut next, mut load) = (0, [0.0; N]);
+    let mut push = |t_s: f64, w: [f64; N]| {
+        if made.last().is_none_or(|e: &(f64, [f64; N])| e.1 != w) {
             made.push((t_s, w));
         }
     };
     for k in 0..=whiles {
         let from_s = begin_s + HOLD_S * k as f64;
         let to_s = begin_s + HOLD_S * (k + 1) as f64;
-        let (mut now_s, mut impulse) = (from_s, [0.0; 6]);
+        let (mut now_s, mut impulse) = (from_s, [0.0; N]);
         // The last while takes every command that is left: its end may be the last one's time, rounded.
         while let Some((t_s, new)) = commands.get(next).filter(|e| k == whiles || e.0 < to_s) {
             let held_s = (t_s - now_s).max(0.0);

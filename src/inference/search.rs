@@ -285,6 +285,7 @@ pub fn search(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::tolerance;
     use crate::posterior::Posterior;
     use crate::prior::PriorTable;
     use crate::recording::Recording;
@@ -349,8 +350,7 @@ mod tests {
             ..Tank::new(driven, effects)
         };
         let runs = tank.runs(3, seed);
-        let tolerance = std::array::from_fn(|c| if c % 6 < 3 { 2e-3 } else { 1.745e-3 });
-        let dofs = Recording::new(&runs, 0.1).moving(&tolerance);
+        let dofs = Recording::new(&runs, 0.1).moving(&tolerance(&tank.rig));
         let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
         let found = search(problem, Options::default(), &|_| {}).unwrap();
         let posterior = Posterior::new(&found);
@@ -520,14 +520,7 @@ mod tests {
             .map(|l| hydroline_identify::data::load(std::path::Path::new(l), &rig).unwrap())
             .collect();
         let begun = Instant::now();
-        let tolerance = std::array::from_fn(|c| {
-            if c % 6 < 3 {
-                rig.tolerance.position_m
-            } else {
-                rig.tolerance.attitude_rad
-            }
-        });
-        let dofs = Recording::new(&runs, 0.0).moving(&tolerance);
+        let dofs = Recording::new(&runs, 0.0).moving(&tolerance(&rig));
         println!("== {logs} dofs {dofs:?}");
         told(
             Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
@@ -552,8 +545,7 @@ mod tests {
             let runs = tank.runs(4, seed);
             let begun = Instant::now();
             let recording = Recording::new(&runs, 0.1);
-            let tolerance = std::array::from_fn(|c| if c % 6 < 3 { 2e-3 } else { 1.745e-3 });
-            let dofs = recording.moving(&tolerance);
+            let dofs = recording.moving(&tolerance(&tank.rig));
             let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
             println!(
                 "== {name} dofs {dofs:?}, noise at {:.1} s",

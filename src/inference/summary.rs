@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::{Body, Point};
 use super::filter::Force;
-use super::fit::{Effort, Fit, Problem};
+use super::fit::{Effort, Fit, Problem, add_prior};
 use super::hyper::{Noises, with_force};
 use super::recording::Recording;
 
@@ -208,11 +208,13 @@ impl Problem {
                 information += normal.information.view((places[0], places[0]), (n, n));
                 gradient += normal.gradient.rows(places[0], n);
             }
-            for i in 0..n {
-                let (slope, curvature) = densities[places[0] + i].step(at[places[0] + i]);
-                gradient[i] += slope;
-                information[(i, i)] += curvature.max(1e-12);
-            }
+            let first = places[0];
+            add_prior(
+                &densities[first..],
+                &at[first..],
+                &mut information,
+                &mut gradient,
+            );
             let step = Cholesky::new(information)?.solve(&gradient);
             for i in 0..n {
                 at[places[0] + i] += step[i];

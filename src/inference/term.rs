@@ -138,10 +138,15 @@ impl Candidate {
     }
 }
 
+/// Whether shares of the plausible range go by ratio: it has one sign and spans a factor of four.
+pub fn by_ratio((low, high): (f64, f64)) -> bool {
+    low > 0.0 && high >= 4.0 * low
+}
+
 /// A share of the plausible range.
-fn point(p: &ParameterInfo, share: f64) -> f64 {
+pub fn point(p: &ParameterInfo, share: f64) -> f64 {
     let (low, high) = p.plausible;
-    if low > 0.0 && high >= 4.0 * low {
+    if by_ratio(p.plausible) {
         low * (high / low).powf(share)
     } else {
         low + (high - low) * share
@@ -149,7 +154,7 @@ fn point(p: &ParameterInfo, share: f64) -> f64 {
 }
 
 /// Radical inverse: evenly filling points without a seed (Halton 1960).
-fn radical(mut k: usize, base: usize) -> f64 {
+pub fn radical(mut k: usize, base: usize) -> f64 {
     let (mut value, mut digit) = (0.0, 1.0 / base as f64);
     while k > 0 {
         value += (k % base) as f64 * digit;

@@ -1,10 +1,10 @@
 //! Runs of a camera whose response the rig states, as `hydroline flat` measures it, beside clean ones: same poses, same noise.
 
-use super::light::{Light, NOISE_SD};
+use super::light::{Light, anywhere};
 use super::*;
 use hydroline_rigs::StatedResponse;
+use rand::SeedableRng;
 use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 /// How well an exposure series knows γ and b.
@@ -41,32 +41,14 @@ impl Bench {
         rig.camera.response = stated;
         let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(&rig));
         let mut rng = StdRng::seed_from_u64(seed);
-        let drawn = |rng: &mut StdRng| Pose {
-            x_m: rng.random_range(-0.15..0.6),
-            y_m: rng.random_range(-0.01..0.01),
-            z_m: rng.random_range(-0.84..-0.81),
-            phi_rad: rng.random_range(-0.015..0.015),
-            theta_rad: rng.random_range(-0.015..0.015),
-            psi_rad: rng.random_range(-0.09..0.09),
-        };
         let seen = |truth: &Pose, rng: &mut StdRng| {
             let clean = self.renderer.render_clean(&Pose6::from(truth.to_array()));
-            GreyImage {
-                width_px: 720,
-                height_px: 576,
-                pixels: (0..720 * 576)
-                    .map(|n| {
-                        let noise: f64 = StandardNormal.sample(rng);
-                        let at = [(n % 720) as f64 + 0.5, (n / 720) as f64 + 0.5];
-                        light.pixel(f64::from(clean[n]), 12.0, at, NOISE_SD * noise)
-                    })
-                    .collect(),
-            }
+            light.photograph(&clean, 12.0, rng)
         };
         let mut extractor = Extractor::new(ExtractorConfig::default());
         let fitter = PoseFitter::new(&rig, map);
         let open = fitter.with_response_open();
-        let rest = drawn(&mut rng);
+        let rest = anywhere(&mut rng);
         let hint = |truth: &Pose| Hint {
             x_m: Some(truth.x_m + 0.01),
             ..Hint::default()
@@ -83,7 +65,7 @@ impl Bench {
         let fitter = fitter.with_response(response.unwrap_or(known.response()));
         (0..FRAMES[1])
             .map(|_| {
-                let truth = drawn(&mut rng);
+                let truth = anywhere(&mut rng);
                 let image = seen(&truth, &mut rng);
                 let fit = fitter.fit(&image, &extractor.extract(&image), &hint(&truth));
                 let fit = fit.ok().filter(|fit| !fit.doubtful())?;

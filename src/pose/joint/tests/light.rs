@@ -157,6 +157,35 @@ impl Lines {
 /// Frames after a run's opening.
 const AFTER: usize = 2;
 
+/// A place over the target.
+pub(super) fn anywhere(rng: &mut StdRng) -> Pose {
+    Pose {
+        x_m: rng.random_range(-0.15..0.6),
+        y_m: rng.random_range(-0.01..0.01),
+        z_m: rng.random_range(-0.84..-0.81),
+        phi_rad: rng.random_range(-0.015..0.015),
+        theta_rad: rng.random_range(-0.015..0.015),
+        psi_rad: rng.random_range(-0.09..0.09),
+    }
+}
+
+impl Light {
+    /// A frame of the laser's light `clean` over this much dark, with noise.
+    pub(super) fn photograph(&self, clean: &[f32], dark: f64, rng: &mut StdRng) -> GreyImage {
+        GreyImage {
+            width_px: 720,
+            height_px: 576,
+            pixels: (0..720 * 576)
+                .map(|n| {
+                    let noise: f64 = StandardNormal.sample(rng);
+                    let at = [(n % 720) as f64 + 0.5, (n / 720) as f64 + 0.5];
+                    self.pixel(f64::from(clean[n]), dark, at, NOISE_SD * noise)
+                })
+                .collect(),
+        }
+    }
+}
+
 /// Runs under random light, each frame after the opening judged: how many have a pose, and which are wrong.
 fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
     let mut rig = lshpi_rig();
@@ -170,33 +199,15 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
     let mut sums = [[0.0; 2]; 7];
     let (mut given, mut wrong) = (0, Vec::new());
     for k in 0..runs {
-        let drawn = |rng: &mut StdRng| Pose {
-            x_m: rng.random_range(-0.15..0.6),
-            y_m: rng.random_range(-0.01..0.01),
-            z_m: rng.random_range(-0.84..-0.81),
-            phi_rad: rng.random_range(-0.015..0.015),
-            theta_rad: rng.random_range(-0.015..0.015),
-            psi_rad: rng.random_range(-0.09..0.09),
-        };
         let mut rng = StdRng::seed_from_u64(seed ^ (k as u64) << 32);
-        let rest = drawn(&mut rng);
+        let rest = anywhere(&mut rng);
         let light = Light::drawn(&mut rng, k);
         let line = if bent_lines {
             line_drawn(&mut rng, k / 7)
         } else {
             vec![GAUSSIAN]
         };
-        let seen = |clean: &[f32], rng: &mut StdRng| GreyImage {
-            width_px: 720,
-            height_px: 576,
-            pixels: (0..720 * 576)
-                .map(|n| {
-                    let noise: f64 = StandardNormal.sample(rng);
-                    let at = [(n % 720) as f64 + 0.5, (n / 720) as f64 + 0.5];
-                    light.pixel(f64::from(clean[n]), dark, at, NOISE_SD * noise)
-                })
-                .collect(),
-        };
+        let seen = |clean: &[f32], rng: &mut StdRng| light.photograph(clean, dark, rng);
         let hint = |truth: &Pose| Hint {
             x_m: Some(truth.x_m + 0.01),
             ..Hint::default()
@@ -213,7 +224,7 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
         let response = CameraResponse::of_opening(&said).unwrap_or(CameraResponse::UNKNOWN);
         let fitter = fitter.with_response(response);
         for _ in 0..AFTER {
-            let truth = drawn(&mut rng);
+            let truth = anywhere(&mut rng);
             let clean = lines.render(&line, &truth);
             let image = seen(&clean, &mut rng);
             let fit = match fitter.fit(&image, &extractor.extract(&image), &hint(&truth)) {
