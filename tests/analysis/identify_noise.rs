@@ -631,3 +631,40 @@ fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none()
     }
     assert!(weak > 0 && strong > 0, "{weak} {strong}");
 }
+
+/// What samples have alike shows in no scatter: the logs' own sd says it, and intervals are not narrower than that.
+#[test]
+fn intervals_are_as_wide_as_the_sd_that_logs_say_where_samples_scatter_less() {
+    let rig = decoupled();
+    let quick = quick();
+    let fixed = Dof::ALL[1..].iter().flat_map(|d| Coefficient::of(*d));
+    let options = Options {
+        model: ModelChoice::Axis(Dof::Surge),
+        fixed: fixed.collect(),
+        start: Start::AtRest,
+        ..options(&quick)
+    };
+    // They scatter by 1.7 of what they say.
+    let runs = uneven_runs(&rig.vehicle, 3);
+    let mut doubtful = runs.clone();
+    for sample in doubtful.iter_mut().flat_map(|r| &mut r.samples) {
+        for variance in sample.covariance.iter_mut().flat_map(|c| c.iter_mut()) {
+            *variance *= 3.4 * 3.4;
+        }
+    }
+    let found = identify(&runs, &rig, &options).unwrap();
+    let wider = identify(&doubtful, &rig, &options).unwrap();
+    for (key, p) in &found.parameters {
+        let more = wider.parameters[key].sd.unwrap() / p.sd.unwrap();
+        assert!((more / 2.0 - 1.0).abs() < 0.2, "{key}: {more}");
+        assert!((wider.parameters[key].value - p.value).abs() < 0.01 * p.sd.unwrap());
+    }
+    assert!((wider.noise["x_m"].logged.unwrap().scale - 0.5).abs() < 0.1);
+    let said = |found: &hydroline::identify::Identification| {
+        found
+            .notes
+            .iter()
+            .any(|n| n.contains("of the sd in the logs"))
+    };
+    assert!(said(&wider) && !said(&found), "{:?}", wider.notes);
+}

@@ -8,6 +8,7 @@ use crate::parameter::Coefficient;
 use crate::problem::Objective;
 use crate::uncertainty::{PROFILE_EVALUATIONS, Profile, Ridge, covariance, profile};
 use hydroline_numerics::information::correlation;
+use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::{Correlogram, LAGS, Whiteness, ljung_box, t95};
 use hydroline_rigs::Rig;
 use nalgebra::{Cholesky, DMatrix};
@@ -21,6 +22,8 @@ const TIED: f64 = 0.95;
 pub(super) const UNEXCITED: f64 = 0.5;
 /// Residual variance over that of the noise at rest below which nobody need be told.
 const LARGER: f64 = 1.2;
+/// Logged sd over scatter below which nobody need be told.
+const SHORT: f64 = 1.2;
 
 impl Fit<'_> {
     /// The result of a fit that has settled.
@@ -57,11 +60,12 @@ impl Fit<'_> {
         // Doubt about the rig does not grow with the noise.
         let beside_held = covariance(&beside(&of_data, &self.held)) * scale;
         let count = coefficients.len();
-        let all = if self.held.iter().any(|h| *h) {
+        let mut all = if self.held.iter().any(|h| *h) {
             self.with_doubts(&of_data, &doubts, scale)
         } else {
             beside_held.clone()
         };
+        all += self.alike(&of_data, &beside_held)? / scale;
         let block: DMatrix<f64> = all.view((0, 0), (count, count)).into_owned();
         let correlations = correlation(&block);
         let quantile = t95(freedom);
@@ -193,6 +197,43 @@ impl Fit<'_> {
             ));
         }
         Ok(found)
+    }
+
+    /// What the estimates' covariance gains where a slot scatters less than the logs' own sd: the rest of that sd is
+    /// an error that samples have alike (of the calibration, of the camera's response), which no scatter shows. Its shape in
+    /// time is not known, and so it counts like more of the noise: C (M - H) C with M the information of noise `short`
+    /// times smaller.
+    fn alike(
+        &mut self,
+        hessian: &DMatrix<f64>,
+        beside_held: &DMatrix<f64>,
+    ) -> Result<DMatrix<f64>, IdentifyError> {
+        let short: Vec<f64> = (0..self.noises.len())
+            .map(|slot| self.logged(slot).map_or(1.0, |l| l.scale.recip().max(1.0)))
+            .collect();
+        let n = hessian.nrows();
+        if short.iter().all(|s| *s == 1.0) {
+            return Ok(DMatrix::zeros(n, n));
+        }
+        for (slot, short) in short.iter().enumerate().filter(|(_, s)| **s > SHORT) {
+            self.notes.push(format!(
+                "{}: scatters by only {:.2} of the sd in the logs; the rest may be alike in all samples: intervals are as wide as the logs' sd makes them",
+                self.forward.slots()[slot],
+                short.recip()
+            ));
+        }
+        let weights = self.problem.whiteners().to_vec();
+        let noises = self.noises.iter().zip(&short);
+        let quieter: Vec<Noise> = noises
+            .map(|(noise, short)| noise.times(1.0 / short))
+            .collect();
+        self.problem
+            .set_noise(&quieter, |run, slot, k| weights[run][slot].counts(k));
+        let more = self.problem.normal(&self.at)?.hessian - hessian;
+        self.problem
+            .set_noise(&self.noises, |run, slot, k| weights[run][slot].counts(k));
+        let known = beside_held.map(|v| if v.is_finite() { v } else { 0.0 });
+        Ok(&known * more * &known)
     }
 
     /// Covariance where what is held is as uncertain as the rig's doubt about it and these data leave it
