@@ -240,6 +240,8 @@ fn settings(w: &mut Writer, rig: &Rig) {
     w.table("tolerance");
     w.number("position_m", rig.tolerance.position_m);
     w.number("attitude_rad", rig.tolerance.attitude_rad);
+    w.number("speed_mps", rig.tolerance.speed_mps);
+    w.number("rate_radps", rig.tolerance.rate_radps);
     w.table("log");
     w.raw("queue_bytes", rig.log.queue_bytes);
     w.raw("chunk_bytes", rig.log.chunk_bytes);

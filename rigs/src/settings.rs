@@ -36,6 +36,22 @@ pub struct Tolerance {
     pub position_m: f64,
     /// Attitude, rms \[rad\] (default 0.1 deg).
     pub attitude_rad: f64,
+    /// Velocity, rms \[m/s\] (default 2 mm/s).
+    pub speed_mps: f64,
+    /// Rate of attitude, rms \[rad/s\] (default 0.1 deg/s).
+    pub rate_radps: f64,
+}
+
+impl Tolerance {
+    /// Of each channel: position, attitude, velocity, rate.
+    pub fn channels(&self) -> [f64; 12] {
+        std::array::from_fn(|c| match c {
+            0..3 => self.position_m,
+            3..6 => self.attitude_rad,
+            6..9 => self.speed_mps,
+            _ => self.rate_radps,
+        })
+    }
 }
 
 /// Logging limits (`[log]`), with the defaults of `capture-and-log.md`.

@@ -319,9 +319,10 @@ fn print(v: &Verdict) {
     }
     if let Some(next) = &v.next_experiment {
         outln!(
-            "  next: plan {} (expected log Bayes factor {:.1})",
+            "  next: plan {} (expected log Bayes factor {:.1}): {}",
             next.plan,
-            next.expected_log_bayes_factor
+            next.expected_log_bayes_factor,
+            next.reason
         );
     }
     for note in &v.notes {

@@ -3,8 +3,10 @@
 //! All logs given are fitted, in any order: they are sorted by their content first, so that not even rounding depends on
 //! it. Runs held out are predicted and choose nothing.
 
+mod earned;
 mod effects;
 mod found;
+mod next;
 mod place;
 mod words;
 
@@ -15,7 +17,6 @@ use super::source::Source;
 use super::verdict::{NoiseFound, Word};
 use found::Judged;
 use hydroline_identify::data::{Run, is_still};
-use hydroline_inference::body::tolerance;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::prior::PriorTable;
@@ -43,7 +44,7 @@ pub fn diagnose(
         .filter(|r| !is_still(r, still))
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
-    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&tolerance(rig));
+    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&rig.tolerance.channels());
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
@@ -62,7 +63,15 @@ pub fn diagnose(
     verdict.sets_looked_at = found.fits;
     verdict.effects = judged.effects();
     verdict.equivalent = judged.equivalent();
-    verdict.unexplained = judged.unexplained();
+    verdict.unexplained.clone_from(&judged.unexplained);
+    verdict.unnamed = posterior
+        .unnamed
+        .iter()
+        .map(|(d, p)| (hydroline_rigs::Dof::ALL[*d].name().to_owned(), *p))
+        .collect();
+    verdict.rig_factors = judged.far_off();
+    verdict.at_limit = verdict.rig_factors.keys().cloned().collect();
+    verdict.leave_one_run_out = judged.leave_one_run_out();
     verdict.verdict = judged.word();
     verdict.place = judged.place();
     verdict.test = judged.test();
@@ -71,6 +80,8 @@ pub fn diagnose(
     verdict.alternatives = judged.alternatives();
     verdict.blind_spots = judged.blind_spots();
     verdict.notes.extend(judged.notes());
+    progress("next run");
+    verdict.next_experiment = judged.next(rig);
     for (c, noise) in found.problem.noises.channels.iter().enumerate() {
         let Some(n) = noise else { continue };
         let flags = found
@@ -96,7 +107,7 @@ pub fn diagnose(
         };
         verdict.noise.insert(Recording::name(c).to_owned(), of);
     }
-    verdict.sentence = words::sentence(verdict);
+    verdict.sentence = words::sentence(verdict, &judged.against());
     if verdict.verdict != Word::DataFault {
         judged.adopt(&mut made.rig);
     }

@@ -5,12 +5,11 @@
 use std::f64::consts::TAU;
 
 use hydroline_rigs::Dof;
-use hydroline_sim::EffectStack;
-use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo, Stage};
+use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo};
 
 use super::fit::is_phase;
 use hydroline_inference::prior::nothing;
-use hydroline_inference::term::{by_ratio, point, radical};
+use hydroline_inference::term::{by_ratio, in_images_only, point, radical};
 
 /// An effect that may have been left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,22 +40,6 @@ pub fn vocabulary(dof: Dof, on: &[CheckedEffect]) -> Vec<Candidate> {
                 .any(|o| o.info.id == c.info.id && o.words == c.words)
         })
         .collect()
-}
-
-/// Whether an effect leaves every pose as it is: light, lens, sheet and target, which only images show. Its law is asked, at
-/// typical values; a search over motion would simulate it at each of its starts to find nothing.
-fn in_images_only(info: &'static EffectInfo) -> bool {
-    if info.stage != Stage::Measurement {
-        return false;
-    }
-    let typical = [CheckedEffect::typical(info)];
-    let Ok(stack) = EffectStack::<f64>::assemble(&typical, |_, _, v| v) else {
-        return false;
-    };
-    let pose = [0.3, -0.1, -0.8, 0.05, -0.04, 0.2];
-    [0.4, 1.7, 5.3]
-        .iter()
-        .all(|t_s| stack.reported_pose(*t_s, stack.scene_pose(*t_s, pose)) == pose)
 }
 
 impl Candidate {

@@ -11,8 +11,6 @@ mod spots;
 mod tables;
 mod words;
 
-use std::collections::BTreeMap;
-
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
@@ -26,7 +24,7 @@ use super::posterior::{Fitted, Group, TIE, near, posterior};
 use super::search::Search;
 use super::setting::{Setting, Track};
 use super::source::Source;
-use super::verdict::{Effect, FitTable, Parameters, Test, Verdict, Where, Word};
+use super::verdict::{Effect, Verdict, Word};
 use super::weight::{weight_together, weights};
 pub(super) use active::active;
 use adopt::adopt;
@@ -116,7 +114,7 @@ pub(super) fn stopped_by_faults(
     held: &[Source],
     rig: &Rig,
 ) -> Result<Diagnosis, Diagnosis> {
-    let mut verdict = empty();
+    let mut verdict = Verdict::default();
     let all = sources.iter().chain(held);
     verdict.data_faults = all.flat_map(|s| s.faults.clone()).collect();
     let fatal = verdict.data_faults.iter().find(|f| f.fatal);
@@ -132,28 +130,6 @@ pub(super) fn stopped_by_faults(
     made.verdict.verdict = Word::DataFault;
     made.verdict.sentence = format!("The data are at fault, not the model: {first}");
     Ok(made)
-}
-
-fn empty() -> Verdict {
-    Verdict {
-        verdict: Word::None,
-        sentence: String::new(),
-        effects: Vec::new(),
-        equivalent: Vec::new(),
-        place: Where::default(),
-        test: Test::default(),
-        fit: FitTable::default(),
-        parameters: Parameters::default(),
-        blind_spots: Vec::new(),
-        next_experiment: None,
-        noise: BTreeMap::new(),
-        data_faults: Vec::new(),
-        alternatives: Vec::new(),
-        ladder: Vec::new(),
-        unexplained: Vec::new(),
-        notes: Vec::new(),
-        sets_looked_at: 0,
-    }
 }
 
 /// Weight over the channel's tolerance.

@@ -5,10 +5,13 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 /// One word. Ordered: of two verdicts on the same logs the later one stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Word {
     /// Nothing established, or nothing that matters.
+    #[default]
     None,
     /// The list is the best explanation by far.
     Named,
@@ -47,8 +50,13 @@ pub struct Effect {
     /// Its words, e.g. dof.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub words: BTreeMap<String, String>,
+    /// Where it acts, where its words say so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dof: Option<String>,
     /// Probability that it is part of the explanation.
     pub probability: f64,
+    /// Probable enough to be written into a rig.
+    pub established: bool,
     /// rms per channel \[SI\] after the vehicle's coefficients are refitted.
     pub weight: BTreeMap<String, f64>,
     /// Weight above the rig's tolerance.
@@ -273,10 +281,12 @@ pub struct NextExperiment {
     pub expected_log_bayes_factor: f64,
     /// All plans asked, with the same figure.
     pub considered: BTreeMap<String, f64>,
+    /// Why this one, in a sentence.
+    pub reason: String,
 }
 
 /// Everything.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Verdict {
     /// One word.
     pub verdict: Word,
@@ -295,6 +305,18 @@ pub struct Verdict {
     pub fit: FitTable,
     /// Coefficients.
     pub parameters: Parameters,
+    /// Coefficients at a limit or far from the rig's.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub at_limit: Vec<String>,
+    /// These over the rig's.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub rig_factors: BTreeMap<String, Value>,
+    /// Per DOF that moves the probability that a force without a name is worth more than the tolerance.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub unnamed: BTreeMap<String, f64>,
+    /// Each run as the others foretell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leave_one_run_out: Option<BeforeAfter>,
     /// What no data of this kind can show.
     pub blind_spots: Vec<String>,
     /// Next run.

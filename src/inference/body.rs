@@ -90,15 +90,6 @@ pub struct Simulated {
     pub columns: Vec<(usize, Vec<[f64; 12]>)>,
 }
 
-/// Largest tolerable rms per channel; rates per second as places.
-pub fn tolerance(rig: &Rig) -> [f64; 12] {
-    let tolerance = &rig.tolerance;
-    std::array::from_fn(|c| match c % 6 {
-        0..3 => tolerance.position_m,
-        _ => tolerance.attitude_rad,
-    })
-}
-
 /// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
 const RATE_OVER_S: f64 = 0.6;
 /// See there.
@@ -277,7 +268,7 @@ impl Body {
             lines,
             prior,
             responses,
-            tolerance: tolerance(rig),
+            tolerance: rig.tolerance.channels(),
             step_max_s: STEP_MAX_S.min(STEP_SHARE / quickest.max(1e-9)).max(0.005),
         })
     }

@@ -40,15 +40,24 @@ pub struct Effort {
     pub rounds: usize,
     /// A step that gains less than this in log posterior is the last one.
     pub decrement: f64,
+    /// The first steps are made under the random forces given, whatever residuals say of them at the start: a small force
+    /// looks for the mode that explains the motion, and a large one forgives all.
+    pub as_given: bool,
+}
+
+impl Effort {
+    /// What most fits need.
+    pub const DEFAULT: Effort = Effort {
+        steps: 15,
+        rounds: 4,
+        decrement: 0.02,
+        as_given: false,
+    };
 }
 
 impl Default for Effort {
     fn default() -> Self {
-        Effort {
-            steps: 15,
-            rounds: 4,
-            decrement: 0.02,
-        }
+        Effort::DEFAULT
     }
 }
 
@@ -111,6 +120,10 @@ impl Problem {
         };
         let predicted = made.predicted(&[], &begin);
         made.noises = estimate(&made.body, &predicted, None);
+        // Once more without outliers and with the rig's numbers as near as the data want them.
+        if let Some(closest) = made.closest(&[], &begin) {
+            made.noises = estimate(&made.body, &closest, Some(&made.noises));
+        }
         Ok(made)
     }
 
@@ -280,7 +293,11 @@ impl Problem {
         let mut table = Table::new(self, at.len());
         let mut seen: Vec<Misfit> = Vec::new();
         for round in 0..effort.rounds {
-            let chosen = table.choose(&all, misfit, &densities, &at);
+            let chosen = if round == 0 && effort.as_given {
+                misfit
+            } else {
+                table.choose(&all, misfit, &densities, &at)
+            };
             if round > 0 && (chosen == misfit || seen.contains(&chosen)) {
                 break;
             }
@@ -398,7 +415,7 @@ pub fn prior(densities: &[Density], point: &[f64]) -> f64 {
 }
 
 /// Information of a number of which neither data nor prior say anything: it keeps a factor from failing.
-const INFORMATION_LEAST: f64 = 1e-12;
+pub(super) const INFORMATION_LEAST: f64 = 1e-12;
 
 /// Adds what the prior says at a point to normal equations.
 pub(super) fn add_prior(

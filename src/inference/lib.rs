@@ -20,6 +20,7 @@ pub mod prior;
 pub mod promise;
 pub mod recording;
 pub mod search;
+pub mod separation;
 pub mod summary;
 pub mod term;
 #[cfg(test)]

@@ -23,6 +23,9 @@ const PULLED: usize = 3;
 const LOGGED_LN: f64 = 0.3;
 /// Prior of the coloured part over the white one: median and scale of the logarithm.
 const COLOUR_RATIO: (f64, f64) = (-0.7, 1.2);
+/// sds of either beyond which no instrument is looked for: colour that is slower or larger cannot be told from what a
+/// vehicle does by its residuals alone, and counts as misfit. A run at rest shows it.
+const COLOUR_SDS: f64 = 2.0;
 /// Steps of the search's last round, in logarithms.
 const FINEST: f64 = 0.06;
 
@@ -172,6 +175,11 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
             sum += 0.5 * (series.iter().flatten().map(|v| v * v).sum::<f64>() + filter.ln_variance);
         }
         for c in (0..2).filter(|c| there[*c]) {
+            let slow = (x[3 * c + 2] - body.prior.colour_s.ln()) / body.prior.colour_ln;
+            let large = (x[3 * c + 1] - x[3 * c] - COLOUR_RATIO.0) / COLOUR_RATIO.1;
+            if slow.abs() > COLOUR_SDS || large > COLOUR_SDS {
+                return f64::INFINITY;
+            }
             let ratio = Density::Student {
                 centre: COLOUR_RATIO.0,
                 scale: COLOUR_RATIO.1,

@@ -65,6 +65,12 @@ const BEGIN: [usize; 3] = [4, 8, 12];
 /// Factors on inertia and damping from which the vehicle alone is fitted as well: a rig may be off by five.
 const FAR: [(f64, f64); 4] = [(3.0, 1.0), (0.4, 1.0), (1.0, 4.0), (1.0, 0.25)];
 
+/// Fits that begin under the random forces given.
+const AS_GIVEN: Effort = Effort {
+    as_given: true,
+    ..Effort::DEFAULT
+};
+
 struct Search<'a> {
     problem: Problem,
     models: BTreeMap<Vec<usize>, Fit>,
@@ -128,7 +134,25 @@ impl Search<'_> {
             }
             jobs.push((Vec::new(), from, [cell(BEGIN[1]); 6]));
         }
-        self.fit(jobs, Effort::default());
+        self.fit(jobs, AS_GIVEN);
+    }
+
+    /// The same model from where it is under small random forces: a mode under large ones may be one that forgives what
+    /// another explains.
+    fn sharpened(&mut self, fit: Fit) -> Fit {
+        let large = |d: &usize| fit.misfit[*d].size > BEGIN[0];
+        if !self.problem.body.dofs.iter().any(large) {
+            return fit;
+        }
+        let small = fit.misfit.map(|c| Cell {
+            size: c.size.min(BEGIN[0]),
+            ..c
+        });
+        self.fit(
+            vec![(fit.terms.clone(), fit.point.clone(), small)],
+            AS_GIVEN,
+        );
+        self.models.get(&fit.terms).cloned().unwrap_or(fit)
     }
 
     fn names(&self, fit: &Fit) -> Vec<String> {
@@ -154,7 +178,8 @@ impl Search<'_> {
             .cloned()
     }
 
-    fn expand(&mut self, fit: &Fit) {
+    fn expand(&mut self, fit: Fit) {
+        let fit = &self.sharpened(fit);
         self.expanded.insert(fit.terms.clone());
         let promises = self.problem.promises(fit);
         let mut jobs: Vec<Job> = Vec::new();
@@ -202,7 +227,7 @@ impl Search<'_> {
                 0 => "beside the vehicle alone".to_owned(),
                 _ => format!("beside {}", self.names(&fit).join(" + ")),
             });
-            self.expand(&fit);
+            self.expand(fit);
         }
     }
 
@@ -211,7 +236,9 @@ impl Search<'_> {
         let Some(best) = self.best().cloned() else {
             return false;
         };
-        let predicted = self.problem.predicted(&best.terms, &best.point);
+        let Some(predicted) = self.problem.closest(&best.terms, &best.point) else {
+            return false;
+        };
         let noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
         let pairs = noises.channels.iter().zip(&self.problem.noises.channels);
         let change = pairs
@@ -285,7 +312,6 @@ pub fn search(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::tolerance;
     use crate::posterior::Posterior;
     use crate::prior::PriorTable;
     use crate::recording::Recording;
@@ -350,7 +376,7 @@ mod tests {
             ..Tank::new(driven, effects)
         };
         let runs = tank.runs(3, seed);
-        let dofs = Recording::new(&runs, 0.1).moving(&tolerance(&tank.rig));
+        let dofs = Recording::new(&runs, 0.1).moving(&tank.rig.tolerance.channels());
         let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
         let found = search(problem, Options::default(), &|_| {}).unwrap();
         let posterior = Posterior::new(&found);
@@ -520,7 +546,7 @@ mod tests {
             .map(|l| hydroline_identify::data::load(std::path::Path::new(l), &rig).unwrap())
             .collect();
         let begun = Instant::now();
-        let dofs = Recording::new(&runs, 0.0).moving(&tolerance(&rig));
+        let dofs = Recording::new(&runs, 0.0).moving(&rig.tolerance.channels());
         println!("== {logs} dofs {dofs:?}");
         told(
             Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
@@ -545,7 +571,7 @@ mod tests {
             let runs = tank.runs(4, seed);
             let begun = Instant::now();
             let recording = Recording::new(&runs, 0.1);
-            let dofs = recording.moving(&tolerance(&tank.rig));
+            let dofs = recording.moving(&tank.rig.tolerance.channels());
             let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
             println!(
                 "== {name} dofs {dofs:?}, noise at {:.1} s",

@@ -9,6 +9,7 @@ use super::body::{Body, Point};
 use super::filter::Force;
 use super::fit::{Effort, Fit, Problem, add_prior};
 use super::hyper::{Noises, with_force};
+use super::noise::estimate;
 use super::recording::Recording;
 
 /// Steps of the fit of a run's start.
@@ -41,10 +42,10 @@ impl Squares {
 }
 
 impl Problem {
-    /// rms of what a point leaves of the samples that count.
-    pub fn left(&self, terms: &[usize], point: &[f64]) -> Rms {
+    /// rms of what a prediction leaves of the samples that count.
+    pub fn left_of(&self, predicted: &[Vec<[f64; 12]>]) -> Rms {
         let mut squares = Squares::default();
-        for (run, predicted) in self.predicted(terms, point).iter().enumerate() {
+        for (run, predicted) in predicted.iter().enumerate() {
             let r = &self.body.recording.runs[run];
             for (k, p) in predicted.iter().enumerate() {
                 let m = r.measured(k);
@@ -54,6 +55,58 @@ impl Problem {
             }
         }
         squares.rms()
+    }
+
+    /// The same of a point.
+    pub fn left(&self, terms: &[usize], point: &[f64]) -> Rms {
+        self.left_of(&self.predicted(terms, point))
+    }
+
+    /// What a model predicts with the best change of all its numbers, to first order and by least squares, all channels in
+    /// units of what matters. A fit beside a random force lets the vehicle drift, for the force forgives it; what the
+    /// instruments add is to be seen beside the motion that comes closest.
+    pub fn closest(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Vec<[f64; 12]>>> {
+        let all = self.simulate(terms, point)?;
+        let n = point.len();
+        let mut square = DMatrix::<f64>::zeros(n, n);
+        let mut right = DVector::<f64>::zeros(n);
+        for (run, s) in all.iter().enumerate() {
+            let r = &self.body.recording.runs[run];
+            let used = &self.noises.used[run];
+            let residual = |k: usize, c: usize| r.measured(k)[c] - s.values[k][c];
+            for c in 0..12 {
+                let weight = self.body.tolerance[c].powi(-2);
+                let counting: Vec<usize> = (0..used.len()).filter(|k| used[*k][c]).collect();
+                let moving: Vec<&(usize, Vec<[f64; 12]>)> = s
+                    .columns
+                    .iter()
+                    .filter(|(_, v)| v.iter().any(|v| v[c] != 0.0))
+                    .collect();
+                for (i, a) in &moving {
+                    let by = counting.iter().map(|k| a[*k][c] * residual(*k, c));
+                    right[*i] += weight * by.sum::<f64>();
+                    for (j, b) in moving.iter().filter(|m| m.0 >= *i) {
+                        let by = counting.iter().map(|k| a[*k][c] * b[*k][c]);
+                        square[(*j, *i)] += weight * by.sum::<f64>();
+                    }
+                }
+            }
+        }
+        square.fill_upper_triangle_with_lower_triangle();
+        for i in 0..n {
+            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
+        }
+        let by = Cholesky::new(square)?.solve(&right);
+        let moved = all.into_iter().map(|s| {
+            let mut values = s.values;
+            for (i, column) in &s.columns {
+                for (value, slope) in values.iter_mut().zip(column) {
+                    *value = std::array::from_fn(|c| value[c] + by[*i] * slope[c]);
+                }
+            }
+            values
+        });
+        Some(moved.collect())
     }
 
     /// Weight of each effect of a model as interfaces.md defines it: rms of [motion with it alone − motion with none], at
@@ -182,6 +235,17 @@ impl Problem {
             },
             body,
         })
+    }
+
+    /// The same with outliers left out: what differs from its neighbours by more than the vehicle can follow, whatever moves
+    /// it. What a model misses is none.
+    #[must_use]
+    pub fn without_outliers(mut self, fit: &Fit) -> Problem {
+        if let Some(point) = self.foretold(&fit.terms, &fit.point) {
+            let predicted = self.predicted(&fit.terms, &point);
+            self.noises.used = estimate(&self.body, &predicted, Some(&self.noises)).used;
+        }
+        self
     }
 
     /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then foretold but for

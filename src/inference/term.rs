@@ -1,7 +1,9 @@
 //! Terms of a model: which effects of the registry may act where, with points to begin from.
 
 use hydroline_rigs::Dof;
-use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, ParameterInfo, WordInfo};
+use hydroline_sim::effect::{
+    ALL, CheckedEffect, EffectInfo, EffectStack, ParameterInfo, Stage, WordInfo,
+};
 
 use super::prior::{Scale, nothing};
 
@@ -47,12 +49,31 @@ impl Candidate {
     }
 }
 
+/// Whether an effect leaves every pose as it is: light, lens, sheet and target, which only images show. Its law is asked, at
+/// typical values; a search over motion would simulate it at each of its starts to find nothing.
+pub fn in_images_only(info: &'static EffectInfo) -> bool {
+    if info.stage != Stage::Measurement {
+        return false;
+    }
+    let typical = [CheckedEffect::typical(info)];
+    let Ok(stack) = EffectStack::<f64>::assemble(&typical, |_, _, v| v) else {
+        return false;
+    };
+    let pose = [0.3, -0.1, -0.8, 0.05, -0.04, 0.2];
+    [0.4, 1.7, 5.3]
+        .iter()
+        .all(|t_s| stack.reported_pose(*t_s, stack.scene_pose(*t_s, pose)) == pose)
+}
+
 /// Every effect at every place where it may act in these DOFs, but those that are switched on already.
 ///
 /// `largest` = greatest load commanded per DOF \[N, N m\].
 pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> Vec<Candidate> {
     let mut all = Vec::new();
-    for info in ALL.iter().filter(|i| !i.parameters.is_empty()) {
+    for info in ALL
+        .iter()
+        .filter(|i| !i.parameters.is_empty() && !in_images_only(i))
+    {
         for words in choices(info.words, dofs) {
             if on.iter().any(|o| o.info.id == info.id && o.words == words) {
                 continue;

@@ -20,8 +20,6 @@ struct Camera {
     toe: f64,
     /// S-curve: grey levels by which the middle is bent.
     bend: f64,
-    /// The curve is a table from 8 bits to 8 bits, as many cameras have it: each entry is off by its own rounding.
-    table: bool,
 }
 
 impl Camera {
@@ -34,7 +32,6 @@ impl Camera {
             shot_gain: rng.random_range(0.0..0.05),
             toe: 0.0,
             bend: 0.0,
-            table: rng.random_bool(0.5),
         }
     }
 
@@ -46,8 +43,7 @@ impl Camera {
     fn grey(&self, light: f64, rng: &mut StdRng) -> u8 {
         let sd = (self.read_sd * self.read_sd + self.shot_gain * light).sqrt();
         let noise: f64 = StandardNormal.sample(rng);
-        let read = (light + sd * noise).clamp(0.0, 255.0);
-        let share = if self.table { read.round() } else { read } / 255.0;
+        let share = (light + sd * noise).clamp(0.0, 255.0) / 255.0;
         let power = |share: f64| share.powf(self.gamma);
         let curved = if share < self.toe {
             // Straight to no light, where the camera has level 0.
@@ -165,7 +161,6 @@ const PLAIN: Camera = Camera {
     shot_gain: 0.01,
     toe: 0.0,
     bend: 0.0,
-    table: false,
 };
 
 /// Errors of γ and b in sds, of so many cameras.
@@ -259,8 +254,10 @@ fn gamma_and_black_level_of_200_cameras_are_within_their_sds() {
         );
         assert!(wrong.len() <= 4, "{wrong:#?}");
         for [square, most] in summary(&pulls) {
+            // The sds allow for a curve that is a rounded table, which these cameras do not have: .3 and .5 are expected of
+            // them, not 1.
             assert!(
-                (0.4..1.4).contains(&square) && most < 4.5,
+                (0.2..1.4).contains(&square) && most < 4.5,
                 "{square} {most}"
             );
         }

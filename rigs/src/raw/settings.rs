@@ -121,10 +121,18 @@ pub(super) fn read_tolerance(s: &Section<'_>) -> Option<Tolerance> {
     let attitude_rad = s
         .angle_opt("attitude", quantity(0.0, 90.0, "deg").above())
         .unwrap_or(0.1_f64.to_radians());
+    let speed_mps = s.number_or("speed_mps", quantity(0.0, 10.0, "m/s").above(), 0.002);
+    let rate_radps = s.number_or(
+        "rate_radps",
+        quantity(0.0, 10.0, "rad/s").above(),
+        0.1_f64.to_radians(),
+    );
     s.finish();
     Some(Tolerance {
         position_m,
         attitude_rad,
+        speed_mps,
+        rate_radps,
     })
 }
 

@@ -6,6 +6,7 @@ use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::summary::Rms;
+use hydroline_inference::term::Candidate;
 use hydroline_rigs::Rig;
 
 use super::found::{ESTABLISHED, Judged, relative};
@@ -22,6 +23,12 @@ const MODELS: usize = 8;
 pub fn table(rms: &Rms) -> BTreeMap<String, f64> {
     let each = rms.iter().enumerate().filter(|(_, v)| v.is_finite());
     each.map(|(c, v)| (CHANNELS[c].to_owned(), *v)).collect()
+}
+
+/// The DOF that an effect's words name.
+fn place(c: &Candidate) -> Option<String> {
+    let named = c.word("dof").or_else(|| c.word("axis"));
+    named.map(str::to_owned)
 }
 
 impl Judged<'_> {
@@ -59,7 +66,9 @@ impl Judged<'_> {
                             Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned()))
                         })
                         .collect(),
+                    dof: place(c),
                     probability: e.probability,
+                    established: e.probability >= ESTABLISHED,
                     weight: table(weight),
                     matters: size > 1.0,
                     law: Law::Exact,
@@ -183,8 +192,7 @@ impl Judged<'_> {
 
     pub fn fit(&self) -> FitTable {
         let problem = &self.found.problem;
-        let noise: Rms =
-            std::array::from_fn(|c| problem.noises.channels[c].map_or(f64::NAN, |n| n.total_sd()));
+        let noise = self.noise();
         let mut made = FitTable {
             train: BeforeAfter {
                 before: table(&problem.left(&self.alone.terms, &self.alone.point)),
@@ -202,6 +210,21 @@ impl Judged<'_> {
             made.held_out_by = how.clone();
         }
         made
+    }
+
+    /// Each run as the others foretell it.
+    pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
+        let (before, after) = self.one_run_out.as_ref()?;
+        Some(BeforeAfter {
+            before: table(before),
+            after: table(after),
+            noise: table(&self.noise()),
+        })
+    }
+
+    fn noise(&self) -> Rms {
+        let channels = &self.found.problem.noises.channels;
+        std::array::from_fn(|c| channels[c].map_or(f64::NAN, |n| n.total_sd()))
     }
 
     /// Vehicle and established effects of the likeliest model into a rig.

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::data::Run;
-use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::search::Found;
@@ -17,7 +16,7 @@ pub const ESTABLISHED: f64 = 0.95;
 /// Probability of what matters together, from which one explanation stands alone.
 const DECIDED: f64 = 0.9;
 /// Share of the likeliest explanation's probability from which another is listed beside it.
-const LISTED: f64 = 0.05;
+pub const LISTED: f64 = 0.05;
 /// Models less likely than this are not weighed.
 const LEAST: f64 = 0.003;
 /// Explanations listed at most.
@@ -39,6 +38,10 @@ pub struct Judged<'a> {
     pub groups: Vec<(BTreeSet<usize>, f64)>,
     /// rms of runs not seen: (without effects, with, how they were foretold).
     pub foretold: Option<(Rms, Rms, String)>,
+    /// rms of each run as the others foretell it: (without effects, with).
+    pub one_run_out: Option<(Rms, Rms)>,
+    /// Forces without a name that matter, and what is left that is no noise.
+    pub unexplained: Vec<Unexplained>,
 }
 
 impl<'a> Judged<'a> {
@@ -56,12 +59,7 @@ impl<'a> Judged<'a> {
         for (terms, p) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
             let fit = found.models.get(terms)?;
             let w = problem.weights(fit);
-            let set: BTreeSet<usize> = terms
-                .iter()
-                .zip(&w)
-                .filter(|(_, w)| relative(w, &problem.body.tolerance) > 1.0)
-                .map(|(t, _)| *t)
-                .collect();
+            let set = mattering(terms, &w, &problem.body.tolerance);
             match groups.iter_mut().find(|g| g.0 == set) {
                 Some(g) => g.1 += p,
                 None => groups.push((set, *p)),
@@ -69,25 +67,20 @@ impl<'a> Judged<'a> {
             weights.insert(terms.clone(), w);
         }
         groups.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let runs = problem.body.recording.runs.len();
+        let one_run_out = (runs > 1)
+            .then(|| Some((problem.one_run_out(alone)?, problem.one_run_out(best)?)))
+            .flatten();
         let foretold = if held.is_empty() {
-            let runs = problem.body.recording.runs.len();
-            (runs > 1)
-                .then(|| {
-                    Some((
-                        problem.one_run_out(alone)?,
-                        problem.one_run_out(best)?,
-                        "each run by the others".to_owned(),
-                    ))
-                })
-                .flatten()
+            one_run_out.map(|(before, after)| (before, after, "each run by the others".to_owned()))
         } else {
-            let over = problem.over(held, rig).ok()?;
+            let over = problem.over(held, rig).ok()?.without_outliers(best);
             let names: Vec<&str> = held.iter().map(|r| r.name.as_str()).collect();
             over.foretold_rms(alone)
                 .zip(over.foretold_rms(best))
                 .map(|(a, b)| (a, b, names.join(", ")))
         };
-        Some(Judged {
+        let mut made = Judged {
             found,
             posterior,
             best,
@@ -95,7 +88,22 @@ impl<'a> Judged<'a> {
             weights,
             groups,
             foretold,
-        })
+            one_run_out,
+            unexplained: Vec::new(),
+        };
+        made.unexplained = made.unnamed();
+        let left = made.not_noise(&made.unexplained);
+        made.unexplained.extend(left);
+        Some(made)
+    }
+
+    /// Effects of a model that matter.
+    pub fn heavy(&self, fit: &Fit) -> BTreeSet<usize> {
+        let problem = &self.found.problem;
+        let of = |w: &Vec<Rms>| mattering(&fit.terms, w, &problem.body.tolerance);
+        self.weights
+            .get(&fit.terms)
+            .map_or_else(|| of(&problem.weights(fit)), of)
     }
 
     /// Probability that an effect is in the model.
@@ -110,7 +118,11 @@ impl<'a> Judged<'a> {
     }
 
     pub fn word(&self) -> Word {
-        if !self.unexplained().is_empty() {
+        if !self.unexplained.is_empty() {
+            return Word::Unknown;
+        }
+        // What foretells worse than nothing at all is no explanation, and a limit is none of these data.
+        if !self.against().is_empty() {
             return Word::Unknown;
         }
         match self.groups.first() {
@@ -140,7 +152,7 @@ impl<'a> Judged<'a> {
     }
 
     /// Forces without a name that matter.
-    pub fn unexplained(&self) -> Vec<Unexplained> {
+    fn unnamed(&self) -> Vec<Unexplained> {
         let body = &self.found.problem.body;
         let said = self.posterior.unnamed.iter().filter(|u| u.1 >= UNNAMED);
         said.map(|&(d, p)| {
@@ -175,33 +187,46 @@ impl<'a> Judged<'a> {
 
     /// Remarks.
     pub fn notes(&self) -> Vec<String> {
-        let body = &self.found.problem.body;
-        let natural = body.natural(&self.best.terms, &self.best.point);
         let mut notes = Vec::new();
-        for (i, own) in body.own.iter().enumerate() {
-            let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
-            let ratio = natural[i].0 / unit;
-            let sd = self.best.covariance[(i, i)].sqrt();
-            if ratio.ln().abs() > FAR_OFF.ln() && sd < 0.5 * ratio.ln().abs() {
-                notes.push(format!(
-                    "{} is {ratio:.2} times the rig's (known to {:.0} %)",
-                    own.name(),
-                    100.0 * sd
-                ));
-            }
+        for (name, factor) in self.far_off() {
+            let known = factor.sd.map_or(String::new(), |sd| {
+                format!(" (known to {:.0} %)", 100.0 * sd / factor.value)
+            });
+            notes.push(format!(
+                "{name} is {:.2} times the rig's{known}",
+                factor.value
+            ));
+        }
+        notes.extend(self.against());
+        notes
+    }
+
+    /// What speaks against the likeliest model as a whole, in words.
+    pub fn against(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.on_a_limit() {
+            notes.push("a coefficient ended a hundredfold off the rig's, which is as far as is looked: the model does not describe this motion".to_owned());
+        }
+        if !self.best.terms.is_empty() && self.foretells_worse() {
+            notes.push("runs left out are foretold worse with these effects than by the vehicle alone: they are no explanation".to_owned());
         }
         notes
     }
 }
-
-/// Ratio to the rig's from which a coefficient is part of what is said.
-const FAR_OFF: f64 = 2.0;
 
 /// Inertia of a DOF as the rig says it \[kg, kg m2\].
 fn inertia(body: &hydroline_inference::body::Body, dof: usize) -> f64 {
     let h: hydroline_sim::vehicle::Hydrodynamics<f64> =
         hydroline_sim::vehicle::Hydrodynamics::new(&body.vehicle);
     h.mass()[dof]
+}
+
+/// Those of a model's effects that weigh more than the tolerance.
+fn mattering(terms: &[usize], weights: &[Rms], tolerance: &[f64; 12]) -> BTreeSet<usize> {
+    let each = terms.iter().zip(weights);
+    each.filter(|(_, w)| relative(w, tolerance) > 1.0)
+        .map(|(t, _)| *t)
+        .collect()
 }
 
 /// Largest weight over the tolerance of its channel.

@@ -42,13 +42,23 @@ fn say(e: &Effect) -> String {
     )
 }
 
-pub fn sentence(v: &Verdict) -> String {
+/// Coefficients far from the rig's.
+fn factors(v: &Verdict) -> String {
+    let each = v
+        .rig_factors
+        .iter()
+        .map(|(name, f)| format!("; {name} is {:.2} times the rig's", f.value));
+    each.collect()
+}
+
+/// `against` = what speaks against the likeliest model as a whole.
+pub fn sentence(v: &Verdict, against: &[String]) -> String {
     let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
     let small = v.effects.iter().filter(|e| !e.matters).count();
     let also = match small {
         0 => String::new(),
         n => format!("; {n} small effect(s) that do not matter"),
-    };
+    } + &factors(v);
     match v.verdict {
         Word::None => format!("Nothing that matters was left out{also}."),
         Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),
@@ -59,6 +69,13 @@ pub fn sentence(v: &Verdict) -> String {
                 .map(|s| format!("[{}]", s.join(" + ")))
                 .collect();
             format!("These data cannot tell apart: {}{also}.", sets.join(" or "))
+        }
+        Word::Unknown if v.unexplained.is_empty() => {
+            let found = match heavy.is_empty() {
+                true => "Nothing that was found stands".to_owned(),
+                false => format!("{} does not stand", heavy.join(" and ")),
+            };
+            format!("{found}: {}{also}.", against.join("; "))
         }
         Word::Unknown => {
             let terms: Vec<&str> = v.unexplained.iter().map(|u| u.term.as_str()).collect();

@@ -122,7 +122,9 @@ pub fn effects(
                 .zip(&setting.vocabulary[*candidate].words)
                 .map(|(w, i)| (w.name.to_owned(), w.allowed[*i].to_owned()))
                 .collect(),
+            dof: Some(setting.dof.name().to_owned()),
             probability,
+            established: probability >= 0.95,
             weight: BTreeMap::from([(setting.channel().to_owned(), *weight)]),
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },

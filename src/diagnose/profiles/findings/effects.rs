@@ -118,7 +118,9 @@ fn described(
     Effect {
         effect: info.id.to_owned(),
         words: BTreeMap::new(),
+        dof: None,
         probability,
+        established: probability >= 0.95,
         matters: weight.iter().any(|(c, w)| *w > tolerance(c, rig)),
         weight,
         law: Law::Exact,

@@ -4,7 +4,6 @@ use super::{CHANNELS, Findings};
 use crate::Diagnosis;
 use crate::verdict::{Effect, Test, Verdict, Where, Word};
 use hydroline_rigs::{Dof, Rig};
-use std::collections::BTreeMap;
 
 impl Findings {
     /// One sentence.
@@ -99,16 +98,11 @@ impl Findings {
                 noise_rms: self.fit.train.noise.clone(),
             },
             fit: self.fit.clone(),
-            parameters: Default::default(),
             blind_spots: self.blind_spots.clone(),
-            next_experiment: None,
-            noise: BTreeMap::new(),
-            data_faults: Vec::new(),
             alternatives: self.alternatives.clone(),
-            ladder: Vec::new(),
-            unexplained: Vec::new(),
             notes: self.notes.clone(),
             sets_looked_at: self.sets_looked_at,
+            ..Verdict::default()
         }
     }
 

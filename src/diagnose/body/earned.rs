@@ -1,0 +1,187 @@
+//! What a verdict has to show before it stands: what is left passes as the instruments' noise or is below the tolerance, no
+//! coefficient ends on a limit, and runs left out are foretold no worse than by the vehicle alone.
+
+use std::collections::BTreeMap;
+
+use hydroline_identify::data::CHANNELS;
+use hydroline_inference::body::Own;
+use hydroline_inference::summary::Rms;
+use hydroline_numerics::statistics::{chi2_above, ljung_box};
+use hydroline_rigs::Dof;
+
+use super::found::Judged;
+use crate::verdict::{Unexplained, Value};
+
+/// Lags of the test for whiteness.
+const LAGS: usize = 20;
+/// p below which innovations of good noise are called none, shared by all channels (Bonferroni).
+const NOT_NOISE: f64 = 1e-3;
+/// Ratio to the rig's from which a coefficient is part of what is said.
+const FAR_OFF: f64 = 2.0;
+/// Share of its limit's distance at which a coefficient counts as being there.
+const AT_LIMIT: f64 = 0.99;
+/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
+/// coefficient that is fitted too costs.
+const WORSE: f64 = 0.1;
+
+/// What is left in a channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Left {
+    /// Place among all channels.
+    pub channel: usize,
+    /// rms of the residuals that no change of the model's numbers takes away \[SI\].
+    pub rms: f64,
+    /// sd of the instrument \[SI\].
+    pub noise: f64,
+    /// p of the squared innovations, pooled over runs.
+    pub level_p: f64,
+    /// Least Ljung-Box p of a run, times the runs.
+    pub white_p: f64,
+    /// Level and colour are the noise's.
+    pub is_noise: bool,
+}
+
+impl Left {
+    /// What is left beside the noise \[SI\].
+    pub fn beyond(&self) -> f64 {
+        (self.rms.powi(2) - self.noise.powi(2)).max(0.0).sqrt()
+    }
+}
+
+impl Judged<'_> {
+    /// What the likeliest model leaves in every channel of every DOF that moves.
+    pub fn left(&self) -> Vec<Left> {
+        let problem = &self.found.problem;
+        let closest = problem.closest(&self.best.terms, &self.best.point);
+        let rms = closest.map_or([f64::NAN; 12], |p| problem.left_of(&p));
+        let mut all = Vec::new();
+        for (d, runs) in problem.innovations(&self.best.terms, &self.best.point) {
+            for c in 0..2 {
+                let channel = d + 6 * c;
+                let Some(noise) = problem.noises.channels[channel] else {
+                    continue;
+                };
+                let series: Vec<Vec<f64>> = runs
+                    .iter()
+                    .map(|r| r.iter().map(|v| v[c]).filter(|v| *v != 0.0).collect())
+                    .collect();
+                let count: usize = series.iter().map(Vec::len).sum();
+                let square: f64 = series.iter().flatten().map(|v| v * v).sum();
+                let whites: Vec<f64> = series
+                    .iter()
+                    .filter(|s| s.len() > 2 * LAGS)
+                    .filter_map(|s| ljung_box(s, LAGS))
+                    .map(|w| w.p_value)
+                    .collect();
+                let least = whites.iter().copied().fold(1.0, f64::min);
+                all.push(Left {
+                    channel,
+                    rms: rms[channel],
+                    noise: noise.total_sd(),
+                    level_p: chi2_above(square, count.max(1) as f64),
+                    white_p: (least * whites.len() as f64).min(1.0),
+                    is_noise: true,
+                });
+            }
+        }
+        let threshold = NOT_NOISE / (2 * all.len()).max(1) as f64;
+        for l in &mut all {
+            // NaN is no noise either.
+            l.is_noise = l.level_p >= threshold && l.white_p >= threshold && l.rms.is_finite();
+        }
+        all
+    }
+
+    /// Channels in which something is left that is neither noise nor below the tolerance, but those of DOFs named already.
+    pub fn not_noise(&self, named: &[Unexplained]) -> Vec<Unexplained> {
+        let body = &self.found.problem.body;
+        let left = self.left().into_iter().filter(|l| {
+            let beyond = l.beyond();
+            let large = beyond.is_nan() || beyond > body.tolerance[l.channel];
+            !l.is_noise && large
+        });
+        left.filter(|l| {
+            let of = |u: &Unexplained| {
+                let at = CHANNELS.iter().position(|c| *c == u.channel);
+                at.is_some_and(|c| c % 6 == l.channel % 6)
+            };
+            !named.iter().any(of)
+        })
+        .map(|l| Unexplained {
+            channel: CHANNELS[l.channel].to_owned(),
+            weight: l.beyond(),
+            depends_on: "time".to_owned(),
+            range: [f64::NAN, f64::NAN],
+            force: f64::NAN,
+            term: format!(
+                "{:.2e} rms is left in {} ({}), where the instrument's noise is {:.2e}",
+                l.rms,
+                CHANNELS[l.channel],
+                Dof::ALL[l.channel % 6].name(),
+                l.noise
+            ),
+            knots: Vec::new(),
+            force_at: Vec::new(),
+            force_sd: Vec::new(),
+            log_bayes_factor: f64::NAN,
+        })
+        .collect()
+    }
+
+    /// Coefficients at a limit or far from the rig's, with their factor.
+    pub fn far_off(&self) -> BTreeMap<String, Value> {
+        let body = &self.found.problem.body;
+        let natural = body.natural(&self.best.terms, &self.best.point);
+        let bounds = body.bounds(&self.best.terms);
+        let mut made = BTreeMap::new();
+        for (i, own) in body.own.iter().enumerate() {
+            let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
+            let factor = natural[i].0 / unit;
+            // Of the logarithm: the share by which it is known.
+            let sd = self.best.covariance[(i, i)].sqrt();
+            let known = factor.ln().abs() > FAR_OFF.ln() && sd < 0.5 * factor.ln().abs();
+            if known || self.at_limit(i, bounds[i]) {
+                let value = Value {
+                    value: factor,
+                    sd: Some(factor * sd).filter(|s| s.is_finite()),
+                };
+                made.insert(own.name().to_owned(), value);
+            }
+        }
+        made
+    }
+
+    fn at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
+        let at = self.best.point[place];
+        at <= AT_LIMIT * low || at >= AT_LIMIT * high
+    }
+
+    /// Whether a coefficient ended on a limit.
+    pub fn on_a_limit(&self) -> bool {
+        let body = &self.found.problem.body;
+        let bounds = body.bounds(&self.best.terms);
+        (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]))
+    }
+
+    /// Whether runs left out are foretold worse than by the vehicle alone.
+    pub fn foretells_worse(&self) -> bool {
+        let Some((before, after)) = &self.one_run_out else {
+            return false;
+        };
+        let size = |rms: &Rms| -> f64 {
+            let each = self.found.problem.noises.channels.iter().enumerate();
+            each.filter_map(|(c, noise)| {
+                let least = noise
+                    .as_ref()?
+                    .total_sd()
+                    .max(self.found.problem.body.tolerance[c]);
+                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
+            })
+            .sum()
+        };
+        let (before, after) = (size(before), size(after));
+        // Within noise and tolerance nobody is worse.
+        let channels = self.found.problem.noises.channels.iter().flatten().count() as f64;
+        after > channels && after > (1.0 + WORSE) * before
+    }
+}

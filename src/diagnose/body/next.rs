@@ -1,0 +1,176 @@
+//! The next run: the plan that best separates the verdict from its nearest rival that matters.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hydroline_identify::data::Command;
+use hydroline_inference::fit::Fit;
+use hydroline_plan::preflight::preflight;
+use hydroline_plan::setpoint::setpoint;
+use hydroline_rigs::{Dof, Plan, Rig};
+use hydroline_sim::Allocation;
+use rayon::prelude::*;
+
+use super::found::{Judged, LISTED};
+use crate::next::library;
+use crate::verdict::NextExperiment;
+
+/// Stamps of the run that is planned \[1/s\].
+const RATE_HZ: f64 = 25.0;
+/// What is watched after the plan's end \[s\].
+const TAIL_S: f64 = 6.0;
+/// Shares of the largest load of the runs at hand.
+const SHARES: [f64; 2] = [1.0, 0.5];
+/// Models looked at for a rival in which something else matters.
+const MODELS: usize = 40;
+/// Rivals that one plan has to separate.
+const RIVALS: usize = 4;
+
+impl Judged<'_> {
+    /// The plan, with its reason; `None` where nothing else was found possible, or no plan fits into the tank.
+    pub fn next(&self, rig: &Rig) -> Option<NextExperiment> {
+        let (set, rivals) = self.rivals();
+        let verdict = self.of_set(&set)?;
+        if rivals.is_empty() {
+            return None;
+        }
+        let allocation = Allocation::new(&rig.thrusters).ok()?;
+        let plans: Vec<Plan> = self
+            .driven(&set, &rivals)
+            .into_iter()
+            .flat_map(|(d, size)| SHARES.into_iter().map(move |share| (d, size, share)))
+            .flat_map(|(d, size, share)| {
+                library(d, size * share).into_iter().map(move |mut p| {
+                    let dof = Dof::ALL[d].name();
+                    p.name = format!("{}-{dof}-{:.0}", p.name, 100.0 * share);
+                    p
+                })
+            })
+            .filter(|p| preflight(rig, p).is_ok_and(|c| c.violations.is_empty()))
+            .collect();
+        let problem = &self.found.problem;
+        let gain = |plan: &Plan| -> Option<f64> {
+            let end_s = plan.duration_s() + TAIL_S;
+            let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32)
+                .map(|k| 0.006 + f64::from(k) / RATE_HZ)
+                .collect();
+            let commands = commands(rig, &allocation, plan, end_s)?;
+            let mut planned = problem.planned(&plan.name, commands, &times_s, rig).ok()?;
+            let each = rivals.iter().map(|(_, rival)| {
+                let there = problem.separation(&mut planned, verdict, rival)?;
+                let back = problem.separation(&mut planned, rival, verdict)?;
+                Some(there.min(back))
+            });
+            each.collect::<Option<Vec<f64>>>()?
+                .into_iter()
+                .reduce(f64::min)
+        };
+        let mut scored: Vec<(Plan, f64)> = plans
+            .into_par_iter()
+            .filter_map(|plan| {
+                let gain = gain(&plan)?;
+                gain.is_finite().then_some((plan, gain))
+            })
+            .collect();
+        // Ties go to the first name: the same plan in every run.
+        scored.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.name.cmp(&b.0.name)));
+        let considered: BTreeMap<String, f64> =
+            scored.iter().map(|(p, g)| (p.name.clone(), *g)).collect();
+        let (plan, gain) = scored.into_iter().next()?;
+        let named =
+            |set: &BTreeSet<usize>| -> Vec<String> { set.iter().map(|t| self.id(*t)).collect() };
+        let mut separates = vec![named(&set)];
+        separates.extend(rivals.iter().map(|r| named(&r.0)));
+        let say = |set: &[String]| match set {
+            [] => "nothing".to_owned(),
+            _ => set.join(" + "),
+        };
+        let reason = format!(
+            "after it {} and {} differ by {gain:.1} nats, the nearest of {} that these runs leave",
+            say(&separates[0]),
+            say(&separates[1]),
+            separates.len()
+        );
+        Some(NextExperiment {
+            plan_toml: plan.to_toml(),
+            plan: plan.name,
+            separates,
+            expected_log_bayes_factor: gain,
+            considered,
+            reason,
+        })
+    }
+
+    /// What matters by the verdict, and what else may: sets that tie with it, or else the likeliest in which something else
+    /// matters.
+    fn rivals(&self) -> (BTreeSet<usize>, Vec<(BTreeSet<usize>, &Fit)>) {
+        let Some((set, first)) = self.groups.first().cloned() else {
+            return (BTreeSet::new(), Vec::new());
+        };
+        let tied = self.groups.iter().skip(1).filter(|g| g.1 >= LISTED * first);
+        let mut rivals: Vec<(BTreeSet<usize>, &Fit)> = tied
+            .take(RIVALS)
+            .filter_map(|g| Some((g.0.clone(), self.of_set(&g.0)?)))
+            .collect();
+        if rivals.is_empty() {
+            let models = self.posterior.models.iter().take(MODELS);
+            let other = models.filter_map(|(terms, _)| {
+                let fit = self.found.models.get(terms)?;
+                let heavy = self.heavy(fit);
+                (heavy != set).then_some((heavy, fit))
+            });
+            rivals.extend(other.take(1));
+        }
+        (set, rivals)
+    }
+
+    /// The likeliest model in which just these matter.
+    fn of_set(&self, set: &BTreeSet<usize>) -> Option<&Fit> {
+        let models = self.posterior.models.iter().take(MODELS);
+        let mut fits = models.filter_map(|(terms, _)| self.found.models.get(terms));
+        fits.find(|fit| self.heavy(fit) == *set)
+    }
+
+    /// DOFs that plans drive, with the largest load of the runs at hand: those that the sets' words name, or all.
+    fn driven(
+        &self,
+        set: &BTreeSet<usize>,
+        rivals: &[(BTreeSet<usize>, &Fit)],
+    ) -> Vec<(usize, f64)> {
+        let body = &self.found.problem.body;
+        let mut largest = [0.0_f64; 6];
+        for (_, wrench) in body.recording.runs.iter().flat_map(|r| &r.commands) {
+            largest = std::array::from_fn(|d| largest[d].max(wrench[d].abs()));
+        }
+        let named = |t: &usize| -> Option<usize> {
+            let word = body.candidates[*t].word("dof")?;
+            Dof::ALL.into_iter().position(|d| d.name() == word)
+        };
+        let apart = set.iter().chain(rivals.iter().flat_map(|r| &r.0));
+        let meant: BTreeSet<usize> = apart
+            .filter_map(named)
+            .filter(|d| largest[*d] > 0.0)
+            .collect();
+        let all = (0..6).filter(|d| largest[*d] > 0.0);
+        let chosen: Vec<usize> = if meant.is_empty() {
+            all.collect()
+        } else {
+            meant.into_iter().collect()
+        };
+        chosen.into_iter().map(|d| (d, largest[d])).collect()
+    }
+}
+
+/// Loads that the rig's thrusters give by a plan.
+fn commands(rig: &Rig, allocation: &Allocation, plan: &Plan, end_s: f64) -> Option<Vec<Command>> {
+    let period_s = 1.0 / rig.thrusters.link.rate_hz;
+    let mut made: Vec<Command> = Vec::new();
+    for k in 0..(end_s / period_s).ceil() as u32 {
+        let t_s = f64::from(k) * period_s;
+        let set = setpoint(rig, allocation, plan, t_s).ok()?;
+        let wrench = allocation.wrench(&set.thrust_n).ok()?.to_array();
+        if made.last().is_none_or(|c| c.wrench != wrench) {
+            made.push(Command { t_s, wrench });
+        }
+    }
+    Some(made)
+}
