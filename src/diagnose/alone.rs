@@ -72,7 +72,7 @@ fn no_law_is_exact(run: &Run, rig: &Rig, progress: &(dyn Fn(&str) + Sync)) -> bo
 }
 
 /// A recording in equal stretches; `None` where they are too short to say anything.
-fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
+pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
     let run = &source.run;
     let (first_s, end_s) = (run.samples.first()?.t_s, run.end_s());
     let each_s = (end_s - first_s) / STRETCHES as f64;

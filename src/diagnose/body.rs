@@ -8,10 +8,12 @@ mod effects;
 mod found;
 mod next;
 mod place;
+mod shown;
 mod words;
 
 use hydroline_rigs::Rig;
 
+use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::source::Source;
 use super::verdict::{NoiseFound, Word};
@@ -38,7 +40,14 @@ pub fn diagnose(
         Err(going_on) => going_on,
     };
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
-    let mut runs: Vec<Run> = sources
+    // What is fitted to all of one recording has nothing left to foretell: its quarters are runs of their own.
+    let parts = match (sources, held) {
+        ([one], []) => stretches(one),
+        _ => None,
+    };
+    let mut runs: Vec<Run> = parts
+        .as_ref()
+        .map_or(sources, |p| p.as_slice())
         .iter()
         .map(|s| s.run.clone())
         .filter(|r| !is_still(r, still))
@@ -80,6 +89,7 @@ pub fn diagnose(
     verdict.alternatives = judged.alternatives();
     verdict.blind_spots = judged.blind_spots();
     verdict.notes.extend(judged.notes());
+    made.shown = judged.shown();
     progress("next run");
     verdict.next_experiment = judged.next(rig);
     for (c, noise) in found.problem.noises.channels.iter().enumerate() {

@@ -69,6 +69,8 @@ pub struct Diagnosis {
     pub rig: Rig,
     /// Per DOF what the report draws.
     pub explained: Vec<std::sync::Arc<super::report::Explained>>,
+    /// The same, ready to be drawn.
+    pub shown: Vec<super::report::Shown>,
 }
 
 /// Diagnoses logs against a rig; `held` are predicted only.
@@ -123,6 +125,7 @@ pub(super) fn stopped_by_faults(
         verdict,
         rig: rig.clone(),
         explained: Vec::new(),
+        shown: Vec::new(),
     };
     let Some(first) = stops else {
         return Err(made);

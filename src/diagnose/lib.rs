@@ -35,24 +35,54 @@ pub mod verdict;
 pub mod weight;
 pub mod weights;
 
-pub use alone::diagnose;
 pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
 
+use hydroline_inference::recording::Recording;
 use hydroline_rigs::Rig;
 
 /// Which engine is asked, until the new one has beaten the old one kind by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Engine {
-    /// One DOF after the other, in stages.
+    /// [`Engine::Body`] where several DOFs move, else [`Engine::Staged`].
     #[default]
+    ByMotion,
+    /// One DOF after the other, in stages.
     Staged,
     /// One likelihood over all DOFs.
     Body,
 }
 
+impl Engine {
+    /// The one that is asked about these logs: DOFs that move together cannot be taken one after the other.
+    fn of(self, sources: &[Source], rig: &Rig) -> Engine {
+        if self != Engine::ByMotion {
+            return self;
+        }
+        let runs: Vec<_> = sources.iter().map(|s| s.run.clone()).collect();
+        let recording = Recording::new(&runs, rig.tank.start_pose[5]);
+        match recording.moving(&rig.tolerance.channels()).len() {
+            0 | 1 => Engine::Staged,
+            _ => Engine::Body,
+        }
+    }
+}
+
 /// Diagnoses logs against a rig; `held` are predicted only.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    diagnose_by(Engine::default(), sources, held, rig, progress)
+}
+
+/// The same by an engine.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -63,8 +93,8 @@ pub fn diagnose_by(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    match engine {
-        Engine::Staged => alone::diagnose(sources, held, rig, progress),
+    match engine.of(sources, rig) {
         Engine::Body => body::diagnose(sources, held, rig, progress),
+        _ => alone::diagnose(sources, held, rig, progress),
     }
 }

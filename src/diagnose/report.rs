@@ -15,7 +15,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
 use super::Diagnosis;
 use super::verdict::{Verdict, Word};
-pub use traces::{Explained, Regime, Trace};
+pub use traces::{Explained, Regime, Shown, Trace};
 
 /// What `diagnose --report` writes.
 #[derive(Debug, Clone)]
@@ -33,6 +33,8 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
         format!("hydroline diagnose: {}", word(v.verdict)),
         format!("Diagnosis: {}", word(v.verdict)),
     );
+    let mut shown: Vec<Shown> = found.explained.iter().map(|e| e.shown()).collect();
+    shown.extend(found.shown.iter().cloned());
     let b = &mut page.body;
     b.lead(&v.sentence);
     b.paragraph(Inline::new().code(command));
@@ -40,11 +42,11 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     if v.verdict == Word::DataFault {
         tables::faults(b, v);
     } else {
-        before_after_svg = before_after(b, found);
+        before_after_svg = before_after(b, found, &shown);
         tables::fit(b, v);
         tables::effects(b, v);
         written(b, found);
-        place(b, found);
+        place(b, found, &shown);
         tables::unexplained(b, v);
         tables::ladder(b, v);
         tables::alternatives(b, v);
@@ -60,7 +62,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
 }
 
 /// Every run that can be predicted, without and with what was left out; the first figure as a file of its own.
-fn before_after(b: &mut Body, found: &Diagnosis) -> String {
+fn before_after(b: &mut Body, found: &Diagnosis, shown: &[Shown]) -> String {
     b.section("Before and after");
     let held_out = &found.verdict.fit.held_out_by;
     b.paragraph(if held_out.starts_with(super::conclude::HELD_OUT) {
@@ -69,14 +71,14 @@ fn before_after(b: &mut Body, found: &Diagnosis) -> String {
         "Each run predicted by coefficients and effects fitted to the others; only its start is fitted."
     });
     let mut first = String::new();
-    for explained in &found.explained {
-        let mut traces = explained.predicted();
+    for channel in shown {
+        let mut traces = &channel.predicted;
         if traces.is_empty() {
             b.warning("One run and none held out: the figure shows the fit itself, which proves less than a prediction.");
-            traces = explained.fitted();
+            traces = &channel.fitted;
         }
-        for trace in &traces {
-            let figure = figures::before_after(explained, trace);
+        for trace in traces {
+            let figure = figures::before_after(channel, trace);
             b.figure(&figure, "");
             if first.is_empty() {
                 first = figure.file();
@@ -129,7 +131,7 @@ fn written(b: &mut Body, found: &Diagnosis) {
 }
 
 /// Where the model without effects misses, on the runs fitted.
-fn place(b: &mut Body, found: &Diagnosis) {
+fn place(b: &mut Body, found: &Diagnosis, shown: &[Shown]) {
     let place = &found.verdict.place;
     b.section("Where");
     b.paragraph(format!(
@@ -138,21 +140,21 @@ fn place(b: &mut Body, found: &Diagnosis) {
         place.dof.join(", "),
         place.regime
     ));
-    if !found.explained.is_empty() {
+    if !shown.is_empty() {
         b.paragraph("What the vehicle alone, refitted, leaves of the runs fitted.");
     }
-    for explained in &found.explained {
-        let regime = explained.regime();
-        for (run, trace) in explained.fitted().iter().enumerate() {
-            let more = place.windows.get(&trace.track.name);
-            let strong = regime
+    for channel in shown {
+        for (run, trace) in channel.fitted.iter().enumerate() {
+            let more = place.windows.get(&trace.name);
+            let strong = channel
+                .regime
                 .as_ref()
                 .map_or(Vec::new(), |r| r.windows(run, trace));
             let more = more.cloned().unwrap_or_default();
-            b.figure(&figures::misses(explained, trace, more, strong), "");
+            b.figure(&figures::misses(channel, trace, more, strong), "");
         }
-        if let Some(r) = &regime {
-            b.figure(&figures::free_force(explained, r), "");
+        if let Some(r) = &channel.regime {
+            b.figure(&figures::free_force(channel, r), "");
         }
     }
 }

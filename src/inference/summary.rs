@@ -287,36 +287,27 @@ impl Problem {
         Some(at)
     }
 
-    /// rms on runs that a model has not seen.
-    pub fn foretold_rms(&self, fit: &Fit) -> Option<Rms> {
+    /// What a model predicts of runs that it has not seen.
+    pub fn foretell(&self, fit: &Fit) -> Option<Vec<Vec<[f64; 12]>>> {
         let point = self.foretold(&fit.terms, &fit.point)?;
-        Some(self.left(&fit.terms, &point))
+        Some(self.predicted(&fit.terms, &point))
     }
 
-    /// rms of every run as the others foretell it, each model fitted anew without it.
-    pub fn one_run_out(&self, fit: &Fit) -> Option<Rms> {
+    /// Every run as the others foretell it, each model fitted anew without it.
+    pub fn one_run_out(&self, fit: &Fit) -> Option<Vec<Vec<[f64; 12]>>> {
         let runs = self.body.recording.runs.len();
-        let mut sum = Squares::default();
-        for out in 0..runs {
+        let places = self.body.start_places(&fit.terms);
+        let each = (0..runs).map(|out| {
             let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
             let part = self.only(&others);
-            let places = self.body.start_places(&fit.terms);
             let mut from = fit.point[..places[0]].to_vec();
             for r in &others {
                 from.extend(&fit.point[places[*r]..places[r + 1]]);
             }
             let made = part.fit(&fit.terms, &from, fit.misfit, Effort::default())?;
-            let alone = self.only(&[out]);
-            let point = alone.foretold(&fit.terms, &made.point)?;
-            let r = &alone.body.recording.runs[0];
-            for (k, p) in alone.predicted(&fit.terms, &point)[0].iter().enumerate() {
-                let m = r.measured(k);
-                for c in (0..12).filter(|c| alone.noises.used[0][k][*c]) {
-                    sum.add(c, m[c] - p[c]);
-                }
-            }
-        }
-        Some(sum.rms())
+            self.only(&[out]).foretell(&made)?.pop()
+        });
+        each.collect()
     }
 
     /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.

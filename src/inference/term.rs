@@ -75,6 +75,9 @@ pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> V
         .filter(|i| !i.parameters.is_empty() && !in_images_only(i))
     {
         for words in choices(info.words, dofs) {
+            if is_own_square(info.words, &words) {
+                continue;
+            }
             if on.iter().any(|o| o.info.id == info.id && o.words == words) {
                 continue;
             }
@@ -84,13 +87,29 @@ pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> V
     all
 }
 
+/// Whether a product of rates is a DOF's own rate squared: damping of a hull that differs ahead and astern, which stands in
+/// the vocabulary as such. As a product it would drive the vehicle on one side.
+fn is_own_square(info: &[WordInfo], words: &[usize]) -> bool {
+    let named = |word: &str| {
+        let at = info.iter().position(|w| w.name == word)?;
+        info[at].allowed.get(words[at]).copied()
+    };
+    let place = |rate: &str| RATES.iter().position(|r| *r == rate);
+    let (Some(dof), Some(a), Some(b)) = (named("dof"), named("a"), named("b")) else {
+        return false;
+    };
+    let dof = Dof::ALL.into_iter().position(|d| d.name() == dof);
+    place(a) == dof && place(b) == dof
+}
+
+/// Rates in the order of the DOFs.
+const RATES: [&str; 6] = ["u", "v", "w", "p", "q", "r"];
+
 /// All combinations of words in which no word names a DOF that does not move.
 fn choices(words: &[WordInfo], dofs: &[usize]) -> Vec<Vec<usize>> {
     let moves = |word: &str| {
         let dof = Dof::ALL.into_iter().position(|d| d.name() == word);
-        let rate = ["u", "v", "w", "p", "q", "r"]
-            .iter()
-            .position(|r| *r == word);
+        let rate = RATES.iter().position(|r| *r == word);
         dof.or(rate).is_none_or(|d| dofs.contains(&d))
     };
     let mut made = vec![Vec::new()];

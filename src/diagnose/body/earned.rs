@@ -139,7 +139,12 @@ impl Judged<'_> {
             let factor = natural[i].0 / unit;
             // Of the logarithm: the share by which it is known.
             let sd = self.best.covariance[(i, i)].sqrt();
-            let known = factor.ln().abs() > FAR_OFF.ln() && sd < 0.5 * factor.ln().abs();
+            // Of what the rig says nothing there is no factor.
+            let said = match own {
+                Own::Coefficient(c, _) => c.of_vehicle(&body.vehicle) != 0.0,
+                Own::Restoring(_) => true,
+            };
+            let known = said && factor.ln().abs() > FAR_OFF.ln() && sd < 0.5 * factor.ln().abs();
             if known || self.at_limit(i, bounds[i]) {
                 let value = Value {
                     value: factor,
@@ -151,9 +156,16 @@ impl Judged<'_> {
         made
     }
 
+    /// Whether one of the vehicle's numbers is as far off as is looked. Damping that the rig does not know and that is as
+    /// good as none is at no limit: a hull may have none of that power.
     fn at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
+        let body = &self.found.problem.body;
         let at = self.best.point[place];
-        at <= AT_LIMIT * low || at >= AT_LIMIT * high
+        let none = match body.own[place] {
+            Own::Coefficient(c, _) => c.of_vehicle(&body.vehicle) == 0.0,
+            Own::Restoring(_) => false,
+        };
+        (at <= AT_LIMIT * low && !none) || at >= AT_LIMIT * high
     }
 
     /// Whether a coefficient ended on a limit.
@@ -165,7 +177,7 @@ impl Judged<'_> {
 
     /// Whether runs left out are foretold worse than by the vehicle alone.
     pub fn foretells_worse(&self) -> bool {
-        let Some((before, after)) = &self.one_run_out else {
+        let Some((before, after)) = self.one_run_out.as_ref().map(|f| &f.rms) else {
             return false;
         };
         let size = |rms: &Rms| -> f64 {

@@ -10,12 +10,15 @@ use hydroline_inference::term::Candidate;
 use hydroline_rigs::Rig;
 
 use super::found::{ESTABLISHED, Judged, relative};
+use crate::conclude::HELD_OUT;
 use crate::verdict::{Alternative, BeforeAfter, Effect, FitTable, Law, Parameters, Value};
 
 /// Probability from which an effect is listed.
 const LISTED: f64 = 0.5;
 /// Probability of an exchange, over the member's own, from which it is said.
 const AS_WELL: f64 = 0.05;
+/// Models less probable than this change no number.
+const LEAST_SHARE: f64 = 1e-4;
 /// Models listed.
 const MODELS: usize = 8;
 
@@ -23,6 +26,43 @@ const MODELS: usize = 8;
 pub fn table(rms: &Rms) -> BTreeMap<String, f64> {
     let each = rms.iter().enumerate().filter(|(_, v)| v.is_finite());
     each.map(|(c, v)| (CHANNELS[c].to_owned(), *v)).collect()
+}
+
+/// Numbers of several models, by their probabilities: mean, and sd with what the means differ by.
+fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
+    let sum: f64 = all.iter().map(|a| a.0).sum();
+    let Some((_, first)) = all.first() else {
+        return BTreeMap::new();
+    };
+    let of = |name: &String| -> Value {
+        let each = || {
+            let with = all.iter().filter_map(|(p, values)| {
+                let mut v = *values.get(name)?;
+                if name.starts_with("phase") {
+                    // Of all turns the one nearest to the first model's.
+                    let turns = (v.value - first[name].value) / std::f64::consts::TAU;
+                    v.value -= turns.round() * std::f64::consts::TAU;
+                }
+                Some((p / sum, v))
+            });
+            // What a model does not determine says nothing of the number.
+            with.filter(|(_, v)| v.sd.is_some())
+        };
+        let share: f64 = each().map(|(p, _)| p).sum();
+        if share <= 0.0 {
+            return first[name];
+        }
+        let mean = each().map(|(p, v)| p * v.value).sum::<f64>() / share;
+        let variance = each().map(|(p, v)| {
+            let sd = v.sd.unwrap_or(0.0);
+            p * (sd * sd + (v.value - mean).powi(2))
+        });
+        Value {
+            value: mean,
+            sd: Some((variance.sum::<f64>() / share).sqrt()),
+        }
+    };
+    first.keys().map(|name| (name.clone(), of(name))).collect()
 }
 
 /// The DOF that an effect's words name.
@@ -73,7 +113,7 @@ impl Judged<'_> {
                     matters: size > 1.0,
                     law: Law::Exact,
                     law_note: None,
-                    parameters: self.numbers(fit, member),
+                    parameters: self.averaged(e.candidate),
                     or: self.exchanges(e.candidate),
                     notes: self.unusual(fit, member),
                 },
@@ -85,22 +125,30 @@ impl Judged<'_> {
 
     fn numbers(&self, fit: &Fit, member: usize) -> BTreeMap<String, Value> {
         let body = &self.found.problem.body;
-        let natural = body.natural(&fit.terms, &fit.point);
         let at = body.places(&fit.terms)[member];
         let info = body.candidates[fit.terms[member]].info;
         let each = info.parameters.iter().enumerate();
-        each.map(|(i, p)| {
-            let (value, slope) = natural[at + i];
-            let sd = slope.abs() * fit.covariance[(at + i, at + i)].sqrt();
-            (
-                p.name.to_owned(),
-                Value {
-                    value,
-                    sd: Some(sd).filter(|s| s.is_finite()),
-                },
-            )
-        })
-        .collect()
+        each.map(|(i, p)| (p.name.to_owned(), self.value(fit, at + i)))
+            .collect()
+    }
+
+    /// The same over all models that hold the effect: what they differ by is in the sds.
+    fn averaged(&self, term: usize) -> BTreeMap<String, Value> {
+        let with = self.posterior.models.iter().filter_map(|(terms, p)| {
+            let member = terms.iter().position(|t| *t == term)?;
+            let fit = self.found.models.get(terms)?;
+            Some((*p, self.numbers(fit, member)))
+        });
+        mixed(&with.collect::<Vec<_>>())
+    }
+
+    fn value(&self, fit: &Fit, place: usize) -> Value {
+        let (value, slope) = self.found.problem.body.natural(&fit.terms, &fit.point)[place];
+        let sd = slope.abs() * fit.covariance[(place, place)].sqrt();
+        Value {
+            value,
+            sd: Some(sd).filter(|s| s.is_finite()),
+        }
     }
 
     fn unusual(&self, fit: &Fit, member: usize) -> Vec<String> {
@@ -146,27 +194,17 @@ impl Judged<'_> {
     /// Coefficients without and with the effects.
     pub fn parameters(&self) -> Parameters {
         let own = |fit: &Fit| -> BTreeMap<String, Value> {
-            let body = &self.found.problem.body;
-            let natural = body.natural(&fit.terms, &fit.point);
-            let each = body.own.iter().enumerate();
-            each.map(|(i, own)| {
-                let (value, slope) = natural[i];
-                let sd = slope.abs() * fit.covariance[(i, i)].sqrt();
-                (
-                    own.name().to_owned(),
-                    Value {
-                        value,
-                        sd: Some(sd),
-                    },
-                )
-            })
-            .collect()
+            let own = self.found.problem.body.own.iter().enumerate();
+            own.map(|(i, own)| (own.name().to_owned(), self.value(fit, i)))
+                .collect()
         };
+        let all = self.posterior.models.iter().filter(|m| m.1 >= LEAST_SHARE);
+        let all = all.filter_map(|(terms, p)| Some((*p, own(self.found.models.get(terms)?))));
         let effects = (0..self.best.terms.len())
             .map(|m| (self.id(self.best.terms[m]), self.numbers(self.best, m)));
         Parameters {
             before: own(self.alone),
-            after: own(self.best),
+            after: mixed(&all.collect::<Vec<_>>()),
             written: own(self.best),
             written_effects: effects.collect(),
             exponents: Vec::new(),
@@ -201,20 +239,32 @@ impl Judged<'_> {
             },
             ..FitTable::default()
         };
-        if let Some((before, after, how)) = &self.foretold {
+        let (foretold, how) = match &self.held {
+            Some((over, foretold)) => {
+                let runs = over.body.recording.runs.iter();
+                let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
+                let how = format!("{HELD_OUT}: {}, which chose nothing", names.join(", "));
+                (Some(foretold), how)
+            }
+            None => (
+                self.one_run_out.as_ref(),
+                "each run by the others".to_owned(),
+            ),
+        };
+        if let Some(foretold) = foretold {
             made.held_out = BeforeAfter {
-                before: table(before),
-                after: table(after),
+                before: table(&foretold.rms.0),
+                after: table(&foretold.rms.1),
                 noise: table(&noise),
             };
-            made.held_out_by = how.clone();
+            made.held_out_by = how;
         }
         made
     }
 
     /// Each run as the others foretell it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
-        let (before, after) = self.one_run_out.as_ref()?;
+        let (before, after) = &self.one_run_out.as_ref()?.rms;
         Some(BeforeAfter {
             before: table(before),
             after: table(after),

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::data::Run;
-use hydroline_inference::fit::Fit;
+use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
@@ -24,6 +24,30 @@ const SETS: usize = 6;
 /// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
 const UNNAMED: f64 = 0.5;
 
+/// Runs that neither model has seen.
+#[derive(Debug, Clone)]
+pub struct Foretold {
+    /// By the vehicle alone, per run and sample.
+    pub before: Vec<Vec<[f64; 12]>>,
+    /// With the likeliest model's effects.
+    pub after: Vec<Vec<[f64; 12]>>,
+    /// rms of what both miss: (before, after).
+    pub rms: (Rms, Rms),
+}
+
+impl Foretold {
+    fn new(
+        problem: &Problem,
+        foretell: impl Fn(&Fit) -> Option<Vec<Vec<[f64; 12]>>>,
+        alone: &Fit,
+        best: &Fit,
+    ) -> Option<Foretold> {
+        let (before, after) = (foretell(alone)?, foretell(best)?);
+        let rms = (problem.left_of(&before), problem.left_of(&after));
+        Some(Foretold { before, after, rms })
+    }
+}
+
 /// A posterior with its weights.
 pub struct Judged<'a> {
     pub found: &'a Found,
@@ -36,10 +60,10 @@ pub struct Judged<'a> {
     pub weights: BTreeMap<Vec<usize>, Vec<Rms>>,
     /// Sets of what matters with their probabilities, likeliest first.
     pub groups: Vec<(BTreeSet<usize>, f64)>,
-    /// rms of runs not seen: (without effects, with, how they were foretold).
-    pub foretold: Option<(Rms, Rms, String)>,
-    /// rms of each run as the others foretell it: (without effects, with).
-    pub one_run_out: Option<(Rms, Rms)>,
+    /// Runs held out, and what both models predict of them.
+    pub held: Option<(Problem, Foretold)>,
+    /// Each run as the others foretell it.
+    pub one_run_out: Option<Foretold>,
     /// Forces without a name that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
@@ -69,17 +93,15 @@ impl<'a> Judged<'a> {
         groups.sort_by(|a, b| b.1.total_cmp(&a.1));
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
-            .then(|| Some((problem.one_run_out(alone)?, problem.one_run_out(best)?)))
+            .then(|| Foretold::new(problem, |fit| problem.one_run_out(fit), alone, best))
             .flatten();
-        let foretold = if held.is_empty() {
-            one_run_out.map(|(before, after)| (before, after, "each run by the others".to_owned()))
-        } else {
-            let over = problem.over(held, rig).ok()?.without_outliers(best);
-            let names: Vec<&str> = held.iter().map(|r| r.name.as_str()).collect();
-            over.foretold_rms(alone)
-                .zip(over.foretold_rms(best))
-                .map(|(a, b)| (a, b, names.join(", ")))
-        };
+        let held = (!held.is_empty())
+            .then(|| {
+                let over = problem.over(held, rig).ok()?.without_outliers(best);
+                let foretold = Foretold::new(&over, |fit| over.foretell(fit), alone, best)?;
+                Some((over, foretold))
+            })
+            .flatten();
         let mut made = Judged {
             found,
             posterior,
@@ -87,7 +109,7 @@ impl<'a> Judged<'a> {
             alone,
             weights,
             groups,
-            foretold,
+            held,
             one_run_out,
             unexplained: Vec::new(),
         };
@@ -232,5 +254,7 @@ fn mattering(terms: &[usize], weights: &[Rms], tolerance: &[f64; 12]) -> BTreeSe
 /// Largest weight over the tolerance of its channel.
 pub fn relative(weight: &Rms, tolerance: &[f64; 12]) -> f64 {
     let each = weight.iter().zip(tolerance).map(|(w, t)| w / t);
-    each.filter(|v| v.is_finite()).fold(0.0, f64::max)
+    let finite = each.filter(|v| v.is_finite());
+    // What gives no finite motion by itself matters.
+    finite.reduce(f64::max).unwrap_or(f64::INFINITY)
 }

@@ -1,6 +1,6 @@
 //! The report's figures: runs without and with what was left out, where the model misses, the free force.
 
-use super::{Explained, Regime, Trace};
+use super::{Regime, Shown, Trace};
 use crate::family::Variable;
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
@@ -17,7 +17,7 @@ fn time() -> Axis {
 }
 
 fn marks(trace: &Trace) -> Vec<f64> {
-    let edges = &trace.track.edges;
+    let edges = &trace.edges;
     if edges.len() > MARKS {
         return Vec::new();
     }
@@ -35,29 +35,29 @@ fn residuals(title: String, quantity: &Quantity<'_>, noise_sd: f64) -> Panel {
 }
 
 /// Motion, and below it what each model misses beside the noise floor.
-pub(super) fn before_after(explained: &Explained, trace: &Trace) -> Figure {
-    let channel = explained.setting.channel();
+pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
+    let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);
-    let noise_sd = explained.weights.noise.total_sd();
-    let over_time = |values: &[f64]| points(&trace.track.times_s, &quantity.shown(values));
+    let noise_sd = shown.noise_sd;
+    let over_time = |values: &[f64]| points(&trace.times_s, &quantity.shown(values));
     let (before, after) = trace.rms();
     let (unit, factor) = (quantity.unit, quantity.factor);
     let outliers = trace.outliers();
     Figure::stack(
         format!(
             "{}: {channel} measured and by both models, and their residuals",
-            trace.track.name
+            trace.name
         ),
         vec![
             Panel::new(
-                format!("{}: {channel}", trace.track.name),
+                format!("{}: {channel}", trace.name),
                 time(),
                 Axis::new(quantity.axis()),
             )
             .marks("commands", marks(trace))
             .line("without", BEFORE, over_time(&trace.before))
             .line("with what was left out", AFTER, over_time(&trace.after))
-            .line("measured", Colour::GREY, over_time(&trace.track.measured)),
+            .line("measured", Colour::GREY, over_time(&trace.measured)),
             residuals(
                 format!(
                     "measured - model: rms {:.3} {unit} before, {:.3} after, noise {:.3}",
@@ -84,25 +84,21 @@ pub(super) fn before_after(explained: &Explained, trace: &Trace) -> Figure {
 /// What the model without effects leaves of a run: `more` = windows with more than noise,
 /// `strong` = windows in which the free force is strong \[s\].
 pub(super) fn misses(
-    explained: &Explained,
+    shown: &Shown,
     trace: &Trace,
     more: Vec<[f64; 2]>,
     strong: Vec<[f64; 2]>,
 ) -> Figure {
-    let channel = explained.setting.channel();
+    let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);
-    let title = format!("{}: {channel}, measured - model", trace.track.name);
+    let title = format!("{}: {channel}, measured - model", trace.name);
     let residual = quantity.shown(&trace.residual(&trace.before));
-    let panel = residuals(title.clone(), &quantity, explained.weights.noise.total_sd())
+    let panel = residuals(title.clone(), &quantity, shown.noise_sd)
         .height(120.0)
         .windows("more than noise", BEFORE, more)
         .windows("free force strong", STRONG, strong)
         .marks("commands", marks(trace))
-        .line(
-            "without effects",
-            BEFORE,
-            points(&trace.track.times_s, &residual),
-        );
+        .line("without effects", BEFORE, points(&trace.times_s, &residual));
     Figure::stack(title, vec![panel])
 }
 
@@ -133,9 +129,9 @@ fn unit(variable: Variable, linear: bool) -> &'static str {
 }
 
 /// The force that explains most of what the model without effects misses, over its variable.
-pub(super) fn free_force(explained: &Explained, regime: &Regime) -> Figure {
+pub(super) fn free_force(shown: &Shown, regime: &Regime) -> Figure {
     let f = &regime.found;
-    let linear = explained.setting.dof.index() < 3;
+    let linear = shown.channel.ends_with("_m");
     let load = if linear { "force [N]" } else { "moment [N m]" };
     let knots: Vec<f64> = f.family.knots.iter().map(|k| f.family.shown(*k)).collect();
     let within_sd = knots

@@ -26,14 +26,35 @@ pub struct Explained {
     pub held: Vec<Track>,
 }
 
+/// A channel in the report's figures.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// Its name.
+    pub channel: String,
+    /// Noise of a sample \[SI\].
+    pub noise_sd: f64,
+    /// Runs predicted, only their starts fitted.
+    pub predicted: Vec<Trace>,
+    /// Runs fitted.
+    pub fitted: Vec<Trace>,
+    /// The free force that explains most of what the model without effects misses.
+    pub regime: Option<Regime>,
+}
+
 /// One run under both models.
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// The run.
-    pub track: Track,
-    /// Without effects \[m, rad\].
+    pub name: String,
+    /// Stamps \[s\].
+    pub times_s: Vec<f64>,
+    /// (time, load) of the commands in its DOF \[s; N, N m\].
+    pub edges: Vec<(f64, f64)>,
+    /// Measured; NaN = not \[SI\].
+    pub measured: Vec<f64>,
+    /// Without effects \[SI\].
     pub before: Vec<f64>,
-    /// With them \[m, rad\].
+    /// With them \[SI\].
     pub after: Vec<f64>,
     /// Samples that are no outliers.
     pub used: Vec<bool>,
@@ -51,10 +72,21 @@ pub struct Regime {
 }
 
 impl Trace {
+    fn of(track: &Track, before: Vec<f64>, after: Vec<f64>, used: Vec<bool>) -> Trace {
+        Trace {
+            name: track.name.clone(),
+            times_s: track.times_s.clone(),
+            edges: track.edges.clone(),
+            measured: track.measured.clone(),
+            before,
+            after,
+            used,
+        }
+    }
+
     /// Measured minus model, outliers as NaN; \[m, rad\].
     pub fn residual(&self, model: &[f64]) -> Vec<f64> {
-        self.track
-            .measured
+        self.measured
             .iter()
             .zip(model)
             .zip(&self.used)
@@ -64,12 +96,11 @@ impl Trace {
 
     /// Outliers: (time, measured minus the model with effects).
     pub fn outliers(&self) -> Vec<(f64, f64)> {
-        self.track
-            .times_s
+        self.times_s
             .iter()
-            .zip(self.track.measured.iter().zip(&self.after))
+            .zip(self.measured.iter().zip(&self.after))
             .zip(&self.used)
-            .filter(|(_, used)| !**used)
+            .filter(|((_, (m, _)), used)| !**used && m.is_finite())
             .map(|((t, (m, v)), _)| (*t, m - v))
             .collect()
     }
@@ -117,11 +148,13 @@ impl Explained {
             )
         };
         (0..self.setting.tracks.len())
-            .map(|run| Trace {
-                track: self.setting.tracks[run].clone(),
-                before: values(&self.plain, run),
-                after: values(&self.first, run),
-                used: self.weights.used[run].clone(),
+            .map(|run| {
+                Trace::of(
+                    &self.setting.tracks[run],
+                    values(&self.plain, run),
+                    values(&self.first, run),
+                    self.weights.used[run].clone(),
+                )
             })
             .collect()
     }
@@ -174,6 +207,17 @@ impl Explained {
             .collect()
     }
 
+    /// For the figures.
+    pub fn shown(&self) -> Shown {
+        Shown {
+            channel: self.setting.channel().to_owned(),
+            noise_sd: self.weights.noise.total_sd(),
+            predicted: self.predicted(),
+            fitted: self.fitted(),
+            regime: self.regime(),
+        }
+    }
+
     /// Where the mismatch acts: the best free force beside the model without effects.
     pub fn regime(&self) -> Option<Regime> {
         let view = View::new(&self.setting, &self.weights, &self.plain);
@@ -195,10 +239,10 @@ impl Explained {
 impl Regime {
     /// Times of a run in which the variable lies in the range.
     pub fn windows(&self, run: usize, trace: &Trace) -> Vec<[f64; 2]> {
-        let t = &trace.track.times_s;
+        let t = &trace.times_s;
         let load_at = |s: f64| {
-            let after = trace.track.edges.partition_point(|e| e.0 <= s);
-            after.checked_sub(1).map(|i| trace.track.edges[i])
+            let after = trace.edges.partition_point(|e| e.0 <= s);
+            after.checked_sub(1).map(|i| trace.edges[i])
         };
         let value = |k: usize| -> f64 {
             match self.found.family.variable {
@@ -258,10 +302,10 @@ fn predict(like: &Setting, track: &Track, plain: &Fit, first: &Fit, noise: Noise
         let p = found.parameters;
         Some(there.values(0, &fit.set, &p[..g], (p[g], p[g + 1])))
     };
-    Some(Trace {
-        before: values(plain)?,
-        after: values(first)?,
-        used: used.into_iter().next()?,
-        track: track.clone(),
-    })
+    Some(Trace::of(
+        track,
+        values(plain)?,
+        values(first)?,
+        used.into_iter().next()?,
+    ))
 }

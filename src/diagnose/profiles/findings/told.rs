@@ -124,6 +124,7 @@ impl Findings {
             verdict: self.verdict(),
             rig,
             explained: Vec::new(),
+            shown: Vec::new(),
         }
     }
 
