@@ -194,7 +194,7 @@ fn noise(seed: &mut u64) -> f64 {
 }
 
 /// A run of our simulator along surge.
-fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run {
+pub fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run {
     let model = Model::from_rig(rig).unwrap();
     let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.01).unwrap();
     let mut run = Run {
@@ -223,7 +223,7 @@ fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run {
     run
 }
 
-fn clean(run: Run) -> Source {
+pub fn clean(run: Run) -> Source {
     Source {
         run,
         faults: Vec::new(),

@@ -1,6 +1,7 @@
 //! From frames and logs to stripes, poses, coefficients and verdicts.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+mod diagnose_body;
 mod diagnose_images;
 mod diagnose_motion;
 mod diagnose_real;

@@ -1,0 +1,101 @@
+//! The engine of one likelihood: what does not change its verdict, and what does.
+#![allow(clippy::unwrap_used)] // a test
+
+use crate::diagnose_motion::{clean, simulated};
+use hydroline::diagnose::verdict::{Verdict, Word};
+use hydroline::diagnose::{Engine, Source, diagnose_by};
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
+
+fn water() -> Rig {
+    let mut water = Rig::builtin("lshpi").unwrap();
+    water.vehicle.coefficients[0].linear *= 1.15;
+    water.physics.push(PhysicsEntry {
+        effect: "thruster_lag".to_owned(),
+        parameters: vec![
+            ("lag_s".to_owned(), ParameterValue::Number(0.3)),
+            ("dof".to_owned(), ParameterValue::Word("surge".to_owned())),
+        ],
+    });
+    water
+}
+
+fn runs(water: &Rig) -> Vec<Source> {
+    let edges: [&[(f64, f64)]; 4] = [
+        &[(0.0, 4.0), (9.0, 0.0)],
+        &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)],
+        &[(0.0, 12.0), (5.0, -6.0)],
+        &[(0.0, -5.0), (4.0, 9.0), (9.0, 2.0)],
+    ];
+    let names = ["a", "b", "c", "d"];
+    let each = names.iter().zip(edges).zip(1..);
+    each.map(|((name, edges), seed)| clean(simulated(water, name, edges, seed)))
+        .collect()
+}
+
+fn asked(sources: &[Source], held: &[Source], rig: &Rig) -> Verdict {
+    let found = diagnose_by(Engine::Body, sources, held, rig, &|_| {}).unwrap();
+    println!("{:?}: {}", found.verdict.verdict, found.verdict.sentence);
+    found.verdict
+}
+
+fn probabilities(v: &Verdict) -> Vec<(String, f64)> {
+    let mut all: Vec<_> = v
+        .effects
+        .iter()
+        .map(|e| (e.effect.clone(), e.probability))
+        .collect();
+    all.sort_by(|a, b| a.0.cmp(&b.0));
+    all
+}
+
+/// The same five logs with the last two swapped established an effect that was not there.
+#[test]
+fn the_order_of_logs_changes_nothing() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let all = runs(&water());
+    let (fitted, held) = all.split_at(2);
+    let first = asked(fitted, held, &rig);
+    assert_eq!(first.verdict, Word::Named, "{}", first.sentence);
+    let turned = |s: &[Source]| -> Vec<Source> { s.iter().rev().cloned().collect() };
+    let second = asked(&turned(fitted), &turned(held), &rig);
+    assert_eq!(first.sentence, second.sentence);
+    assert_eq!(probabilities(&first), probabilities(&second));
+    // What is held out chooses nothing: without it the verdict is the same.
+    let third = asked(fitted, &[], &rig);
+    assert_eq!(first.sentence, third.sentence);
+    assert_eq!(probabilities(&first), probabilities(&third));
+}
+
+/// A rig may be off by five: hidden bounds on coefficients made effects of what a coefficient is.
+#[test]
+fn a_rig_that_is_far_off_gets_the_same_verdict_and_is_told() {
+    let all = runs(&water());
+    for (factor, left_out) in [(0.2, true), (5.0, true), (3.0, false)] {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        let own = &mut rig.vehicle.coefficients[0];
+        own.added *= factor;
+        own.linear *= factor;
+        own.quadratic *= factor;
+        let seen = if left_out {
+            all.clone()
+        } else {
+            runs(&Rig::builtin("lshpi").unwrap())
+        };
+        let v = asked(&seen, &[], &rig);
+        let heavy: Vec<&str> = v
+            .effects
+            .iter()
+            .filter(|e| e.matters)
+            .map(|e| e.effect.as_str())
+            .collect();
+        let expected: &[&str] = if left_out { &["thruster_lag"] } else { &[] };
+        assert_eq!(heavy, expected, "{factor}: {}", v.sentence);
+        let word = if left_out { Word::Named } else { Word::None };
+        assert_eq!(v.verdict, word, "{factor}: {}", v.sentence);
+        let found = v.rig_factors["x_udot"];
+        assert!(
+            (found.value * factor - 1.0).abs() < 0.1 && v.at_limit.contains(&"x_udot".to_owned()),
+            "{factor}: {found:?}"
+        );
+    }
+}
