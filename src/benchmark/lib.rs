@@ -9,6 +9,7 @@
 //! model cannot hide on both sides.
 
 pub mod case;
+pub mod coupled;
 pub mod disturbance;
 pub mod error;
 pub mod faulty;

@@ -42,6 +42,9 @@ pub struct Args {
     /// right for these logs too
     #[arg(long)]
     other_rig: bool,
+    /// Goes on although the data are at fault: what stands in the verdict then may be the fault's doing
+    #[arg(long)]
+    accept_faults: bool,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -119,7 +122,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         let mut sources = Vec::new();
         for part in parts {
             match read(part.clone(), &rig) {
-                Ok(source) => sources.push(source),
+                Ok(mut source) => {
+                    for fault in &mut source.faults {
+                        fault.fatal &= !args.accept_faults;
+                    }
+                    sources.push(source);
+                }
                 // Frames alone are what the image level is for.
                 Err(LoadError::NoMotion { .. }) if images.is_some() => {}
                 Err(error) => return Err(error.into()),

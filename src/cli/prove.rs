@@ -4,11 +4,11 @@ use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
 use hydroline_benchmark::case::{FULL, parse};
-use hydroline_benchmark::images;
 use hydroline_benchmark::score::complaint;
 use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
+use hydroline_benchmark::{coupled, images};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -23,6 +23,7 @@ Examples:
   hydroline prove --category unnamed --cases 8
   hydroline prove --only single-7            # one case: whole verdict and key
   hydroline prove --images 70                # an effect of camera, sheet, target or water
+  hydroline prove --coupled 24               # surge, sway and yaw driven at once
 
 Exit codes: 0 done, whatever the score; 1 a case could not be made or diagnosed; 2 bad arguments, or --keep holds \
 other cases.")]
@@ -36,12 +37,15 @@ pub struct Args {
     /// Seed of all cases
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// One case by its id (image-N: of the image level), with its whole verdict and its key (as one JSON object)
+    /// One case by its id (image-N: of the image level, coupled-N), with its whole verdict and its key (as one JSON object)
     #[arg(long, value_name = "ID", conflicts_with_all = ["cases", "category"])]
     only: Option<String>,
     /// This many image-level cases instead: six effects and none in turn
     #[arg(long, value_parser = some(), value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
     images: Option<usize>,
+    /// This many coupled cases instead: surge, sway and yaw driven at once, an effect in one DOF, a cross term, or none
+    #[arg(long, value_parser = some(), value_name = "N", conflicts_with_all = ["cases", "category", "only", "images"])]
+    coupled: Option<usize>,
     /// Folder for each judged case: what lies there already is not run again, so a long proof can be broken off
     /// (an old build's cases are taken too: one folder per build)
     #[arg(long, value_name = "DIR", conflicts_with_all = ["only", "images"])]
@@ -71,6 +75,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if let Some(folder) = &args.keep {
         inputs::folder("--keep", folder)?;
+    }
+    if let Some(count) = args.coupled {
+        return coupled(args, count);
     }
     let ids = catalogue(args.cases, args.category);
     let bar = progress::bar(ids.len() as u64, "cases");
@@ -133,6 +140,40 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
+    let bar = progress::bar(count as u64, "coupled cases");
+    let indices: Vec<usize> = (0..count).collect();
+    let done = |j: &coupled::CoupledJudged| {
+        if let Some(line) = coupled::complaint(j) {
+            bar.suspend(|| errln!("{line}"));
+        }
+        bar.inc(1);
+    };
+    let keep = args.keep.as_deref();
+    let judged = coupled::run(args.seed, &indices, args.engine.into(), keep, &done)?;
+    bar.finish_and_clear();
+    if args.json {
+        let object = serde_json::json!({ "seed": args.seed, "coupled": judged });
+        outln!("{object}");
+    } else {
+        out!("{}", coupled::words(&judged));
+    }
+    Ok(Outcome::Done)
+}
+
+fn only_coupled(args: &Args, index: usize) -> Result<Outcome, CliError> {
+    let case = coupled::make(args.seed, index)?;
+    let (judged, verdict) = coupled::judge(&case, args.engine.into())?;
+    let object = serde_json::json!({
+        "id": format!("coupled-{index}"),
+        "seed": args.seed,
+        "verdict": verdict,
+        "judged": judged,
+    });
+    printed(args, &object)?;
+    Ok(Outcome::Done)
+}
+
 fn printed(args: &Args, object: &serde_json::Value) -> Result<(), CliError> {
     let text = if args.json {
         serde_json::to_string(object)
@@ -159,6 +200,9 @@ fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
 fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
     if let Some(index) = id.strip_prefix("image-").and_then(|n| n.parse().ok()) {
         return only_image(args, index);
+    }
+    if let Some(index) = id.strip_prefix("coupled-").and_then(|n| n.parse().ok()) {
+        return only_coupled(args, index);
     }
     let (category, index) = parse(id)?;
     let case = make(args.seed, category, index)?;

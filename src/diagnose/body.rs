@@ -11,14 +11,16 @@ mod place;
 mod shown;
 mod words;
 
+use std::ops::ControlFlow;
+
 use hydroline_rigs::Rig;
 
 use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::source::Source;
-use super::verdict::{NoiseFound, Word};
+use super::verdict::{DataFault, NoiseFound, Word};
 use found::Judged;
-use hydroline_identify::data::{Run, is_still};
+use hydroline_identify::data::{CHANNELS, Run, is_still};
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::prior::PriorTable;
@@ -35,10 +37,6 @@ pub fn diagnose(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    let mut made = match stopped_by_faults(sources, held, rig) {
-        Ok(stopped) => return Ok(stopped),
-        Err(going_on) => going_on,
-    };
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     // What is fitted to all of one recording has nothing left to foretell: its quarters are runs of their own.
     let parts = match (sources, held) {
@@ -54,6 +52,15 @@ pub fn diagnose(
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
     let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&rig.tolerance.channels());
+    // A fault in a channel that nothing is asked of stops nothing.
+    let counts = |fault: &DataFault| {
+        let channel = CHANNELS.iter().position(|c| *c == fault.channel);
+        channel.is_none_or(|c| dofs.contains(&(c % 6)))
+    };
+    let mut made = match stopped_by_faults(sources, held, rig, counts) {
+        ControlFlow::Break(stopped) => return Ok(stopped),
+        ControlFlow::Continue(going_on) => going_on,
+    };
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
@@ -71,6 +78,7 @@ pub fn diagnose(
     let verdict = &mut made.verdict;
     verdict.sets_looked_at = found.fits;
     verdict.effects = judged.effects();
+    verdict.candidates = judged.candidates();
     verdict.equivalent = judged.equivalent();
     verdict.unexplained.clone_from(&judged.unexplained);
     verdict.unnamed = posterior

@@ -11,6 +11,8 @@ mod spots;
 mod tables;
 mod words;
 
+use std::ops::ControlFlow;
+
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
@@ -24,7 +26,7 @@ use super::posterior::{Fitted, Group, TIE, near, posterior};
 use super::search::Search;
 use super::setting::{Setting, Track};
 use super::source::Source;
-use super::verdict::{Effect, Verdict, Word};
+use super::verdict::{DataFault, Effect, Verdict, Word};
 use super::weight::{weight_together, weights};
 pub(super) use active::active;
 use adopt::adopt;
@@ -83,9 +85,9 @@ pub fn explained(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    let mut made = match stopped_by_faults(sources, held, rig) {
-        Ok(stopped) => return Ok(stopped),
-        Err(going_on) => going_on,
+    let mut made = match stopped_by_faults(sources, held, rig, |_| true) {
+        ControlFlow::Break(stopped) => return Ok(stopped),
+        ControlFlow::Continue(going_on) => going_on,
     };
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     let runs: Vec<Run> = sources
@@ -109,16 +111,19 @@ pub fn explained(
     Ok(made)
 }
 
-/// A verdict with the data's faults: `Ok` where one of them ends it, `Err` with what goes on.
-#[allow(clippy::result_large_err)]
+/// A verdict with the data's faults: `Break` where one of them ends it, of those that `counts`.
 pub(super) fn stopped_by_faults(
     sources: &[Source],
     held: &[Source],
     rig: &Rig,
-) -> Result<Diagnosis, Diagnosis> {
+    counts: impl Fn(&DataFault) -> bool,
+) -> ControlFlow<Diagnosis, Diagnosis> {
     let mut verdict = Verdict::default();
     let all = sources.iter().chain(held);
     verdict.data_faults = all.flat_map(|s| s.faults.clone()).collect();
+    for fault in &mut verdict.data_faults {
+        fault.fatal &= counts(fault);
+    }
     let fatal = verdict.data_faults.iter().find(|f| f.fatal);
     let stops = fatal.map(|f| format!("{} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence));
     let mut made = Diagnosis {
@@ -128,11 +133,11 @@ pub(super) fn stopped_by_faults(
         shown: Vec::new(),
     };
     let Some(first) = stops else {
-        return Err(made);
+        return ControlFlow::Continue(made);
     };
     made.verdict.verdict = Word::DataFault;
     made.verdict.sentence = format!("The data are at fault, not the model: {first}");
-    Ok(made)
+    ControlFlow::Break(made)
 }
 
 /// Weight over the channel's tolerance.

@@ -77,6 +77,18 @@ pub struct Effect {
     pub notes: Vec<String>,
 }
 
+/// An effect that may be left out, at one place.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Id.
+    pub effect: String,
+    /// Its words, e.g. dof.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub words: BTreeMap<String, String>,
+    /// Probability that it is in the model.
+    pub probability: f64,
+}
+
 /// Where the mismatch acts.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Where {
@@ -296,6 +308,9 @@ pub struct Verdict {
     pub effects: Vec<Effect>,
     /// Complete sets of what matters that this data cannot tell apart, most probable first.
     pub equivalent: Vec<Vec<String>>,
+    /// Every effect with a probability of a hundredth and more, listed above or not.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub candidates: Vec<Candidate>,
     /// Where.
     #[serde(rename = "where")]
     pub place: Where,

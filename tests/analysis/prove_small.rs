@@ -2,8 +2,10 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
+use hydroline::diagnose::Engine;
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::case::parse;
+use hydroline::prove::coupled;
 use hydroline::prove::score::complaint;
 use hydroline::prove::{Category, How, Judged, run};
 
@@ -77,4 +79,28 @@ fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
     let all = judged(1, &["paper-0"]);
     let paper = all[0].paper.as_ref().unwrap();
     assert!(paper.right_set, "lacking {:?}", paper.lacking);
+}
+
+/// Surge, sway and yaw at once gave no verdict in ten minutes.
+#[test]
+fn coupled_cases_are_named_with_their_dof_and_nothing_is_none() {
+    let judged = coupled::run(11, &[1, 2], Engine::ByMotion, None, &|_| {}).unwrap();
+    for j in &judged {
+        assert!(j.right, "{:?}", coupled::complaint(j));
+        assert!(j.fits <= 300, "{}", j.fits);
+    }
+}
+
+/// `cargo test --workspace --test analysis coupled -- --ignored --nocapture` shows the score.
+#[test]
+#[ignore = "six minutes of two processors: tests/nightly"]
+fn twenty_four_coupled_cases() {
+    let indices: Vec<usize> = (0..24).collect();
+    let judged = coupled::run(12, &indices, Engine::ByMotion, None, &|j| {
+        coupled::complaint(j).iter().for_each(|c| println!("{c}"));
+    })
+    .unwrap();
+    println!("{}", coupled::words(&judged));
+    let right = judged.iter().filter(|j| j.right).count();
+    assert!(right >= 22, "{right} of 24");
 }

@@ -25,7 +25,7 @@ const AT_LIMIT: f64 = 0.99;
 const WORSE: f64 = 0.1;
 
 /// What is left in a channel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Left {
     /// Place among all channels.
     pub channel: usize,
@@ -35,10 +35,17 @@ pub struct Left {
     pub noise: f64,
     /// p of the squared innovations, pooled over runs.
     pub level_p: f64,
-    /// Least Ljung-Box p of a run, times the runs.
-    pub white_p: f64,
+    /// Ljung-Box p of each run that is long enough to be asked.
+    pub white_p: Vec<Option<f64>>,
     /// Level and colour are the noise's.
     pub is_noise: bool,
+}
+
+/// The least of several p, by Bonferroni; 1 without any.
+pub fn worst(all: &[Option<f64>]) -> f64 {
+    let asked = all.iter().flatten().count() as f64;
+    let least = all.iter().flatten().copied().fold(1.0, f64::min);
+    (least * asked.max(1.0)).min(1.0)
 }
 
 impl Left {
@@ -50,7 +57,7 @@ impl Left {
 
 impl Judged<'_> {
     /// What the likeliest model leaves in every channel of every DOF that moves.
-    pub fn left(&self) -> Vec<Left> {
+    pub fn look_at_what_is_left(&self) -> Vec<Left> {
         let problem = &self.found.problem;
         let closest = problem.closest(&self.best.terms, &self.best.point);
         let rms = closest.map_or([f64::NAN; 12], |p| problem.left_of(&p));
@@ -67,19 +74,18 @@ impl Judged<'_> {
                     .collect();
                 let count: usize = series.iter().map(Vec::len).sum();
                 let square: f64 = series.iter().flatten().map(|v| v * v).sum();
-                let whites: Vec<f64> = series
+                let long = |s: &Vec<f64>| s.len() > 2 * LAGS;
+                let white = |s: &Vec<f64>| ljung_box(s, LAGS).map(|w| w.p_value);
+                let white_p: Vec<Option<f64>> = series
                     .iter()
-                    .filter(|s| s.len() > 2 * LAGS)
-                    .filter_map(|s| ljung_box(s, LAGS))
-                    .map(|w| w.p_value)
+                    .map(|s| long(s).then(|| white(s)).flatten())
                     .collect();
-                let least = whites.iter().copied().fold(1.0, f64::min);
                 all.push(Left {
                     channel,
                     rms: rms[channel],
                     noise: noise.total_sd(),
                     level_p: chi2_above(square, count.max(1) as f64),
-                    white_p: (least * whites.len() as f64).min(1.0),
+                    white_p,
                     is_noise: true,
                 });
             }
@@ -87,7 +93,8 @@ impl Judged<'_> {
         let threshold = NOT_NOISE / (2 * all.len()).max(1) as f64;
         for l in &mut all {
             // NaN is no noise either.
-            l.is_noise = l.level_p >= threshold && l.white_p >= threshold && l.rms.is_finite();
+            l.is_noise =
+                l.level_p >= threshold && worst(&l.white_p) >= threshold && l.rms.is_finite();
         }
         all
     }
@@ -95,7 +102,7 @@ impl Judged<'_> {
     /// Channels in which something is left that is neither noise nor below the tolerance, but those of DOFs named already.
     pub fn not_noise(&self, named: &[Unexplained]) -> Vec<Unexplained> {
         let body = &self.found.problem.body;
-        let left = self.left().into_iter().filter(|l| {
+        let left = self.left.iter().filter(|l| {
             let beyond = l.beyond();
             let large = beyond.is_nan() || beyond > body.tolerance[l.channel];
             !l.is_noise && large

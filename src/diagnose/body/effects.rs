@@ -11,7 +11,7 @@ use hydroline_rigs::Rig;
 
 use super::found::{ESTABLISHED, Judged, relative};
 use crate::conclude::HELD_OUT;
-use crate::verdict::{Alternative, BeforeAfter, Effect, FitTable, Law, Parameters, Value};
+use crate::verdict::{self, Alternative, BeforeAfter, Effect, FitTable, Law, Parameters, Value};
 
 /// Probability from which an effect is listed.
 const LISTED: f64 = 0.5;
@@ -19,6 +19,8 @@ const LISTED: f64 = 0.5;
 const AS_WELL: f64 = 0.05;
 /// Models less probable than this change no number.
 const LEAST_SHARE: f64 = 1e-4;
+/// Probability from which an effect stands among the candidates.
+const PROBABLE: f64 = 0.01;
 /// Models listed.
 const MODELS: usize = 8;
 
@@ -65,6 +67,12 @@ fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
     first.keys().map(|name| (name.clone(), of(name))).collect()
 }
 
+fn words(c: &Candidate) -> BTreeMap<String, String> {
+    let each = c.info.words.iter().zip(&c.words);
+    each.filter_map(|(w, i)| Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned())))
+        .collect()
+}
+
 /// The DOF that an effect's words name.
 fn place(c: &Candidate) -> Option<String> {
     let named = c.word("dof").or_else(|| c.word("axis"));
@@ -72,6 +80,21 @@ fn place(c: &Candidate) -> Option<String> {
 }
 
 impl Judged<'_> {
+    /// Effects that are probable at all.
+    pub fn candidates(&self) -> Vec<verdict::Candidate> {
+        let all = self.posterior.effects.iter();
+        all.filter(|e| e.probability >= PROBABLE)
+            .map(|e| {
+                let c = &self.found.problem.body.candidates[e.candidate];
+                verdict::Candidate {
+                    effect: c.info.id.to_owned(),
+                    words: words(c),
+                    probability: e.probability,
+                }
+            })
+            .collect()
+    }
+
     /// Effects that are established or not decided, heaviest first.
     pub fn effects(&self) -> Vec<Effect> {
         let body = &self.found.problem.body;
@@ -96,16 +119,11 @@ impl Judged<'_> {
             let c = &body.candidates[e.candidate];
             let weight = &weights[member];
             let size = relative(weight, &body.tolerance);
-            let words = c.info.words.iter().zip(&c.words);
             made.push((
                 size,
                 Effect {
                     effect: c.info.id.to_owned(),
-                    words: words
-                        .filter_map(|(w, i)| {
-                            Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned()))
-                        })
-                        .collect(),
+                    words: words(c),
                     dof: place(c),
                     probability: e.probability,
                     established: e.probability >= ESTABLISHED,

@@ -9,6 +9,7 @@ use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
 use hydroline_rigs::{Dof, Rig};
 
+use super::earned::Left;
 use crate::verdict::{Unexplained, Word};
 
 /// Probability from which something is established.
@@ -64,6 +65,8 @@ pub struct Judged<'a> {
     pub held: Option<(Problem, Foretold)>,
     /// Each run as the others foretell it.
     pub one_run_out: Option<Foretold>,
+    /// What the likeliest model leaves, channel by channel.
+    pub left: Vec<Left>,
     /// Forces without a name that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
@@ -111,8 +114,10 @@ impl<'a> Judged<'a> {
             groups,
             held,
             one_run_out,
+            left: Vec::new(),
             unexplained: Vec::new(),
         };
+        made.left = made.look_at_what_is_left();
         made.unexplained = made.unnamed();
         let left = made.not_noise(&made.unexplained);
         made.unexplained.extend(left);

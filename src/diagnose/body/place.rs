@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use hydroline_numerics::statistics::{chi2_above, ljung_box};
+use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
 
+use super::earned::worst;
 use super::effects::table;
 use super::found::{Judged, relative};
 use crate::verdict::{Test, Where};
@@ -13,8 +14,6 @@ use crate::verdict::{Test, Where};
 const WINDOW_S: f64 = 0.5;
 /// Excess of their squares, in its sd, above which a window counts.
 const BEYOND: f64 = 5.0;
-/// Lags of the test for whiteness.
-const LAGS: usize = 20;
 
 impl Judged<'_> {
     /// Stage, DOFs and windows.
@@ -74,25 +73,10 @@ impl Judged<'_> {
             }
         }
         let freedom = (count as f64 - self.alone.point.len() as f64).max(1.0);
-        let left = problem.innovations(&self.best.terms, &self.best.point);
         let runs = problem.body.recording.runs.len();
         let whiteness = (0..runs).map(|run| {
-            let p = left.iter().flat_map(|(_, all)| {
-                (0..2).filter_map(|c| {
-                    let series: Vec<f64> = all[run]
-                        .iter()
-                        .map(|v| v[c])
-                        .filter(|v| *v != 0.0)
-                        .collect();
-                    (series.len() > 2 * LAGS)
-                        .then(|| ljung_box(&series, LAGS))
-                        .flatten()
-                })
-            });
-            // The worst of several channels, by Bonferroni.
-            let all: Vec<f64> = p.map(|w| w.p_value).collect();
-            let least = all.iter().copied().fold(1.0, f64::min);
-            (least * all.len() as f64).min(1.0)
+            let of_run: Vec<Option<f64>> = self.left.iter().map(|l| l.white_p[run]).collect();
+            worst(&of_run)
         });
         Test {
             statistic: "chi-square of the vehicle alone, refitted: squared innovations under the instruments' noise".to_owned(),

@@ -1,0 +1,428 @@
+//! How a coupled case is made.
+
+use hydroline_diagnose::Source;
+use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
+use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::trajectory::Trajectory;
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::disturbance::Disturbance;
+use crate::error::ProveError;
+
+/// Runs of a case, and their length \[s\].
+const RUNS: usize = 4;
+/// See there.
+const RUN_S: f64 = 24.0;
+/// Poses per second.
+const RATE_HZ: f64 = 25.0;
+/// Integration step \[s\]: not the diagnosis' own.
+const STEP_S: f64 = 0.005;
+/// sd of the attitudes \[rad\]: 0.01 deg.
+const ATTITUDE_RAD: f64 = 1.745e-4;
+/// Largest loads \[N, N m\]: the vehicle stays in the tank and moves in all three.
+const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
+/// Least weight of an effect, in tolerances: it surely matters.
+const LEAST: f64 = 1.3;
+/// Greatest.
+const MOST: f64 = 40.0;
+/// Draws before a case is given up.
+const TRIES: usize = 40;
+
+/// An effect that is there.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct There {
+    /// Effect and words.
+    pub name: String,
+    /// Weight in the channel where it is largest, over the rig's tolerance.
+    pub weight_tolerances: f64,
+    /// Its numbers.
+    pub numbers: Vec<(String, f64)>,
+}
+
+impl There {
+    /// Heavier than the tolerance.
+    pub fn matters(&self) -> bool {
+        self.weight_tolerances > 1.0
+    }
+}
+
+/// A case.
+#[derive(Debug, Clone)]
+pub struct CoupledCase {
+    /// Number.
+    pub index: usize,
+    /// Logs.
+    pub sources: Vec<Source>,
+    /// The rig file.
+    pub rig: Rig,
+    /// Factor on the rig's coefficients.
+    pub rig_factor: f64,
+    /// The key, heaviest first.
+    pub truth: Vec<There>,
+}
+
+fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+fn sign(rng: &mut StdRng) -> f64 {
+    if rng.random::<bool>() { 1.0 } else { -1.0 }
+}
+
+/// An effect of practical size in a DOF, in a cross term, or in a DOF that nobody commands.
+fn drawn(rng: &mut StdRng) -> PhysicsEntry {
+    const KINDS: usize = 15;
+    let driven = [Dof::Surge, Dof::Sway, Dof::Yaw][rng.random_range(0..3)];
+    let top = LARGEST[driven.index()];
+    // Resistance to a rate: what it is per unit of that rate's own power is as large in sway as in surge.
+    let damping = if driven == Dof::Yaw { 0.05 } else { 1.0 };
+    let dof = ("dof", driven.name());
+    let share = between(rng, 0.4, 1.0);
+    let (effect, numbers, words): (&str, Vec<(&str, f64)>, Vec<(&str, &str)>) =
+        match rng.random_range(0..KINDS) {
+            0 => ("thruster_lag", vec![("lag_s", 0.5 * share)], vec![dof]),
+            1 => (
+                "thruster_deadband",
+                vec![("width_n", 0.12 * top * share)],
+                vec![dof],
+            ),
+            2 => (
+                "thruster_saturation",
+                vec![("limit_n", top * (1.0 - 0.5 * share))],
+                vec![dof],
+            ),
+            3 => (
+                "thrust_asymmetry",
+                vec![("reverse_gain", 1.0 - 0.3 * share)],
+                vec![dof],
+            ),
+            4 => (
+                "coulomb_friction",
+                vec![("f_n", 0.06 * top * share)],
+                vec![dof],
+            ),
+            5 => (
+                "constant_force",
+                vec![("bias_n", sign(rng) * 0.06 * top * share)],
+                vec![dof],
+            ),
+            6 => (
+                "cubic_damping",
+                vec![("d3", 2000.0 * damping * share)],
+                vec![dof],
+            ),
+            7 => ("astern_drag", vec![("gain", 1.0 + 0.8 * share)], vec![dof]),
+            8 => (
+                "fluid_memory",
+                vec![
+                    ("gain_nspm", 200.0 * damping * share),
+                    ("tau_s", between(rng, 0.3, 2.0)),
+                ],
+                vec![dof],
+            ),
+            9 => (
+                "current",
+                vec![
+                    ("vx_mps", sign(rng) * 0.02 * share),
+                    ("vy_mps", sign(rng) * 0.02 * between(rng, 0.1, 1.0)),
+                ],
+                vec![],
+            ),
+            10 => ("command_latency", vec![("delay_s", 0.3 * share)], vec![]),
+            11 => ("camera_latency", vec![("delay_s", 0.15 * share)], vec![]),
+            12 => (
+                "thrust_line_offset",
+                vec![("lever_m", sign(rng) * 0.04 * share)],
+                vec![("axis", "pitch")],
+            ),
+            13 => {
+                let of = ["sway", "yaw"][rng.random_range(0..2)];
+                let size = if of == "sway" { 60.0 } else { 10.0 };
+                (
+                    "lift_damping",
+                    vec![("coefficient", -size * share)],
+                    vec![("dof", of)],
+                )
+            }
+            _ => {
+                let (of, a, b, size) = [
+                    ("yaw", "u", "r", 8.0),
+                    ("sway", "u", "r", 20.0),
+                    ("surge", "r", "v", 40.0),
+                    ("yaw", "u", "v", 12.0),
+                ][rng.random_range(0..4)];
+                (
+                    "cross_flow_coupling",
+                    vec![("c", -size * share)],
+                    vec![("dof", of), ("a", a), ("b", b)],
+                )
+            }
+        };
+    let numbers = numbers
+        .into_iter()
+        .map(|(n, v)| (n.to_owned(), ParameterValue::Number(v)));
+    let words = words
+        .into_iter()
+        .map(|(n, v)| (n.to_owned(), ParameterValue::Word(v.to_owned())));
+    PhysicsEntry {
+        effect: effect.to_owned(),
+        parameters: numbers.chain(words).collect(),
+    }
+}
+
+/// Steps, ramps of small steps and reversals in all three at their own times.
+fn commands(rng: &mut StdRng) -> Vec<Command> {
+    let mut edges: Vec<(f64, usize, f64)> = Vec::new();
+    for d in [0, 1, 5] {
+        let mut t_s = between(rng, 0.0, 1.0);
+        while t_s < RUN_S - 4.0 {
+            edges.push((t_s, d, LARGEST[d] * between(rng, -1.0, 1.0)));
+            t_s += between(rng, 1.2, 5.0);
+        }
+        edges.push((RUN_S - between(rng, 2.0, 4.0), d, 0.0));
+    }
+    edges.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut wrench = [0.0; 6];
+    let each = edges.into_iter().map(|(t_s, d, load)| {
+        wrench[d] = load;
+        Command { t_s, wrench }
+    });
+    each.collect()
+}
+
+/// Pose at each stamp, as instruments without noise report it.
+fn motion(rig: &Rig, commands: &[Command], stamps_s: &[f64]) -> Option<Vec<[f64; 6]>> {
+    let model = Model::from_rig(rig).ok()?;
+    let start = ModelState::at_rest(rig.tank.start_pose);
+    let mut path = Trajectory::new(model, start, STEP_S).ok()?;
+    for c in commands {
+        path.command(c.t_s, c.wrench).ok()?;
+    }
+    let mut seen = Vec::with_capacity(stamps_s.len());
+    for stamp_s in stamps_s {
+        let t_s = path.model().effects.scene_time_s(*stamp_s, 0.0);
+        let eta = path.state_at(t_s).ok()?.vehicle.eta;
+        let effects = &path.model().effects;
+        seen.push(effects.reported_pose(t_s, effects.scene_pose(t_s, eta)));
+    }
+    seen.iter().flatten().all(|v| v.is_finite()).then_some(seen)
+}
+
+/// Motion of all runs in tolerances, end to end.
+fn all(rig: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<DVector<f64>> {
+    let tolerance = rig.tolerance.channels();
+    let mut made = Vec::new();
+    for commands in runs {
+        for pose in motion(rig, commands, stamps_s)? {
+            made.extend((0..6).map(|c| pose[c] / tolerance[c]));
+        }
+    }
+    Some(DVector::from_vec(made))
+}
+
+/// Weight of each entry alone as interfaces.md defines it, in the channel where it is largest, over the tolerance.
+fn weights(water: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<Vec<f64>> {
+    let bare = Rig {
+        physics: Vec::new(),
+        ..water.clone()
+    };
+    let none = all(&bare, runs, stamps_s)?;
+    let mut columns = Vec::new();
+    for d in 0..6 {
+        for k in 0..3 {
+            let bent = |by: f64| {
+                let mut rig = bare.clone();
+                let c = &mut rig.vehicle.coefficients[d];
+                let place = [&mut c.added, &mut c.linear, &mut c.quadratic];
+                place
+                    .into_iter()
+                    .nth(k)
+                    .into_iter()
+                    .for_each(|v| *v *= 1.0 + by);
+                all(&rig, runs, stamps_s)
+            };
+            let column = bent(1e-4)? - bent(-1e-4)?;
+            let size = column.norm();
+            if size > 1e-9 {
+                columns.push(column / size);
+            }
+        }
+    }
+    let own = DMatrix::from_columns(&columns).svd(true, false).u?;
+    let each = water.physics.iter().map(|entry| {
+        let mut with = bare.clone();
+        with.physics.push(entry.clone());
+        let moved = all(&with, runs, stamps_s)? - &none;
+        let left = &moved - &own * own.tr_mul(&moved);
+        let rms = |c: usize| {
+            let values = left.iter().skip(c).step_by(6);
+            let n = left.len() / 6;
+            (values.map(|v| v * v).sum::<f64>() / n.max(1) as f64).sqrt()
+        };
+        Some((0..6).map(rms).fold(0.0, f64::max))
+    });
+    each.collect()
+}
+
+/// Makes a case; the same seed and number give the same bytes.
+///
+/// # Errors
+/// [`ProveError`].
+pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
+    let mut rng = StdRng::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index as u64);
+    let rig = Rig::builtin("lshpi")?;
+    let stamps_s: Vec<f64> = (0..(RUN_S * RATE_HZ) as u32)
+        .map(|k| 0.001 + f64::from(k) / RATE_HZ)
+        .collect();
+    let mut last = String::new();
+    for _ in 0..TRIES {
+        let mut water = rig.clone();
+        for c in &mut water.vehicle.coefficients {
+            for v in [&mut c.added, &mut c.linear, &mut c.quadratic] {
+                *v *= between(&mut rng, 0.8, 1.2);
+            }
+        }
+        // Every second case has nothing; of the others every third has two.
+        let count = match index % 6 {
+            0 | 2 | 4 => 0,
+            5 => 2,
+            _ => 1,
+        };
+        while water.physics.len() < count {
+            let new = drawn(&mut rng);
+            if water.physics.iter().all(|e| e.effect != new.effect) {
+                water.physics.push(new);
+            }
+        }
+        let plans: Vec<Vec<Command>> = (0..RUNS).map(|_| commands(&mut rng)).collect();
+        let Some(weights) = weights(&water, &plans, &stamps_s) else {
+            last = "no finite motion".to_owned();
+            continue;
+        };
+        if let Some(w) = weights.iter().find(|w| !(LEAST..MOST).contains(*w)) {
+            last = format!("an effect of {w:.2} tolerances");
+            continue;
+        }
+        let mut truth: Vec<There> = water
+            .physics
+            .iter()
+            .zip(&weights)
+            .map(|(e, w)| there(e, *w))
+            .collect();
+        truth.sort_by(|a, b| b.weight_tolerances.total_cmp(&a.weight_tolerances));
+        // What the analyst's rig says: every fourth is off by up to five.
+        let rig_factor = match index % 4 {
+            3 => 5f64.powf(between(&mut rng, -1.0, 1.0)),
+            _ => 1.0,
+        };
+        let mut told = rig.clone();
+        for c in &mut told.vehicle.coefficients {
+            for v in [&mut c.added, &mut c.linear, &mut c.quadratic] {
+                *v *= rig_factor;
+            }
+        }
+        let disturbance = Disturbance::draw(index % 5 == 4, &mut rng);
+        let sources: Option<Vec<Source>> = plans
+            .into_iter()
+            .enumerate()
+            .map(|(k, plan)| measured(&water, k, plan, &stamps_s, &disturbance, &mut rng))
+            .collect();
+        let Some(sources) = sources else { continue };
+        return Ok(CoupledCase {
+            index,
+            sources,
+            rig: told,
+            rig_factor,
+            truth,
+        });
+    }
+    Err(ProveError::NoCase {
+        id: format!("coupled-{index}"),
+        tries: TRIES,
+        last,
+    })
+}
+
+fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
+    let words = entry.parameters.iter().filter_map(|(name, v)| match v {
+        ParameterValue::Word(w) => Some((name.as_str(), w.as_str())),
+        ParameterValue::Number(_) => None,
+    });
+    // As the verdict has them: by the words' names.
+    let mut words: Vec<(&str, &str)> = words.collect();
+    words.sort_unstable();
+    let all: Vec<&str> = std::iter::once(entry.effect.as_str())
+        .chain(words.iter().map(|w| w.1))
+        .collect();
+    There {
+        name: all.join(" "),
+        weight_tolerances,
+        numbers: crate::sizes::numbers(entry),
+    }
+}
+
+/// A run as its log holds it.
+fn measured(
+    water: &Rig,
+    run: usize,
+    commands: Vec<Command>,
+    stamps_s: &[f64],
+    disturbance: &Disturbance,
+    rng: &mut StdRng,
+) -> Option<Source> {
+    let motion = motion(water, &commands, stamps_s)?;
+    let x: Vec<f64> = motion.iter().map(|p| p[0]).collect();
+    let noise: Vec<Vec<f64>> = (0..3)
+        .map(|_| disturbance.along(stamps_s, &x, rng))
+        .collect();
+    let far = disturbance.far_off(stamps_s.len(), rng);
+    let arrives = disturbance.arrives(stamps_s, rng);
+    let mut samples = Vec::new();
+    for (k, t_s) in stamps_s.iter().enumerate() {
+        let mut values = [f64::NAN; 12];
+        for c in 0..6 {
+            let attitude: f64 = StandardNormal.sample(rng);
+            values[c] = motion[k][c]
+                + match c {
+                    0 => noise[0][k] + far[k],
+                    1 | 2 => noise[c][k],
+                    _ => ATTITUDE_RAD * attitude,
+                };
+        }
+        if arrives[k] {
+            samples.push(Sample {
+                t_s: *t_s,
+                values,
+                covariance: None,
+            });
+        }
+    }
+    Some(Source {
+        run: Run {
+            name: format!("run{run}"),
+            commands,
+            samples,
+            ..Run::default()
+        },
+        faults: Vec::new(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_case_is_what_its_number_says_and_the_same_every_time() {
+        let (a, b) = (make(1, 5).unwrap(), make(1, 5).unwrap());
+        assert_eq!(a.truth, b.truth);
+        assert_eq!(a.sources[0].run, b.sources[0].run);
+        assert_eq!(a.truth.len(), 2);
+        assert!(a.truth.iter().all(There::matters));
+        assert!(make(1, 2).unwrap().truth.is_empty());
+        assert!((make(1, 3).unwrap().rig_factor - 1.0).abs() > 1e-6);
+    }
+}
