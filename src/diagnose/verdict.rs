@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+/// Probability from which an effect is established, and goes into a rig.
+pub const ESTABLISHED: f64 = 0.95;
+
 /// One word. Ordered: of two verdicts on the same logs the later one stands.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize,

@@ -72,6 +72,13 @@ fn sign(rng: &mut StdRng) -> f64 {
     if rng.random::<bool>() { 1.0 } else { -1.0 }
 }
 
+/// Effect, numbers by name, words by name.
+type Drawn = (
+    &'static str,
+    Vec<(&'static str, f64)>,
+    Vec<(&'static str, &'static str)>,
+);
+
 /// An effect of practical size in a DOF, in a cross term, or in a DOF that nobody commands.
 fn drawn(rng: &mut StdRng) -> PhysicsEntry {
     const KINDS: usize = 15;
@@ -81,86 +88,85 @@ fn drawn(rng: &mut StdRng) -> PhysicsEntry {
     let damping = if driven == Dof::Yaw { 0.05 } else { 1.0 };
     let dof = ("dof", driven.name());
     let share = between(rng, 0.4, 1.0);
-    let (effect, numbers, words): (&str, Vec<(&str, f64)>, Vec<(&str, &str)>) =
-        match rng.random_range(0..KINDS) {
-            0 => ("thruster_lag", vec![("lag_s", 0.5 * share)], vec![dof]),
-            1 => (
-                "thruster_deadband",
-                vec![("width_n", 0.12 * top * share)],
-                vec![dof],
-            ),
-            2 => (
-                "thruster_saturation",
-                vec![("limit_n", top * (1.0 - 0.5 * share))],
-                vec![dof],
-            ),
-            3 => (
-                "thrust_asymmetry",
-                vec![("reverse_gain", 1.0 - 0.3 * share)],
-                vec![dof],
-            ),
-            4 => (
-                "coulomb_friction",
-                vec![("f_n", 0.06 * top * share)],
-                vec![dof],
-            ),
-            5 => (
-                "constant_force",
-                vec![("bias_n", sign(rng) * 0.06 * top * share)],
-                vec![dof],
-            ),
-            6 => (
-                "cubic_damping",
-                vec![("d3", 2000.0 * damping * share)],
-                vec![dof],
-            ),
-            7 => ("astern_drag", vec![("gain", 1.0 + 0.8 * share)], vec![dof]),
-            8 => (
-                "fluid_memory",
-                vec![
-                    ("gain_nspm", 200.0 * damping * share),
-                    ("tau_s", between(rng, 0.3, 2.0)),
-                ],
-                vec![dof],
-            ),
-            9 => (
-                "current",
-                vec![
-                    ("vx_mps", sign(rng) * 0.02 * share),
-                    ("vy_mps", sign(rng) * 0.02 * between(rng, 0.1, 1.0)),
-                ],
-                vec![],
-            ),
-            10 => ("command_latency", vec![("delay_s", 0.3 * share)], vec![]),
-            11 => ("camera_latency", vec![("delay_s", 0.15 * share)], vec![]),
-            12 => (
-                "thrust_line_offset",
-                vec![("lever_m", sign(rng) * 0.04 * share)],
-                vec![("axis", "pitch")],
-            ),
-            13 => {
-                let of = ["sway", "yaw"][rng.random_range(0..2)];
-                let size = if of == "sway" { 60.0 } else { 10.0 };
-                (
-                    "lift_damping",
-                    vec![("coefficient", -size * share)],
-                    vec![("dof", of)],
-                )
-            }
-            _ => {
-                let (of, a, b, size) = [
-                    ("yaw", "u", "r", 8.0),
-                    ("sway", "u", "r", 20.0),
-                    ("surge", "r", "v", 40.0),
-                    ("yaw", "u", "v", 12.0),
-                ][rng.random_range(0..4)];
-                (
-                    "cross_flow_coupling",
-                    vec![("c", -size * share)],
-                    vec![("dof", of), ("a", a), ("b", b)],
-                )
-            }
-        };
+    let (effect, numbers, words): Drawn = match rng.random_range(0..KINDS) {
+        0 => ("thruster_lag", vec![("lag_s", 0.5 * share)], vec![dof]),
+        1 => (
+            "thruster_deadband",
+            vec![("width_n", 0.12 * top * share)],
+            vec![dof],
+        ),
+        2 => (
+            "thruster_saturation",
+            vec![("limit_n", top * (1.0 - 0.5 * share))],
+            vec![dof],
+        ),
+        3 => (
+            "thrust_asymmetry",
+            vec![("reverse_gain", 1.0 - 0.3 * share)],
+            vec![dof],
+        ),
+        4 => (
+            "coulomb_friction",
+            vec![("f_n", 0.06 * top * share)],
+            vec![dof],
+        ),
+        5 => (
+            "constant_force",
+            vec![("bias_n", sign(rng) * 0.06 * top * share)],
+            vec![dof],
+        ),
+        6 => (
+            "cubic_damping",
+            vec![("d3", 2000.0 * damping * share)],
+            vec![dof],
+        ),
+        7 => ("astern_drag", vec![("gain", 1.0 + 0.8 * share)], vec![dof]),
+        8 => (
+            "fluid_memory",
+            vec![
+                ("gain_nspm", 200.0 * damping * share),
+                ("tau_s", between(rng, 0.3, 2.0)),
+            ],
+            vec![dof],
+        ),
+        9 => (
+            "current",
+            vec![
+                ("vx_mps", sign(rng) * 0.02 * share),
+                ("vy_mps", sign(rng) * 0.02 * between(rng, 0.1, 1.0)),
+            ],
+            vec![],
+        ),
+        10 => ("command_latency", vec![("delay_s", 0.3 * share)], vec![]),
+        11 => ("camera_latency", vec![("delay_s", 0.15 * share)], vec![]),
+        12 => (
+            "thrust_line_offset",
+            vec![("lever_m", sign(rng) * 0.04 * share)],
+            vec![("axis", "pitch")],
+        ),
+        13 => {
+            let of = ["sway", "yaw"][rng.random_range(0..2)];
+            let size = if of == "sway" { 60.0 } else { 10.0 };
+            (
+                "lift_damping",
+                vec![("coefficient", -size * share)],
+                vec![("dof", of)],
+            )
+        }
+        _ => {
+            let (of, a, b, size) = [
+                ("yaw", "u", "r", 8.0),
+                ("sway", "u", "r", 20.0),
+                ("surge", "r", "v", 40.0),
+                ("yaw", "u", "v", 12.0),
+            ][rng.random_range(0..4)];
+            (
+                "cross_flow_coupling",
+                vec![("c", -size * share)],
+                vec![("dof", of), ("a", a), ("b", b)],
+            )
+        }
+    };
     let numbers = numbers
         .into_iter()
         .map(|(n, v)| (n.to_owned(), ParameterValue::Number(v)));

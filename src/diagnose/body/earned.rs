@@ -147,11 +147,9 @@ impl Judged<'_> {
             // Of the logarithm: the share by which it is known.
             let sd = self.best.covariance[(i, i)].sqrt();
             // Of what the rig says nothing there is no factor.
-            let said = match own {
-                Own::Coefficient(c, _) => c.of_vehicle(&body.vehicle) != 0.0,
-                Own::Restoring(_) => true,
-            };
-            let known = said && factor.ln().abs() > FAR_OFF.ln() && sd < 0.5 * factor.ln().abs();
+            let known = self.is_said(own)
+                && factor.ln().abs() > FAR_OFF.ln()
+                && sd < 0.5 * factor.ln().abs();
             if known || self.at_limit(i, bounds[i]) {
                 let value = Value {
                     value: factor,
@@ -163,16 +161,20 @@ impl Judged<'_> {
         made
     }
 
+    /// Whether the rig knows a number.
+    fn is_said(&self, own: &Own) -> bool {
+        match own {
+            Own::Coefficient(c, _) => c.of_vehicle(&self.found.problem.body.vehicle) != 0.0,
+            Own::Restoring(_) => true,
+        }
+    }
+
     /// Whether one of the vehicle's numbers is as far off as is looked. Damping that the rig does not know and that is as
     /// good as none is at no limit: a hull may have none of that power.
     fn at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
-        let body = &self.found.problem.body;
+        let said = self.is_said(&self.found.problem.body.own[place]);
         let at = self.best.point[place];
-        let none = match body.own[place] {
-            Own::Coefficient(c, _) => c.of_vehicle(&body.vehicle) == 0.0,
-            Own::Restoring(_) => false,
-        };
-        (at <= AT_LIMIT * low && !none) || at >= AT_LIMIT * high
+        (at <= AT_LIMIT * low && said) || at >= AT_LIMIT * high
     }
 
     /// Whether a coefficient ended on a limit.

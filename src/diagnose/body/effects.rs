@@ -9,9 +9,11 @@ use hydroline_inference::summary::Rms;
 use hydroline_inference::term::Candidate;
 use hydroline_rigs::Rig;
 
-use super::found::{ESTABLISHED, Judged, relative};
+use super::found::{Judged, relative};
 use crate::conclude::HELD_OUT;
-use crate::verdict::{self, Alternative, BeforeAfter, Effect, FitTable, Law, Parameters, Value};
+use crate::verdict::{
+    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Law, Parameters, Value,
+};
 
 /// Probability from which an effect is listed.
 const LISTED: f64 = 0.5;

@@ -12,8 +12,6 @@ use hydroline_rigs::{Dof, Rig};
 use super::earned::Left;
 use crate::verdict::{Unexplained, Word};
 
-/// Probability from which something is established.
-pub const ESTABLISHED: f64 = 0.95;
 /// Probability of what matters together, from which one explanation stands alone.
 const DECIDED: f64 = 0.9;
 /// Share of the likeliest explanation's probability from which another is listed beside it.

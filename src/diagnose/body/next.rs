@@ -48,34 +48,36 @@ impl Judged<'_> {
             .filter(|p| preflight(rig, p).is_ok_and(|c| c.violations.is_empty()))
             .collect();
         let problem = &self.found.problem;
-        let gain = |plan: &Plan| -> Option<f64> {
+        // The nearest rival, by its place, and how far off it is.
+        let gain = |plan: &Plan| -> Option<(usize, f64)> {
             let end_s = plan.duration_s() + TAIL_S;
             let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32)
                 .map(|k| 0.006 + f64::from(k) / RATE_HZ)
                 .collect();
             let commands = commands(rig, &allocation, plan, end_s)?;
             let mut planned = problem.planned(&plan.name, commands, &times_s, rig).ok()?;
-            let each = rivals.iter().map(|(_, rival)| {
+            let each = rivals.iter().enumerate().map(|(place, (_, rival))| {
                 let there = problem.separation(&mut planned, verdict, rival)?;
                 let back = problem.separation(&mut planned, rival, verdict)?;
-                Some(there.min(back))
+                Some((place, there.min(back)))
             });
-            each.collect::<Option<Vec<f64>>>()?
-                .into_iter()
-                .reduce(f64::min)
+            let each = each.collect::<Option<Vec<_>>>()?;
+            each.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let mut scored: Vec<(Plan, f64)> = plans
+        let mut scored: Vec<(Plan, usize, f64)> = plans
             .into_par_iter()
             .filter_map(|plan| {
-                let gain = gain(&plan)?;
-                gain.is_finite().then_some((plan, gain))
+                let (nearest, gain) = gain(&plan)?;
+                gain.is_finite().then_some((plan, nearest, gain))
             })
             .collect();
         // Ties go to the first name: the same plan in every run.
-        scored.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.name.cmp(&b.0.name)));
-        let considered: BTreeMap<String, f64> =
-            scored.iter().map(|(p, g)| (p.name.clone(), *g)).collect();
-        let (plan, gain) = scored.into_iter().next()?;
+        scored.sort_by(|a, b| b.2.total_cmp(&a.2).then_with(|| a.0.name.cmp(&b.0.name)));
+        let considered: BTreeMap<String, f64> = scored
+            .iter()
+            .map(|(p, _, g)| (p.name.clone(), *g))
+            .collect();
+        let (plan, nearest, gain) = scored.into_iter().next()?;
         let named =
             |set: &BTreeSet<usize>| -> Vec<String> { set.iter().map(|t| self.id(*t)).collect() };
         let mut separates = vec![named(&set)];
@@ -87,7 +89,7 @@ impl Judged<'_> {
         let reason = format!(
             "after it {} and {} differ by {gain:.1} nats, the nearest of {} that these runs leave",
             say(&separates[0]),
-            say(&separates[1]),
+            say(&separates[1 + nearest]),
             separates.len()
         );
         Some(NextExperiment {

@@ -124,7 +124,7 @@ pub fn effects(
                 .collect(),
             dof: Some(setting.dof.name().to_owned()),
             probability,
-            established: probability >= 0.95,
+            established: probability >= crate::verdict::ESTABLISHED,
             weight: BTreeMap::from([(setting.channel().to_owned(), *weight)]),
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },

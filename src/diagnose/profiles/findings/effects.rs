@@ -120,7 +120,7 @@ fn described(
         words: BTreeMap::new(),
         dof: None,
         probability,
-        established: probability >= 0.95,
+        established: probability >= crate::verdict::ESTABLISHED,
         matters: weight.iter().any(|(c, w)| *w > tolerance(c, rig)),
         weight,
         law: Law::Exact,
