@@ -329,11 +329,14 @@ fn print(v: &Verdict) {
         outln!("  these runs cannot show: {}", v.blind_spots.join(", "));
     }
     if let Some(next) = &v.next_experiment {
+        let reason = match next.reason.as_str() {
+            "" => String::new(),
+            words => format!(": {words}"),
+        };
         outln!(
-            "  next: plan {} (expected log Bayes factor {:.1}): {}",
+            "  next: plan {} (expected log Bayes factor {:.1}){reason}",
             next.plan,
-            next.expected_log_bayes_factor,
-            next.reason
+            next.expected_log_bayes_factor
         );
     }
     for note in &v.notes {

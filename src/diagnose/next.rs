@@ -285,7 +285,7 @@ pub fn propose(
         plan: plan.name,
         separates: open.iter().map(name).collect(),
         expected_log_bayes_factor: least,
-        reason: format!("of all plans asked it separates these best, by {least:.1} nats"),
+        reason: String::new(),
         considered,
     })
 }

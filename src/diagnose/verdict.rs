@@ -296,7 +296,8 @@ pub struct NextExperiment {
     pub expected_log_bayes_factor: f64,
     /// All plans asked, with the same figure.
     pub considered: BTreeMap<String, f64>,
-    /// Why this one, in a sentence.
+    /// Why this one, in a sentence; empty where the figure says it.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub reason: String,
 }
 
