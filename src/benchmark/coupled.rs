@@ -10,12 +10,12 @@ pub use make::{CoupledCase, There, make};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::path::Path;
 
 use hydroline_diagnose::verdict::{Effect, Verdict, Word};
 use hydroline_diagnose::{Engine, diagnose_by};
 
 use super::error::ProveError;
+use super::keep::Kept;
 use super::score::Rate;
 
 /// Normal quantile of a 95 % interval.
@@ -48,8 +48,8 @@ pub struct CoupledJudged {
     pub seconds: f64,
 }
 
-/// Makes, diagnoses and scores cases one after the other, each on all cores; `done` is told of each. What lies in the
-/// folder `keep` is not run again.
+/// Makes, diagnoses and scores cases one after the other, each on all cores; `done` is told of each. With `kept`, a case
+/// that lies there is not run again, and each that was run is laid there.
 ///
 /// # Errors
 /// [`ProveError`].
@@ -57,32 +57,18 @@ pub fn run(
     seed: u64,
     indices: &[usize],
     engine: Engine,
-    keep: Option<&Path>,
+    kept: Option<&Kept>,
     done: &(dyn Fn(&CoupledJudged) + Sync),
 ) -> Result<Vec<CoupledJudged>, ProveError> {
-    let broken = |path: &Path, error: &dyn std::fmt::Display| ProveError::Kept {
-        path: path.display().to_string(),
-        reason: error.to_string(),
-    };
-    if let Some(folder) = keep {
-        std::fs::create_dir_all(folder).map_err(|e| broken(folder, &e))?;
-    }
     let one = |index: &usize| -> Result<CoupledJudged, ProveError> {
-        let path = keep.map(|folder| folder.join(format!("coupled-{seed}-{index}.json")));
-        let known = match &path {
-            Some(path) if path.exists() => {
-                let text = std::fs::read_to_string(path).map_err(|e| broken(path, &e))?;
-                Some(serde_json::from_str(&text).map_err(|e| broken(path, &e))?)
-            }
-            _ => None,
-        };
+        let id = format!("coupled-{index}");
+        let known = kept.map(|k| k.read_other(&id)).transpose()?.flatten();
         let judged = match known {
             Some(judged) => judged,
             None => {
                 let (judged, _) = judge(&make(seed, *index)?, engine)?;
-                if let Some(path) = &path {
-                    let text = serde_json::to_string(&judged).map_err(|e| broken(path, &e))?;
-                    std::fs::write(path, text).map_err(|e| broken(path, &e))?;
+                if let Some(kept) = kept {
+                    kept.write_other(&id, &judged)?;
                 }
                 judged
             }

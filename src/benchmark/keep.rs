@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Serialize, de::DeserializeOwned};
+
 use super::case::Category;
 use super::error::ProveError;
 use super::judge::Judged;
@@ -15,13 +17,13 @@ pub struct Kept {
 
 /// What stands in a file.
 #[derive(serde::Serialize, serde::Deserialize)]
-struct Sheet {
+struct Sheet<T> {
     id: String,
     seed: u64,
     /// Whether the ideal observer was asked; `prove --only` always asks it.
     #[serde(default = "yes")]
     observed: bool,
-    judged: Judged,
+    judged: T,
 }
 
 fn yes() -> bool {
@@ -50,13 +52,30 @@ impl Kept {
     /// # Errors
     /// [`ProveError::Kept`]: not a case, or of another seed.
     pub fn read(&self, id: &str, observe: bool) -> Result<Option<Judged>, ProveError> {
+        let Some(sheet) = self.sheet::<Judged>(id)? else {
+            return Ok(None);
+        };
+        // Of these the observer says nothing anyway.
+        let silent = matches!(sheet.judged.category, Category::Fault | Category::Paper);
+        Ok((sheet.observed || silent || !observe).then_some(sheet.judged))
+    }
+
+    /// The same of cases of another kind, which have no observer.
+    ///
+    /// # Errors
+    /// [`ProveError::Kept`].
+    pub fn read_other<T: DeserializeOwned>(&self, id: &str) -> Result<Option<T>, ProveError> {
+        Ok(self.sheet(id)?.map(|sheet| sheet.judged))
+    }
+
+    fn sheet<T: DeserializeOwned>(&self, id: &str) -> Result<Option<Sheet<T>>, ProveError> {
         let path = self.path(id);
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(broken(&path, &e)),
         };
-        let sheet: Sheet = serde_json::from_str(&text).map_err(|e| ProveError::Kept {
+        let sheet: Sheet<T> = serde_json::from_str(&text).map_err(|e| ProveError::Kept {
             path: path.display().to_string(),
             reason: format!("is no judged case ({e}); remove it, and the case is run again"),
         })?;
@@ -69,9 +88,7 @@ impl Kept {
                 ),
             });
         }
-        // Of these the observer says nothing anyway.
-        let silent = matches!(sheet.judged.category, Category::Fault | Category::Paper);
-        Ok((sheet.observed || silent || !observe).then_some(sheet.judged))
+        Ok(Some(sheet))
     }
 
     /// Lays a case down, whole or not at all.
@@ -79,12 +96,24 @@ impl Kept {
     /// # Errors
     /// [`ProveError::NotKept`].
     pub fn write(&self, judged: &Judged, observed: bool) -> Result<(), ProveError> {
-        let path = self.path(&judged.id);
+        self.lay(&judged.id, judged, observed)
+    }
+
+    /// The same of a case of another kind.
+    ///
+    /// # Errors
+    /// [`ProveError::NotKept`].
+    pub fn write_other<T: Serialize>(&self, id: &str, judged: &T) -> Result<(), ProveError> {
+        self.lay(id, judged, false)
+    }
+
+    fn lay<T: Serialize>(&self, id: &str, judged: &T, observed: bool) -> Result<(), ProveError> {
+        let path = self.path(id);
         let sheet = Sheet {
-            id: judged.id.clone(),
+            id: id.to_owned(),
             seed: self.seed,
             observed,
-            judged: judged.clone(),
+            judged,
         };
         let failed = |reason: String| ProveError::NotKept {
             path: path.display().to_string(),

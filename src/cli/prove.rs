@@ -88,11 +88,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let kept = args
-        .keep
-        .as_ref()
-        .map(|folder| Kept::new(folder, args.seed))
-        .transpose()?;
+    let kept = kept(args)?;
     let judged = prove(args.seed, &ids, how(args), kept.as_ref(), &done)?;
     bar.finish_and_clear();
     let total = score(&judged);
@@ -111,6 +107,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     Ok(Outcome::Done)
+}
+
+fn kept(args: &Args) -> Result<Option<Kept>, CliError> {
+    let folder = args.keep.as_ref();
+    Ok(folder.map(|f| Kept::new(f, args.seed)).transpose()?)
 }
 
 fn how(args: &Args) -> How {
@@ -149,8 +150,14 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let keep = args.keep.as_deref();
-    let judged = coupled::run(args.seed, &indices, args.engine.into(), keep, &done)?;
+    let kept = kept(args)?;
+    let judged = coupled::run(
+        args.seed,
+        &indices,
+        args.engine.into(),
+        kept.as_ref(),
+        &done,
+    )?;
     bar.finish_and_clear();
     if args.json {
         let object = serde_json::json!({ "seed": args.seed, "coupled": judged });

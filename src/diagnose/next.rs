@@ -15,11 +15,12 @@ use super::fit::Fit;
 use super::setting::{COEFFICIENTS, Setting, Track};
 use super::verdict::NextExperiment;
 use super::weights::Weights;
+use hydroline_identify::data::Command;
 use hydroline_plan::preflight::preflight;
 use hydroline_plan::setpoint::setpoint;
 use hydroline_sim::Allocation;
 
-/// Stamps of the run that is planned \[1/s\].
+/// Stamps of a run that is planned \[1/s\].
 const RATE_HZ: f64 = 25.0;
 /// What is watched after the plan's end \[s\].
 const TAIL_S: f64 = 6.0;
@@ -108,25 +109,38 @@ pub fn library(dof: usize, size: f64) -> Vec<Plan> {
     ]
 }
 
-fn track(rig: &Rig, plan: &Plan, like: &Track) -> Option<Track> {
-    let allocation = Allocation::new(&rig.thrusters).ok()?;
-    let dof = like.line.dof;
+/// What is sent by a plan, and the stamps of what is seen of it \[s\].
+pub(crate) fn run_of(
+    rig: &Rig,
+    allocation: &Allocation,
+    plan: &Plan,
+) -> Option<(Vec<Command>, Vec<f64>)> {
     let end_s = plan.duration_s() + TAIL_S;
     let period_s = 1.0 / rig.thrusters.link.rate_hz;
-    let mut edges: Vec<(f64, f64)> = Vec::new();
+    let mut commands: Vec<Command> = Vec::new();
     let mut k = 0u32;
     while f64::from(k) * period_s < end_s {
         let t_s = f64::from(k) * period_s;
-        let set = setpoint(rig, &allocation, plan, t_s).ok()?;
-        let load = allocation.wrench(&set.thrust_n).ok()?.to_array()[dof];
-        if edges.last().is_none_or(|e| e.1 != load) {
-            edges.push((t_s, load));
+        let set = setpoint(rig, allocation, plan, t_s).ok()?;
+        let wrench = allocation.wrench(&set.thrust_n).ok()?.to_array();
+        if commands.last().is_none_or(|c| c.wrench != wrench) {
+            commands.push(Command { t_s, wrench });
         }
         k += 1;
     }
-    let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32)
-        .map(|k| 0.006 + f64::from(k) / RATE_HZ)
+    let stamps = 0..(end_s * RATE_HZ) as u32;
+    let times_s = stamps.map(|k| 0.006 + f64::from(k) / RATE_HZ).collect();
+    Some((commands, times_s))
+}
+
+fn track(rig: &Rig, plan: &Plan, like: &Track) -> Option<Track> {
+    let allocation = Allocation::new(&rig.thrusters).ok()?;
+    let (commands, times_s) = run_of(rig, &allocation, plan)?;
+    let mut edges: Vec<(f64, f64)> = commands
+        .iter()
+        .map(|c| (c.t_s, c.wrench[like.line.dof]))
         .collect();
+    edges.dedup_by_key(|e| e.1);
     let mut line = like.line;
     line.rest = rig.tank.start_pose;
     Some(Track {

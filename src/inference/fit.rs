@@ -415,16 +415,17 @@ pub fn prior(densities: &[Density], point: &[f64]) -> f64 {
 }
 
 /// Information of a number of which neither data nor prior say anything: it keeps a factor from failing.
-pub(super) const INFORMATION_LEAST: f64 = 1e-12;
+const INFORMATION_LEAST: f64 = 1e-12;
 
-/// Adds what the prior says at a point to normal equations.
+/// Adds what the prior says at a point to normal equations, from a number on.
 pub(super) fn add_prior(
     densities: &[Density],
     point: &[f64],
+    first: usize,
     information: &mut DMatrix<f64>,
     gradient: &mut DVector<f64>,
 ) {
-    for (i, (density, v)) in densities.iter().zip(point).enumerate() {
+    for (i, (density, v)) in densities.iter().zip(point).enumerate().skip(first) {
         let (slope, curvature) = density.step(*v);
         gradient[i] += slope;
         information[(i, i)] += curvature.max(INFORMATION_LEAST);
@@ -500,7 +501,7 @@ impl<'a> Table<'a> {
                 cost += n.cost;
             }
         }
-        add_prior(densities, at, &mut information, &mut gradient);
+        add_prior(densities, at, 0, &mut information, &mut gradient);
         (information, gradient, cost)
     }
 

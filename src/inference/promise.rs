@@ -129,7 +129,7 @@ impl Problem {
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
         let densities = self.body.densities(&fit.terms);
-        add_prior(&densities, &fit.point, &mut information, &mut gradient);
+        add_prior(&densities, &fit.point, 0, &mut information, &mut gradient);
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for &d in &self.body.dofs {

@@ -10,7 +10,7 @@ use hydroline_sim::effect::EffectError;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::Point;
-use super::fit::{Fit, INFORMATION_LEAST, Problem};
+use super::fit::{Fit, Problem, add_prior};
 use super::hyper::filters;
 
 /// Refits of the other model; slow and strong laws need more than one.
@@ -102,11 +102,7 @@ impl Problem {
                     information[(i, j)] += known[(i, j)];
                 }
             }
-            for i in own..n {
-                let (slope, curvature) = densities[i].step(at[i]);
-                gradient[i] += slope;
-                information[(i, i)] += curvature.max(INFORMATION_LEAST);
-            }
+            add_prior(&densities, &at, own, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
             at.iter_mut().zip(step.iter()).for_each(|(v, s)| *v += s);
         }

@@ -276,6 +276,7 @@ impl Problem {
             add_prior(
                 &densities[first..],
                 &at[first..],
+                0,
                 &mut information,
                 &mut gradient,
             );

@@ -292,7 +292,8 @@ impl Judged<'_> {
         })
     }
 
-    fn noise(&self) -> Rms {
+    /// sd of the instruments \[SI\].
+    pub fn noise(&self) -> Rms {
         let channels = &self.found.problem.noises.channels;
         std::array::from_fn(|c| channels[c].map_or(f64::NAN, |n| n.total_sd()))
     }

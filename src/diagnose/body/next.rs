@@ -2,22 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hydroline_identify::data::Command;
 use hydroline_inference::fit::Fit;
 use hydroline_plan::preflight::preflight;
-use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::Allocation;
 use rayon::prelude::*;
 
 use super::found::{Judged, LISTED};
-use crate::next::library;
+use crate::next::{library, run_of};
 use crate::verdict::NextExperiment;
 
-/// Stamps of the run that is planned \[1/s\].
-const RATE_HZ: f64 = 25.0;
-/// What is watched after the plan's end \[s\].
-const TAIL_S: f64 = 6.0;
 /// Shares of the largest load of the runs at hand.
 const SHARES: [f64; 2] = [1.0, 0.5];
 /// Models looked at for a rival in which something else matters.
@@ -50,11 +44,7 @@ impl Judged<'_> {
         let problem = &self.found.problem;
         // The nearest rival, by its place, and how far off it is.
         let gain = |plan: &Plan| -> Option<(usize, f64)> {
-            let end_s = plan.duration_s() + TAIL_S;
-            let times_s: Vec<f64> = (0..(end_s * RATE_HZ) as u32)
-                .map(|k| 0.006 + f64::from(k) / RATE_HZ)
-                .collect();
-            let commands = commands(rig, &allocation, plan, end_s)?;
+            let (commands, times_s) = run_of(rig, &allocation, plan)?;
             let mut planned = problem.planned(&plan.name, commands, &times_s, rig).ok()?;
             let each = rivals.iter().enumerate().map(|(place, (_, rival))| {
                 let there = problem.separation(&mut planned, verdict, rival)?;
@@ -160,19 +150,4 @@ impl Judged<'_> {
         };
         chosen.into_iter().map(|d| (d, largest[d])).collect()
     }
-}
-
-/// Loads that the rig's thrusters give by a plan.
-fn commands(rig: &Rig, allocation: &Allocation, plan: &Plan, end_s: f64) -> Option<Vec<Command>> {
-    let period_s = 1.0 / rig.thrusters.link.rate_hz;
-    let mut made: Vec<Command> = Vec::new();
-    for k in 0..(end_s / period_s).ceil() as u32 {
-        let t_s = f64::from(k) * period_s;
-        let set = setpoint(rig, allocation, plan, t_s).ok()?;
-        let wrench = allocation.wrench(&set.thrust_n).ok()?.to_array();
-        if made.last().is_none_or(|c| c.wrench != wrench) {
-            made.push(Command { t_s, wrench });
-        }
-    }
-    Some(made)
 }

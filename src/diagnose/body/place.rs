@@ -84,9 +84,7 @@ impl Judged<'_> {
             freedom,
             p_value: chi2_above(value, freedom),
             whiteness_p: whiteness.collect(),
-            noise_rms: table(&std::array::from_fn(|c| {
-                problem.noises.channels[c].map_or(f64::NAN, |n| n.total_sd())
-            })),
+            noise_rms: table(&self.noise()),
         }
     }
 

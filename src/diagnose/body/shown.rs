@@ -15,6 +15,7 @@ impl Judged<'_> {
         let problem = &self.found.problem;
         let before = problem.predicted(&self.alone.terms, &self.alone.point);
         let after = problem.predicted(&self.best.terms, &self.best.point);
+        let noise = self.noise();
         let channels = problem.body.dofs.iter().filter_map(|d| {
             let measured = |c: &usize| problem.noises.channels[*c].is_some();
             [*d, 6 + d].into_iter().find(measured)
@@ -22,7 +23,7 @@ impl Judged<'_> {
         channels
             .map(|c| Shown {
                 channel: CHANNELS[c].to_owned(),
-                noise_sd: problem.noises.channels[c].map_or(f64::NAN, |n| n.total_sd()),
+                noise_sd: noise[c],
                 predicted: match (&self.held, &self.one_run_out) {
                     (Some((over, f)), _) => traces(over, c, &f.before, &f.after),
                     (None, Some(f)) => traces(problem, c, &f.before, &f.after),
