@@ -14,6 +14,7 @@
 
 mod added_mass_coupling;
 mod advance_loss;
+pub mod along;
 mod ambient_gradient;
 mod astern_drag;
 mod attenuation;
@@ -35,6 +36,7 @@ mod current;
 mod error;
 mod floor_slope;
 mod fluid_memory;
+pub mod free_force;
 mod image_saturation;
 mod info;
 mod interlace;
@@ -73,7 +75,7 @@ mod tone_curve;
 mod wall_added_mass;
 
 pub use brightness::Brightness;
-pub use check::{CheckedEffect, check};
+pub use check::{CheckedEffect, Trend, check};
 pub use error::EffectError;
 pub use info::{EffectInfo, ParameterInfo, Stage, WordInfo};
 pub use law::{Law, Moment, Values};

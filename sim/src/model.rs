@@ -109,6 +109,7 @@ impl<T: Real> Model<T> {
         let mut moment = Moment {
             t_s,
             step_start_s,
+            load: command,
             eta: &eta,
             heading: &heading,
             nu: &nu,

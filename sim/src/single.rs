@@ -173,6 +173,7 @@ struct State<T> {
 struct Scratch<T> {
     eta: [T; 6],
     heading: (T, T),
+    load: [T; 6],
     nu: [T; 6],
     nu_r: [T; 6],
     mass: [T; 6],
@@ -358,6 +359,7 @@ impl<T: Real> Single<T> {
         Scratch {
             eta: self.rail.rest,
             heading: self.rail.rest[5].sin_cos(),
+            load: zero,
             nu: zero,
             nu_r: zero,
             mass: self.mass,
@@ -383,6 +385,7 @@ impl<T: Real> Single<T> {
         let Scratch {
             eta,
             heading,
+            load,
             nu,
             nu_r,
             mass,
@@ -396,9 +399,11 @@ impl<T: Real> Single<T> {
             *heading = here.position.sin_cos();
         }
         nu[i] = here.rate;
+        load[i] = T::from_f64(here.load);
         let mut m = Moment {
             t_s: here.t_s,
             step_start_s: T::from_f64(here.step_start_s),
+            load,
             eta,
             heading,
             nu,
@@ -484,6 +489,7 @@ mod tests {
                         .unwrap_or(0)
                 })
                 .collect(),
+            trend: None,
             notes: Vec::new(),
         }
     }

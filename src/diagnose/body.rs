@@ -6,6 +6,7 @@
 mod earned;
 mod effects;
 mod found;
+mod nameless;
 mod next;
 mod place;
 mod shown;
@@ -81,10 +82,14 @@ pub fn diagnose(
     verdict.candidates = judged.candidates();
     verdict.equivalent = judged.equivalent();
     verdict.unexplained.clone_from(&judged.unexplained);
-    verdict.unnamed = posterior
-        .unnamed
+    verdict.unnamed = dofs
         .iter()
-        .map(|(d, p)| (hydroline_rigs::Dof::ALL[*d].name().to_owned(), *p))
+        .map(|d| {
+            (
+                hydroline_rigs::Dof::ALL[*d].name().to_owned(),
+                judged.unnamed_in(*d),
+            )
+        })
         .collect();
     verdict.rig_factors = judged.far_off();
     verdict.at_limit = verdict.rig_factors.keys().cloned().collect();

@@ -33,7 +33,7 @@ pub struct Candidate {
 /// Every effect that is not already switched on and that a measured pose can show.
 pub fn vocabulary(dof: Dof, on: &[CheckedEffect]) -> Vec<Candidate> {
     ALL.iter()
-        .filter(|info| !in_images_only(info))
+        .filter(|info| !in_images_only(info) && !info.is_a_table())
         .filter_map(|info| Candidate::new(info, dof))
         .filter(|c| {
             !on.iter()

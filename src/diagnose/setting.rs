@@ -317,6 +317,7 @@ impl Setting {
                 info: candidate.info,
                 numbers: vec![0.0; candidate.info.parameters.len()],
                 words: candidate.words.clone(),
+                trend: None,
                 notes: Vec::new(),
             });
         }

@@ -66,6 +66,9 @@ pub struct Effect {
     pub matters: bool,
     /// Law.
     pub law: Law,
+    /// Probability that the law is the library's; absent where that was not asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub law_exact_probability: Option<f64>,
     /// How a law that is not exact differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law_note: Option<String>,

@@ -2,7 +2,7 @@
 
 use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
 use hydroline_rigs::{Dof, Rig, Vehicle};
-use hydroline_sim::effect::{CheckedEffect, EffectError, check};
+use hydroline_sim::effect::{CheckedEffect, EffectError, Trend, check};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::filter::Response;
 use super::prior::{Density, PriorTable, Scale};
 use super::recording::{Recorded, Recording};
-use super::term::{Candidate, candidates};
+use super::term::{Candidate, Kind, Ranges, candidates, tables};
 
 /// Directions per pass.
 const WIDTHS: [usize; 4] = [6, 8, 12, 16];
@@ -137,6 +137,56 @@ fn under_way(r: &Recorded, dof: usize) -> f64 {
     }
 }
 
+/// Samples over which a rate is taken where none is measured: noise does not count then.
+const SPAN: usize = 10;
+/// Covariates that vary by less than this share of their size do not vary.
+const VARIES: f64 = 1e-6;
+/// Share of a covariate's range by which tables go on beyond it: rates over a span are less than the largest within.
+const MARGIN: f64 = 0.08;
+
+/// Least and greatest of some numbers; `None` where they do not vary.
+fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    let (low, high) = values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
+    let more = MARGIN * (high - low);
+    (high - low > VARIES * high.abs().max(low.abs())).then_some((low - more, high + more))
+}
+
+/// Ranges of what a force may depend on, as measured: poses, rates (measured, or by the poses), time.
+fn ranges(recording: &Recording) -> Ranges {
+    let runs = &recording.runs;
+    let mut made: Ranges = [None; hydroline_sim::effect::along::COVARIATES.len()];
+    for c in 0..6 {
+        made[c] = range(runs.iter().flat_map(|r| r.values.iter().map(move |v| v[c])));
+        made[6 + c] = if recording.channels[6 + c] {
+            range(
+                runs.iter()
+                    .flat_map(|r| r.values.iter().map(move |v| v[6 + c])),
+            )
+        } else {
+            let rates = runs.iter().flat_map(|r| {
+                let first = 0..r.times_s.len().saturating_sub(SPAN);
+                first.step_by(SPAN / 2).map(move |k| {
+                    let (a, b) = (r.measured(k), r.measured(k + SPAN));
+                    (b[c] - a[c]) / (r.times_s[k + SPAN] - r.times_s[k]).max(1e-3)
+                })
+            });
+            range(rates)
+        };
+    }
+    made[12] = range(runs.iter().flat_map(|r| r.times_s.iter().copied()));
+    made
+}
+
+/// Range of the load commanded in each DOF.
+fn loads(recording: &Recording) -> [Option<(f64, f64)>; 6] {
+    let commands = || recording.runs.iter().flat_map(|r| &r.commands);
+    std::array::from_fn(|d| range(commands().map(|c| c.1[d]).chain([0.0])))
+}
+
 impl Body {
     /// The body of a rig under a recording.
     ///
@@ -256,8 +306,11 @@ impl Body {
             starts.push(free);
             rest.push(at);
         }
+        let mut all = candidates(dofs, &base, &largest);
+        let (ranges, loads) = (ranges(&recording), loads(&recording));
+        all.extend(tables(&all, dofs, &ranges, &loads));
         Ok(Body {
-            candidates: candidates(dofs, &base, &largest),
+            candidates: all,
             recording,
             vehicle: rig.vehicle.clone(),
             base,
@@ -380,16 +433,44 @@ impl Body {
                 Own::Restoring(_) => h.restoring_nm = *value,
             }
         }
-        let fixed = self.base.len();
+        let base = self.base.len();
         let mut on = self.base.clone();
-        on.extend(terms.iter().map(|t| {
+        // Places of an effect's numbers among all: of those searched, and of the shares by which one of them varies.
+        let mut members: Vec<(usize, usize, usize)> = Vec::with_capacity(terms.len());
+        for (t, at) in terms.iter().zip(self.places(terms)) {
             let c = &self.candidates[*t];
-            c.checked(&vec![0.0; c.scales.len()])
-        }));
-        let places = self.places(terms);
-        let effects = EffectStack::assemble(&on, |e, p, value| match e.checked_sub(fixed) {
-            Some(term) => natural[places[term] + p],
-            None => T::from_f64(value),
+            match (c.kind, c.along) {
+                (Kind::Trend { of }, Some((along, range))) => {
+                    let of = terms.iter().position(|t| *t == of);
+                    // A trend of an effect that is not there is nothing.
+                    let Some(member) = of.and_then(|m| members.get_mut(m)) else {
+                        continue;
+                    };
+                    let effect = &mut on[base + of?];
+                    effect.trend = Some(Trend {
+                        parameter: 0,
+                        nothing: self.candidates[terms[of?]].nothing,
+                        along,
+                        range,
+                        shares: vec![0.0; c.scales.len()],
+                    });
+                    member.2 = at;
+                }
+                _ => {
+                    on.push(c.checked(&vec![0.0; c.scales.len()]));
+                    members.push((at, c.fixed.len(), 0));
+                }
+            }
+        }
+        let effects = EffectStack::assemble(&on, |e, p, value| {
+            let Some((at, fixed, shares)) = e.checked_sub(base).and_then(|m| members.get(m)) else {
+                return T::from_f64(value);
+            };
+            match p.checked_sub(on[e].info.parameters.len()) {
+                Some(share) => natural[shares + share],
+                None if p < *fixed => T::from_f64(value),
+                None => natural[at + p - fixed],
+            }
         });
         // More own states than the simulator holds: such a set is no model.
         Some(Model {
@@ -508,6 +589,13 @@ impl Body {
                 )
             })
             .collect()
+    }
+
+    /// Passes of sensitivities that a simulation of a model takes, in those of a model of the vehicle alone or a few effects.
+    pub fn passes_of(&self, terms: &[usize]) -> usize {
+        let numbers = self.places(terms).last().copied().unwrap_or(0);
+        let most = self.starts.iter().map(Vec::len).max().unwrap_or(0);
+        (numbers + most).div_ceil(WIDTHS[WIDTHS.len() - 1])
     }
 
     /// The same with derivatives.

@@ -11,11 +11,13 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::body::{Body, Point, Simulated};
+use super::equations::Equations;
 use super::filter::Filter;
-use super::hyper::{CORRELATIONS_S, Cell, Misfit, Noises, SIZES, Worth, filters, ln_prior};
+use super::hyper::{Cell, Cells, Noises, Worth, filters};
 use super::noise::estimate;
-use super::prior::{Density, PriorTable};
+use super::prior::PriorTable;
 use super::recording::Recording;
+use super::term::{Candidate, Kind};
 use hydroline_identify::data::Run;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
@@ -81,8 +83,8 @@ pub struct Fit {
     pub terms: Vec<usize>,
     /// Scaled numbers.
     pub point: Point,
-    /// Random forces.
-    pub misfit: Misfit,
+    /// Random forces, and sizes of tables.
+    pub cells: Cells,
     /// Log evidence.
     pub ln_evidence: f64,
     /// With the model's prior.
@@ -278,31 +280,25 @@ impl Problem {
     }
 
     /// Fits a model from a point.
-    pub fn fit(
-        &self,
-        terms: &[usize],
-        start: &[f64],
-        misfit: Misfit,
-        effort: Effort,
-    ) -> Option<Fit> {
-        let densities = self.body.densities(terms);
+    pub fn fit(&self, terms: &[usize], start: &[f64], cells: Cells, effort: Effort) -> Option<Fit> {
+        let belief = self.belief(terms);
         let bounds = self.body.bounds(terms);
         let mut at: Point = start.to_vec();
-        let mut misfit = misfit;
+        let mut cells = cells;
         let mut all = self.simulate(terms, &at)?;
-        let mut table = Table::new(self, at.len());
-        let mut seen: Vec<Misfit> = Vec::new();
+        let mut equations = Equations::new(self, at.len());
+        let mut seen: Vec<Cells> = Vec::new();
         for round in 0..effort.rounds {
             let chosen = if round == 0 && effort.as_given {
-                misfit
+                cells.clone()
             } else {
-                table.choose(&all, misfit, &densities, &at)
+                equations.choose(&all, cells.clone(), &belief, &at).0
             };
-            if round > 0 && (chosen == misfit || seen.contains(&chosen)) {
+            if round > 0 && (chosen == cells || seen.contains(&chosen)) {
                 break;
             }
-            seen.push(chosen);
-            misfit = chosen;
+            seen.push(chosen.clone());
+            cells = chosen;
             let filters: BTreeMap<usize, Vec<Filter>> = self
                 .body
                 .dofs
@@ -310,14 +306,14 @@ impl Problem {
                 .map(|d| {
                     (
                         *d,
-                        filters(&self.body, &self.worth, &self.noises, *d, misfit[*d]),
+                        filters(&self.body, &self.worth, &self.noises, *d, cells.misfit[*d]),
                     )
                 })
                 .collect();
             let mut damping = 1e-3;
             let mut failed = 0;
             let (mut information, mut gradient, mut cost) =
-                table.sum(&all, &misfit, &densities, &at);
+                equations.sum(&all, &cells, &belief, &at);
             let mut step = 0;
             while step < effort.steps {
                 step += 1;
@@ -342,13 +338,13 @@ impl Problem {
                     .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
                     .collect();
                 let values = self.predicted(terms, &tried);
-                let new = self.cost(&values, &filters) - prior(&densities, &tried);
+                let new = self.cost(&values, &filters) - belief.ln(&tried, &cells);
                 if new.is_finite() && new <= cost + 1e-9 {
                     let gained = cost - new;
                     at = tried;
                     all = self.simulate(terms, &at)?;
-                    table.clear();
-                    (information, gradient, cost) = table.sum(&all, &misfit, &densities, &at);
+                    equations.clear();
+                    (information, gradient, cost) = equations.sum(&all, &cells, &belief, &at);
                     damping = (damping * 0.2).max(1e-9);
                     failed = 0;
                     if gained < effort.decrement && promised < 2.0 * effort.decrement {
@@ -366,9 +362,9 @@ impl Problem {
                 }
             }
         }
-        let (information, _, cost) = table.sum(&all, &misfit, &densities, &at);
+        let (information, _, cost) = equations.sum(&all, &cells, &belief, &at);
         let root = Cholesky::new(information)?;
-        let (sizes, more) = table.sizes(&all, &misfit, &densities, &at);
+        let (sizes, more) = equations.sizes(&all, &cells, &belief, &at);
         let used: usize = self
             .noises
             .used
@@ -384,7 +380,7 @@ impl Problem {
         let mut made = Fit {
             terms: terms.to_vec(),
             point: at,
-            misfit,
+            cells,
             ln_evidence,
             ln_score: 0.0,
             covariance: root.inverse(),
@@ -398,249 +394,28 @@ impl Problem {
     /// Log prior odds of a set of effects over none.
     pub fn ln_prior(&self, terms: &[usize]) -> f64 {
         let all = &self.body.candidates;
-        let ids: std::collections::BTreeSet<&str> = all.iter().map(|c| c.info.id).collect();
+        let effects = || all.iter().filter(|c| c.kind == Kind::Effect);
+        let ids: std::collections::BTreeSet<&str> = effects().map(|c| c.info.id).collect();
+        let prior = &self.body.prior;
         let one = |t: &usize| {
-            let id = all[*t].info.id;
-            let places = all.iter().filter(|c| c.info.id == id).count();
-            let p = self.body.prior.effects_expected / (ids.len() * places) as f64;
+            let p = match all[*t].kind {
+                Kind::Effect => {
+                    let places = effects().filter(|c| c.info.id == all[*t].info.id).count();
+                    prior.effects_expected / (ids.len() * places) as f64
+                }
+                Kind::Force { .. } => {
+                    let force = |c: &&Candidate| matches!(c.kind, Kind::Force { .. });
+                    prior.unnamed / all.iter().filter(force).count() as f64
+                }
+                kind => prior.inexact / all.iter().filter(|c| c.kind == kind).count() as f64,
+            };
             (p / (1.0 - p)).ln()
         };
         terms.iter().map(one).sum()
     }
 }
 
-/// Log prior density of a point.
-pub fn prior(densities: &[Density], point: &[f64]) -> f64 {
-    densities.iter().zip(point).map(|(d, v)| d.ln(*v)).sum()
-}
-
-/// Information of a number of which neither data nor prior say anything: it keeps a factor from failing.
-const INFORMATION_LEAST: f64 = 1e-12;
-
-/// Adds what the prior says at a point to normal equations, from a number on.
-pub(super) fn add_prior(
-    densities: &[Density],
-    point: &[f64],
-    first: usize,
-    information: &mut DMatrix<f64>,
-    gradient: &mut DVector<f64>,
-) {
-    for (i, (density, v)) in densities.iter().zip(point).enumerate().skip(first) {
-        let (slope, curvature) = density.step(*v);
-        gradient[i] += slope;
-        information[(i, i)] += curvature.max(INFORMATION_LEAST);
-    }
-}
-
 /// Log determinant from a factor.
 pub fn ln_determinant(root: &Cholesky<f64, Dyn>) -> f64 {
     root.l_dirty().diagonal().iter().map(|v| 2.0 * v.ln()).sum()
-}
-
-/// Normal equations by DOF and cell, of one linearisation.
-struct Table<'a> {
-    problem: &'a Problem,
-    size: usize,
-    known: BTreeMap<(usize, Cell), Normal>,
-}
-
-/// Log-likelihood by which a neighbouring size must differ for those beyond it to be asked.
-const FLAT: f64 = 0.1;
-/// Log-likelihood below the best at which sizes are not followed further.
-const FAR: f64 = 6.0;
-
-impl<'a> Table<'a> {
-    fn new(problem: &'a Problem, size: usize) -> Self {
-        Table {
-            problem,
-            size,
-            known: BTreeMap::new(),
-        }
-    }
-
-    fn clear(&mut self) {
-        self.known.clear();
-    }
-
-    fn ask(&mut self, all: &[Simulated], cells: &[(usize, Cell)]) {
-        let missing: Vec<(usize, Cell)> = cells
-            .iter()
-            .filter(|c| !self.known.contains_key(c))
-            .copied()
-            .collect();
-        let made: Vec<((usize, Cell), Normal)> = missing
-            .into_par_iter()
-            .map(|(d, cell)| ((d, cell), self.problem.normal(all, d, cell, self.size)))
-            .collect();
-        self.known.extend(made);
-    }
-
-    /// Information with the prior's, gradient, cost.
-    fn sum(
-        &mut self,
-        all: &[Simulated],
-        misfit: &Misfit,
-        densities: &[Density],
-        at: &[f64],
-    ) -> (DMatrix<f64>, DVector<f64>, f64) {
-        let cells: Vec<(usize, Cell)> = self
-            .problem
-            .body
-            .dofs
-            .iter()
-            .map(|d| (*d, misfit[*d]))
-            .collect();
-        self.ask(all, &cells);
-        let mut information = DMatrix::zeros(self.size, self.size);
-        let mut gradient = DVector::zeros(self.size);
-        let mut cost = -prior(densities, at);
-        for key in &cells {
-            if let Some(n) = self.known.get(key) {
-                information += &n.information;
-                gradient += &n.gradient;
-                cost += n.cost;
-            }
-        }
-        add_prior(densities, at, 0, &mut information, &mut gradient);
-        (information, gradient, cost)
-    }
-
-    /// Minus log of what the data say of these cells, all numbers integrated out about the linearisation.
-    fn restricted(
-        &mut self,
-        all: &[Simulated],
-        misfit: &Misfit,
-        densities: &[Density],
-        at: &[f64],
-    ) -> f64 {
-        let median = self.problem.body.prior.misfit_over_tolerance;
-        let (information, gradient, cost) = self.sum(all, misfit, densities, at);
-        let Some(root) = Cholesky::new(information) else {
-            return f64::INFINITY;
-        };
-        let gain = 0.5 * gradient.dot(&root.solve(&gradient));
-        let dofs = self.problem.body.dofs.iter();
-        let cells: f64 = dofs.map(|d| ln_prior(misfit[*d], median)).sum();
-        cost - gain + 0.5 * ln_determinant(&root) - cells
-    }
-
-    /// The likeliest cells, by steps to neighbours in each DOF in turn.
-    fn choose(
-        &mut self,
-        all: &[Simulated],
-        mut misfit: Misfit,
-        densities: &[Density],
-        at: &[f64],
-    ) -> Misfit {
-        let dofs = self.problem.body.dofs.clone();
-        let mut best = self.restricted(all, &misfit, densities, at);
-        for _ in 0..3 {
-            let mut moved = false;
-            for &d in &dofs {
-                loop {
-                    let here = misfit[d];
-                    let around = neighbours(here);
-                    let cells: Vec<(usize, Cell)> = around.iter().map(|c| (d, *c)).collect();
-                    self.ask(all, &cells);
-                    let mut next = None;
-                    for cell in around {
-                        let mut tried = misfit;
-                        tried[d] = cell;
-                        let cost = self.restricted(all, &tried, densities, at);
-                        if cost < best - 1e-6 {
-                            best = cost;
-                            next = Some(cell);
-                        }
-                    }
-                    match next {
-                        Some(cell) => misfit[d] = cell,
-                        None => break,
-                    }
-                    moved = true;
-                }
-            }
-            if !moved || dofs.len() == 1 {
-                break;
-            }
-        }
-        misfit
-    }
-
-    /// Per DOF the probabilities of all sizes, and the log of the sum over cells over the chosen one.
-    fn sizes(
-        &mut self,
-        all: &[Simulated],
-        misfit: &Misfit,
-        densities: &[Density],
-        at: &[f64],
-    ) -> (Vec<(usize, Vec<f64>)>, f64) {
-        let dofs = self.problem.body.dofs.clone();
-        let median = self.problem.body.prior.misfit_over_tolerance;
-        let best = self.restricted(all, misfit, densities, at);
-        let mut more = 0.0;
-        let mut sizes = Vec::new();
-        for &d in &dofs {
-            let mut found: BTreeMap<Cell, f64> = BTreeMap::new();
-            for correlation in 0..CORRELATIONS_S.len() {
-                let here = Cell {
-                    correlation,
-                    ..misfit[d]
-                };
-                let cost = |me: &mut Self, cell: Cell| {
-                    let mut tried = *misfit;
-                    tried[d] = cell;
-                    me.restricted(all, &tried, densities, at) + ln_prior(cell, median)
-                };
-                let middle = cost(self, here);
-                found.insert(here, middle);
-                for up in [true, false] {
-                    let mut last = middle;
-                    let mut flat = false;
-                    let mut size = here.size;
-                    loop {
-                        if (up && size + 1 == SIZES.len()) || (!up && size == 0) {
-                            break;
-                        }
-                        size = if up { size + 1 } else { size - 1 };
-                        let cell = Cell { size, correlation };
-                        let now = if flat { last } else { cost(self, cell) };
-                        found.insert(cell, now);
-                        flat |= !up && (now - last).abs() < FLAT && SIZES[size] < 1.0;
-                        if now > best + FAR + 6.0 {
-                            break;
-                        }
-                        last = now;
-                    }
-                }
-            }
-            let reference = found.values().copied().fold(f64::INFINITY, f64::min);
-            let mut by_size = vec![0.0; SIZES.len()];
-            for (cell, cost) in &found {
-                by_size[cell.size] += (reference - cost + ln_prior(*cell, median)).exp();
-            }
-            let sum: f64 = by_size.iter().sum();
-            let chosen = found.get(&misfit[d]).copied().unwrap_or(reference);
-            more += sum.ln() + chosen - reference;
-            by_size.iter_mut().for_each(|p| *p /= sum);
-            sizes.push((d, by_size));
-        }
-        (sizes, more)
-    }
-}
-
-fn neighbours(cell: Cell) -> Vec<Cell> {
-    let Cell { size, correlation } = cell;
-    let mut made = Vec::new();
-    let mut push = |size: usize, correlation: usize| {
-        if size < SIZES.len() && correlation < CORRELATIONS_S.len() {
-            made.push(Cell { size, correlation });
-        }
-    };
-    push(size + 1, correlation);
-    push(size.wrapping_sub(1), correlation);
-    if size > 0 {
-        push(size, correlation + 1);
-        push(size, correlation.wrapping_sub(1));
-    }
-    made
 }

@@ -1,5 +1,7 @@
 //! What is common to all models of a recording (noise of the instruments) and what each has of its own (random forces).
 
+use std::collections::BTreeMap;
+
 use hydroline_numerics::noise::Noise;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{SeedableRng, rngs::StdRng};
@@ -8,6 +10,7 @@ use rayon::prelude::*;
 
 use super::body::{Body, Simulated};
 use super::filter::{Filter, Force, Instruments, draw};
+use super::table::TableCell;
 
 /// Correlation times of the random force \[s\]: from the shortest that a vehicle follows to as long as a run.
 pub const CORRELATIONS_S: [f64; 4] = [0.3, 1.5, 6.0, 25.0];
@@ -46,6 +49,33 @@ pub struct Cell {
 
 /// Random forces of all DOFs.
 pub type Misfit = [Cell; 6];
+/// Size and length of each table, by its candidate.
+pub type Tables = BTreeMap<usize, TableCell>;
+
+/// What is chosen beside a model's numbers, and summed over.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Cells {
+    /// Random forces.
+    pub misfit: Misfit,
+    /// Tables; those of other models may stand here as well.
+    pub tables: Tables,
+}
+
+impl Cells {
+    /// These random forces, no table.
+    pub fn of(misfit: Misfit) -> Cells {
+        Cells {
+            misfit,
+            tables: Tables::new(),
+        }
+    }
+
+    /// A table's cell.
+    pub fn table(&self, candidate: usize) -> TableCell {
+        let known = self.tables.get(&candidate).copied();
+        known.unwrap_or(TableCell::BEGIN)
+    }
+}
 
 /// Realisations of the force from which its worth is taken: the mean square is then known to some 15 %.
 const DRAWS: usize = 48;
@@ -161,20 +191,21 @@ impl Own {
 
 /// Log prior probability of a cell: half-Cauchy sizes, every correlation time alike.
 pub fn ln_prior(cell: Cell, median_over_tolerance: f64) -> f64 {
+    ln_half_cauchy(&SIZES, cell.size, median_over_tolerance) - (CORRELATIONS_S.len() as f64).ln()
+}
+
+/// Log probability of a place in a table of sizes under a half-Cauchy density with this median.
+pub fn ln_half_cauchy(sizes: &[f64], place: usize, median: f64) -> f64 {
     // A cell reaches half-way to its neighbours.
-    let edge = |i: usize| (SIZES[i].max(1e-3) * SIZES[i + 1]).sqrt();
-    let low = if cell.size == 0 {
-        0.0
-    } else {
-        edge(cell.size - 1)
-    };
-    let high = if cell.size + 1 < SIZES.len() {
-        edge(cell.size)
+    let edge = |i: usize| (sizes[i].max(1e-3) * sizes[i + 1]).sqrt();
+    let low = if place == 0 { 0.0 } else { edge(place - 1) };
+    let high = if place + 1 < sizes.len() {
+        edge(place)
     } else {
         f64::INFINITY
     };
-    let below = |v: f64| (v / median_over_tolerance).atan() * std::f64::consts::FRAC_2_PI;
-    (below(high) - below(low)).max(1e-300).ln() - (CORRELATIONS_S.len() as f64).ln()
+    let below = |v: f64| (v / median).atan() * std::f64::consts::FRAC_2_PI;
+    (below(high) - below(low)).max(1e-300).ln()
 }
 
 /// The filters of one DOF, one per run.

@@ -10,7 +10,9 @@
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod belief;
 pub mod body;
+mod equations;
 pub mod filter;
 pub mod fit;
 pub mod hyper;
@@ -22,6 +24,8 @@ pub mod recording;
 pub mod search;
 pub mod separation;
 pub mod summary;
+pub mod table;
+mod tables;
 pub mod term;
 #[cfg(test)]
 mod testing;

@@ -26,6 +26,14 @@ pub struct PriorTable {
     pub colour_s: f64,
     /// See there.
     pub colour_ln: f64,
+    /// Probability that a force without a name acts somewhere: most of what moves a vehicle in a tank has one.
+    pub unnamed: f64,
+    /// Median of what such a force is worth, over the tolerance (half-Cauchy): one that is worth a term of its own shows.
+    pub unnamed_over_tolerance: f64,
+    /// Probability that the law of an effect is only nearly the library's.
+    pub inexact: f64,
+    /// Median of the share by which such a law's number varies (half-Cauchy).
+    pub inexact_share: f64,
 }
 
 impl Default for PriorTable {
@@ -38,6 +46,10 @@ impl Default for PriorTable {
             misfit_over_tolerance: 0.1,
             colour_s: 0.5,
             colour_ln: 0.7,
+            unnamed: 0.1,
+            unnamed_over_tolerance: 3.0,
+            inexact: 0.1,
+            inexact_share: 0.3,
         }
     }
 }
@@ -56,6 +68,8 @@ pub enum Density {
     },
     /// Even on a circle of this circumference.
     Circle(f64),
+    /// A point of a table: its prior is that of the whole table ([`super::table`]).
+    Table,
 }
 
 impl Density {
@@ -72,6 +86,7 @@ impl Density {
     pub fn ln(&self, value: f64) -> f64 {
         match *self {
             Density::Circle(length) => -length.ln(),
+            Density::Table => 0.0,
             Density::Student {
                 centre,
                 scale,
@@ -94,7 +109,7 @@ impl Density {
     /// (slope of the log density, curvature for a Newton step: that of the normal density which majorises it).
     pub fn step(&self, value: f64) -> (f64, f64) {
         match *self {
-            Density::Circle(_) => (0.0, 0.0),
+            Density::Circle(_) | Density::Table => (0.0, 0.0),
             Density::Student {
                 centre,
                 scale,
@@ -187,6 +202,16 @@ impl Scale {
             sign: 1.0,
             density,
             limits: p.limits,
+        }
+    }
+
+    /// Of a point of a table.
+    pub fn of_table() -> Scale {
+        Scale {
+            logarithmic: false,
+            sign: 1.0,
+            density: Density::Table,
+            limits: (f64::NEG_INFINITY, f64::INFINITY),
         }
     }
 

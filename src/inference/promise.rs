@@ -10,8 +10,9 @@ use rayon::prelude::*;
 
 use super::body::Point;
 use super::filter::Filter;
-use super::fit::{Fit, Problem, add_prior};
+use super::fit::{Fit, Problem};
 use super::hyper::{Cell, filters};
+use super::term::Kind;
 
 /// Places in the table of sizes by which the random force is taken smaller for a second look: it shrinks when the right
 /// effect joins.
@@ -117,7 +118,7 @@ fn minus(mut made: Motion, here: &[Vec<[f64; 12]>]) -> Option<Motion> {
 
 impl Problem {
     fn view(&self, fit: &Fit, shrink: usize, members: &[Option<Motion>]) -> Option<View> {
-        let mut misfit = fit.misfit;
+        let mut misfit = fit.cells.misfit;
         for cell in &mut misfit {
             *cell = Cell {
                 size: cell.size.saturating_sub(shrink),
@@ -128,8 +129,8 @@ impl Problem {
         let n = fit.point.len();
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
-        let densities = self.body.densities(&fit.terms);
-        add_prior(&densities, &fit.point, 0, &mut information, &mut gradient);
+        let belief = self.belief(&fit.terms);
+        belief.add(&fit.point, &fit.cells, &mut information, &mut gradient);
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for &d in &self.body.dofs {
@@ -166,6 +167,10 @@ impl Problem {
                 let keep = (0..n)
                     .filter(|i| !(places[m]..places[m + 1]).contains(i))
                     .collect();
+                // What varies with a member goes with it: no exchange is foretold for those.
+                if self.dependants(&fit.terms, m).next().is_some() {
+                    return None;
+                }
                 let left = Left::new(&information, &made.gradient, keep)?;
                 Some((left, self.products(&made, response.as_ref()?)?))
             })
@@ -212,13 +217,13 @@ impl Problem {
         let Some(plain) = self.view(fit, 0, &members) else {
             return Vec::new();
         };
-        let shrunk = if fit.misfit.iter().any(|c| c.size > 0) {
+        let shrunk = if fit.cells.misfit.iter().any(|c| c.size > 0) {
             self.view(fit, SHRUNK, &members)
         } else {
             None
         };
         let asked: Vec<(usize, usize)> = (0..self.body.candidates.len())
-            .filter(|c| !fit.terms.contains(c))
+            .filter(|c| !fit.terms.contains(c) && !self.body.candidates[*c].is_table())
             .flat_map(|c| (0..self.body.candidates[c].starts.len()).map(move |s| (c, s)))
             .collect();
         let found: Vec<Vec<Promise>> = asked
@@ -292,7 +297,7 @@ impl Problem {
         let here = self.predicted(&fit.terms, &fit.point);
         (0..self.body.candidates.len())
             .into_par_iter()
-            .filter(|c| !fit.terms.contains(c))
+            .filter(|c| !fit.terms.contains(c) && !self.body.candidates[*c].is_table())
             .filter(|c| {
                 let Some(start) = self.body.candidates[*c].starts.first() else {
                     return false;
@@ -348,13 +353,31 @@ impl Problem {
         (terms, point)
     }
 
-    /// A model without one of its effects.
+    /// Members that are trends of another one.
+    pub fn dependants<'a>(
+        &'a self,
+        terms: &'a [usize],
+        member: usize,
+    ) -> impl DoubleEndedIterator<Item = usize> + 'a {
+        let of = terms[member];
+        let depends = move |m: &usize| {
+            let kind = self.body.candidates[terms[*m]].kind;
+            kind == Kind::Trend { of }
+        };
+        (0..terms.len()).filter(depends)
+    }
+
+    /// A model without one of its effects, and without what varies with it.
     pub fn without(&self, fit: &Fit, member: usize) -> (Vec<usize>, Point) {
         let places = self.body.places(&fit.terms);
         let mut terms = fit.terms.clone();
-        terms.remove(member);
         let mut point = fit.point.clone();
-        point.drain(places[member]..places[member + 1]);
+        // Trends stand behind all effects.
+        let gone = std::iter::once(member).chain(self.dependants(&fit.terms, member));
+        for m in gone.collect::<Vec<_>>().into_iter().rev() {
+            terms.remove(m);
+            point.drain(places[m]..places[m + 1]);
+        }
         (terms, point)
     }
 }

@@ -11,7 +11,7 @@ use hydroline_identify::parameter::Term;
 
 use super::body::Own;
 use super::fit::{Effort, Fit, Problem};
-use super::hyper::{Cell, Misfit};
+use super::hyper::{Cell, Cells};
 use super::noise::estimate;
 use super::promise::Promise;
 
@@ -24,8 +24,13 @@ pub struct Options {
     pub additions: usize,
     /// Candidates fitted in a member's place.
     pub exchanges: usize,
-    /// Fits in all.
-    pub fits: usize,
+    /// Tables fitted beside each model that leaves something.
+    pub tables: usize,
+    /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
+    /// effects.
+    pub cost: usize,
+    /// Models scored anew when the noise changes.
+    pub rescored: usize,
     /// Gain in log likelihood below which a promise is not worth a fit.
     pub least_gain: f64,
     /// Times that the noise is estimated beside the best model and the models are scored anew.
@@ -40,7 +45,9 @@ impl Default for Options {
             window: 100f64.ln(),
             additions: 5,
             exchanges: 2,
-            fits: 150,
+            tables: 2,
+            cost: 150,
+            rescored: 24,
             least_gain: 3.0,
             noise_rounds: 2,
             noise_change: 0.03,
@@ -76,18 +83,21 @@ struct Search<'a> {
     models: BTreeMap<Vec<usize>, Fit>,
     expanded: BTreeSet<Vec<usize>>,
     fits: usize,
+    cost: usize,
     options: Options,
     progress: &'a (dyn Fn(&str) + Sync),
 }
 
-type Job = (Vec<usize>, Vec<f64>, Misfit);
+type Job = (Vec<usize>, Vec<f64>, Cells);
 
 impl Search<'_> {
     fn fit(&mut self, jobs: Vec<Job>, effort: Effort) {
         self.fits += jobs.len();
+        let body = &self.problem.body;
+        self.cost += jobs.iter().map(|j| body.passes_of(&j.0)).sum::<usize>();
         let made: Vec<Fit> = jobs
             .into_par_iter()
-            .filter_map(|(terms, from, misfit)| self.problem.fit(&terms, &from, misfit, effort))
+            .filter_map(|(terms, from, cells)| self.problem.fit(&terms, &from, cells, effort))
             .collect();
         for fit in made {
             tracing::debug!(
@@ -99,7 +109,7 @@ impl Search<'_> {
                     .body
                     .dofs
                     .iter()
-                    .map(|d| fit.misfit[*d])
+                    .map(|d| fit.cells.misfit[*d])
                     .collect::<Vec<_>>()
             );
             let keep = self
@@ -121,7 +131,7 @@ impl Search<'_> {
         };
         let mut jobs: Vec<Job> = BEGIN
             .iter()
-            .map(|s| (Vec::new(), begin.clone(), [cell(*s); 6]))
+            .map(|s| (Vec::new(), begin.clone(), Cells::of([cell(*s); 6])))
             .collect();
         for (inertia, damping) in FAR {
             let mut from = begin.clone();
@@ -132,7 +142,7 @@ impl Search<'_> {
                     Own::Restoring(_) => 0.0,
                 };
             }
-            jobs.push((Vec::new(), from, [cell(BEGIN[1]); 6]));
+            jobs.push((Vec::new(), from, Cells::of([cell(BEGIN[1]); 6])));
         }
         self.fit(jobs, AS_GIVEN);
     }
@@ -140,14 +150,14 @@ impl Search<'_> {
     /// The same model from where it is under small random forces: a mode under large ones may be one that forgives what
     /// another explains.
     fn sharpened(&mut self, fit: Fit) -> Fit {
-        let large = |d: &usize| fit.misfit[*d].size > BEGIN[0];
+        let large = |d: &usize| fit.cells.misfit[*d].size > BEGIN[0];
         if !self.problem.body.dofs.iter().any(large) {
             return fit;
         }
-        let small = fit.misfit.map(|c| Cell {
-            size: c.size.min(BEGIN[0]),
-            ..c
-        });
+        let mut small = fit.cells.clone();
+        for cell in &mut small.misfit {
+            cell.size = cell.size.min(BEGIN[0]);
+        }
         self.fit(
             vec![(fit.terms.clone(), fit.point.clone(), small)],
             AS_GIVEN,
@@ -194,11 +204,20 @@ impl Search<'_> {
             .take(self.options.additions)
         {
             let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
-            add((terms, point, fit.misfit));
+            add((terms, point, fit.cells.clone()));
+        }
+        let tables = self.problem.tables(fit).into_iter();
+        for p in tables
+            .filter(|p| p.gain > self.options.least_gain)
+            .take(self.options.tables)
+        {
+            let nothing = vec![0.0; self.problem.body.candidates[p.candidate].scales.len()];
+            let (terms, point) = self.problem.with(fit, p.candidate, &nothing);
+            add((terms, point, p.cells));
         }
         for member in 0..fit.terms.len() {
             let (terms, point) = self.problem.without(fit, member);
-            add((terms.clone(), point.clone(), fit.misfit));
+            add((terms.clone(), point.clone(), fit.cells.clone()));
             let instead: Vec<&Promise> = promises
                 .iter()
                 .filter(|p| p.instead == Some(member))
@@ -214,14 +233,14 @@ impl Search<'_> {
                     ..fit.clone()
                 };
                 let (terms, point) = self.problem.with(&smaller, p.candidate, &p.numbers);
-                add((terms, point, fit.misfit));
+                add((terms, point, fit.cells.clone()));
             }
         }
         self.fit(jobs, Effort::default());
     }
 
     fn run(&mut self) {
-        while self.fits < self.options.fits {
+        while self.cost < self.options.cost {
             let Some(fit) = self.next() else { break };
             (self.progress)(&match fit.terms.len() {
                 0 => "beside the vehicle alone".to_owned(),
@@ -261,11 +280,16 @@ impl Search<'_> {
         let Some(floor) = self.best().map(|b| b.ln_score - 3.0 * self.options.window) else {
             return;
         };
-        let kept: Vec<Fit> = std::mem::take(&mut self.models).into_values().collect();
+        let mut kept: Vec<Fit> = std::mem::take(&mut self.models).into_values().collect();
+        kept.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
         let jobs = kept
             .into_iter()
-            .filter(|f| f.ln_score >= floor || f.terms.is_empty())
-            .map(|f| (f.terms, f.point, f.misfit))
+            .enumerate()
+            .filter(|(k, f)| {
+                *k < self.options.rescored && f.ln_score >= floor || f.terms.is_empty()
+            })
+            .map(|(_, f)| f)
+            .map(|f| (f.terms, f.point, f.cells))
             .collect();
         self.expanded.clear();
         self.fit(jobs, Effort::default());
@@ -285,6 +309,7 @@ pub fn search(
         models: BTreeMap::new(),
         expanded: BTreeSet::new(),
         fits: 0,
+        cost: 0,
         options,
         progress,
     };
@@ -299,7 +324,7 @@ pub fn search(
             break;
         }
         search.rescore();
-        search.options.fits = search.fits + options.fits / 3;
+        search.options.cost = search.cost + options.cost / 3;
         search.run();
     }
     Some(Found {
@@ -357,6 +382,7 @@ mod tests {
                     &[("axis", "pitch")],
                 )],
             ),
+            ("surge-bump", vec![0], vec![bump()]),
             (
                 "surge-two",
                 vec![0],
@@ -444,6 +470,28 @@ mod tests {
         );
     }
 
+    /// A force that no effect of the library is, at one place of the tank.
+    fn bump() -> PhysicsEntry {
+        let points: Vec<(String, f64)> = (0..40)
+            .map(|k| {
+                let x_m = -1.0 + 2.0 * f64::from(k) / 39.0;
+                let force_n = 1.2 * (-((x_m - 0.2) / 0.1_f64).powi(2)).exp();
+                (format!("f{:02}_n", k + 1), force_n)
+            })
+            .collect();
+        let mut numbers: Vec<(&str, f64)> = vec![("from", -1.0), ("to", 1.0)];
+        numbers.extend(points.iter().map(|(n, v)| (n.as_str(), *v)));
+        entry("free_force", &numbers, &[("dof", "surge"), ("along", "x")])
+    }
+
+    /// Such a force was explained by whatever came nearest.
+    #[test]
+    fn a_force_without_a_name_is_a_table_and_no_effect() {
+        let (found, posterior) = short(&[0], vec![bump()], 6);
+        let table = probability(&found, &posterior, "free_force surge x");
+        assert!(table > 0.9, "{posterior:?}");
+    }
+
     /// What a search finds, for eyes.
     fn told(problem: Problem, begun: Instant) {
         for d in &problem.body.dofs {
@@ -482,7 +530,7 @@ mod tests {
                 .collect();
             let cells: Vec<_> = dofs
                 .iter()
-                .map(|d| (fit.misfit[*d].size, fit.misfit[*d].correlation))
+                .map(|d| (fit.cells.misfit[*d].size, fit.cells.misfit[*d].correlation))
                 .collect();
             println!(
                 "   p {p:.4} {:.2} {names:?} {numbers:?} {cells:?}",

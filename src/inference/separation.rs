@@ -10,7 +10,7 @@ use hydroline_sim::effect::EffectError;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::Point;
-use super::fit::{Fit, Problem, add_prior};
+use super::fit::{Fit, Problem};
 use super::hyper::filters;
 
 /// Refits of the other model; slow and strong laws need more than one.
@@ -78,14 +78,14 @@ impl Problem {
         let mut at: Point = other.point[..own].to_vec();
         at.extend(start(planned));
         let n = at.len();
-        let densities = planned.body.densities(&other.terms);
+        let belief = planned.belief(&other.terms);
         let mut best = f64::INFINITY;
         for _ in 0..REFITS {
             let all = planned.simulate(&other.terms, &at)?;
             let (mut information, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
             let mut cost = 0.0;
             for &d in &planned.body.dofs {
-                let cell = other.misfit[d];
+                let cell = other.cells.misfit[d];
                 let filters = filters(&planned.body, &self.worth, &planned.noises, d, cell);
                 let normal = planned.normal_with(&all, d, &filters, n);
                 information += normal.information;
@@ -102,7 +102,7 @@ impl Problem {
                     information[(i, j)] += known[(i, j)];
                 }
             }
-            add_prior(&densities, &at, own, &mut information, &mut gradient);
+            belief.add_from(own, &at, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
             at.iter_mut().zip(step.iter()).for_each(|(v, s)| *v += s);
         }

@@ -7,10 +7,11 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::{Body, Point};
 use super::filter::Force;
-use super::fit::{Effort, Fit, Problem, add_prior};
+use super::fit::{Effort, Fit, Problem};
 use super::hyper::{Noises, with_force};
 use super::noise::estimate;
 use super::recording::Recording;
+use super::term::Kind;
 
 /// Steps of the fit of a run's start.
 const START_STEPS: usize = 6;
@@ -114,7 +115,13 @@ impl Problem {
     pub fn weights(&self, fit: &Fit) -> Vec<Rms> {
         let alone = |keep: Option<usize>| -> (Vec<usize>, Point) {
             let mut made = fit.clone();
-            for member in (0..fit.terms.len()).rev().filter(|m| Some(*m) != keep) {
+            // What varies with an effect stays with it.
+            let of = |m: usize| match self.body.candidates[fit.terms[m]].kind {
+                Kind::Trend { of } => fit.terms.iter().position(|t| *t == of),
+                _ => Some(m),
+            };
+            let goes = |m: &usize| keep.is_none() || of(*m) != keep;
+            for member in (0..fit.terms.len()).rev().filter(goes) {
                 let (terms, point) = self.without(&made, member);
                 (made.terms, made.point) = (terms, point);
             }
@@ -257,7 +264,7 @@ impl Problem {
             at.extend(free.iter().map(|c| self.body.rest[run][*c]));
         }
         let n = at.len() - places[0];
-        let densities = self.body.densities(terms);
+        let belief = self.belief(terms);
         let none = Force {
             sd_mps2: 0.0,
             correlation_s: 1.0,
@@ -273,13 +280,7 @@ impl Problem {
                 gradient += normal.gradient.rows(places[0], n);
             }
             let first = places[0];
-            add_prior(
-                &densities[first..],
-                &at[first..],
-                0,
-                &mut information,
-                &mut gradient,
-            );
+            belief.add_starts(first, &at, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
             for i in 0..n {
                 at[places[0] + i] += step[i];
@@ -305,7 +306,7 @@ impl Problem {
             for r in &others {
                 from.extend(&fit.point[places[*r]..places[r + 1]]);
             }
-            let made = part.fit(&fit.terms, &from, fit.misfit, Effort::default())?;
+            let made = part.fit(&fit.terms, &from, fit.cells.clone(), Effort::default())?;
             self.only(&[out]).foretell(&made)?.pop()
         });
         each.collect()

@@ -1,20 +1,44 @@
 //! Terms of a model: which effects of the registry may act where, with points to begin from.
 
 use hydroline_rigs::Dof;
+use hydroline_sim::effect::along::{COVARIATES, POINTS};
 use hydroline_sim::effect::{
     ALL, CheckedEffect, EffectInfo, EffectStack, ParameterInfo, Stage, WordInfo,
 };
 
 use super::prior::{Scale, nothing};
 
-/// An effect that may have been left out, at one place.
+/// What a candidate adds to a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// An effect of the library.
+    Effect,
+    /// A force without a name along a covariate.
+    Force {
+        /// DOF in which it acts.
+        dof: usize,
+    },
+    /// The law of another candidate is only nearly the library's: its first number varies along a covariate.
+    Trend {
+        /// That candidate.
+        of: usize,
+    },
+}
+
+/// Something that may have been left out, at one place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
+    /// What it is.
+    pub kind: Kind,
     /// The effect.
     pub info: &'static EffectInfo,
     /// Index per word.
     pub words: Vec<usize>,
-    /// Scale and prior per parameter.
+    /// The effect's first numbers that are not searched: the ends of a table.
+    pub fixed: Vec<f64>,
+    /// Of a table: its covariate ([`COVARIATES`]) and that at both ends.
+    pub along: Option<(usize, (f64, f64))>,
+    /// Scale and prior per number that is searched.
     pub scales: Vec<Scale>,
     /// Points to begin from, natural numbers.
     pub starts: Vec<Vec<f64>>,
@@ -29,7 +53,22 @@ impl Candidate {
         let words: Vec<&str> = words
             .filter_map(|(w, i)| w.allowed.get(*i).copied())
             .collect();
-        [&[self.info.id], &words[..]].concat().join(" ")
+        let mut name = [&[self.info.id], &words[..]].concat().join(" ");
+        if let (Kind::Trend { .. }, Some(along)) = (self.kind, self.covariate()) {
+            name.push_str(" varies with ");
+            name.push_str(along);
+        }
+        name
+    }
+
+    /// Whether it is a table: its points have a prior together.
+    pub fn is_table(&self) -> bool {
+        self.along.is_some()
+    }
+
+    /// Name of a table's covariate.
+    pub fn covariate(&self) -> Option<&'static str> {
+        COVARIATES.get(self.along?.0).copied()
     }
 
     /// A word's value.
@@ -39,11 +78,14 @@ impl Candidate {
     }
 
     /// As the simulator takes it; numbers are filled in by whoever runs it.
+    ///
+    /// `numbers` = those that are searched; of a trend nothing is asked here.
     pub fn checked(&self, numbers: &[f64]) -> CheckedEffect {
         CheckedEffect {
             info: self.info,
-            numbers: numbers.to_vec(),
+            numbers: [&self.fixed, numbers].concat(),
             words: self.words.clone(),
+            trend: None,
             notes: Vec::new(),
         }
     }
@@ -72,7 +114,7 @@ pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> V
     let mut all = Vec::new();
     for info in ALL
         .iter()
-        .filter(|i| !i.parameters.is_empty() && !in_images_only(i))
+        .filter(|i| !i.parameters.is_empty() && !i.is_a_table() && !in_images_only(i))
     {
         for words in choices(info.words, dofs) {
             if is_own_square(info.words, &words) {
@@ -130,6 +172,88 @@ fn choices(words: &[WordInfo], dofs: &[usize]) -> Vec<Vec<usize>> {
     made
 }
 
+/// Ranges that covariates have in a recording; `None` where one does not vary or is not known.
+pub type Ranges = [Option<(f64, f64)>; COVARIATES.len()];
+
+/// Covariates that a table of this DOF may run along: what moves, time, and the DOF's own load.
+fn covariates(dof: usize, dofs: &[usize], ranges: &Ranges) -> Vec<(usize, (f64, f64))> {
+    const TIME: usize = 12;
+    let turns = dofs.iter().filter(|d| [0, 1, 5].contains(d)).count() > 1;
+    let wide = |c: usize| ranges[c].map_or(0.0, |(low, high)| high - low);
+    let asked = |c: usize| match c {
+        // Where surge or sway moves, both tank coordinates do; on a straight way they are one.
+        0 | 1 if dof > 1 => false,
+        0 | 1 => turns || wide(c) >= wide(1 - c),
+        2..6 => c == dof,
+        6..TIME => dofs.contains(&(c - 6)),
+        _ => true,
+    };
+    let each = (0..COVARIATES.len()).filter(|c| asked(*c));
+    each.filter_map(|c| Some((c, ranges[c]?))).collect()
+}
+
+/// Forces without a name in these DOFs, and near laws of effects: tables, whose shape is free.
+///
+/// `effects` = candidates of the library, whose places are kept; `loads` = range of the load per DOF.
+pub fn tables(
+    effects: &[Candidate],
+    dofs: &[usize],
+    ranges: &Ranges,
+    loads: &[Option<(f64, f64)>; 6],
+) -> Vec<Candidate> {
+    const LOAD: usize = COVARIATES.len() - 1;
+    let mut made = Vec::new();
+    let along = |dof: usize| {
+        let mut ranges = *ranges;
+        ranges[LOAD] = loads[dof];
+        covariates(dof, dofs, &ranges)
+    };
+    let table = |kind, info, words, fixed, along| Candidate {
+        kind,
+        info,
+        words,
+        fixed,
+        along: Some(along),
+        scales: vec![Scale::of_table(); POINTS],
+        starts: Vec::new(),
+        nothing: 0.0,
+    };
+    if let Some(info) = ALL.iter().find(|i| i.is_a_table()) {
+        for &dof in dofs {
+            for (c, range) in along(dof) {
+                let ends = vec![range.0, range.1];
+                let kind = Kind::Force { dof };
+                made.push(table(kind, *info, vec![dof, c], ends, (c, range)));
+            }
+        }
+    }
+    for (of, c) in effects.iter().enumerate() {
+        // Stamps and instruments have their own faults; a corner at a limit of the load moves none of what lies below.
+        if !matches!(c.info.stage, Stage::Thruster | Stage::Hydrodynamics) {
+            continue;
+        }
+        let named = c.word("dof").or_else(|| c.word("axis"));
+        let dof = named.and_then(|w| Dof::ALL.into_iter().position(|d| d.name() == w));
+        let places: Vec<usize> = dof.map_or_else(|| dofs.to_vec(), |d| vec![d]);
+        let mut seen = Vec::new();
+        for (covariate, range) in places.into_iter().flat_map(along) {
+            if seen.contains(&covariate) {
+                continue;
+            }
+            seen.push(covariate);
+            let words = c.words.clone();
+            made.push(table(
+                Kind::Trend { of },
+                c.info,
+                words,
+                Vec::new(),
+                (covariate, range),
+            ));
+        }
+    }
+    made
+}
+
 /// Where a limit on the load begins, over the largest load: between loads a limit clips other steps of the command, and
 /// no fit finds from one of these stretches into the next.
 const LIMITS: [f64; 5] = [0.95, 0.85, 0.72, 0.58, 0.44];
@@ -137,6 +261,9 @@ const LIMITS: [f64; 5] = [0.95, 0.85, 0.72, 0.58, 0.44];
 impl Candidate {
     fn new(info: &'static EffectInfo, words: Vec<usize>, largest: &[f64; 6]) -> Candidate {
         let mut made = Candidate {
+            kind: Kind::Effect,
+            fixed: Vec::new(),
+            along: None,
             scales: info
                 .parameters
                 .iter()

@@ -5,6 +5,23 @@ use super::registry::{ALL, find};
 use super::{EffectError, EffectInfo};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
+/// A number of an effect that depends on a covariate: value + (value - nothing) share, within the number's limits.
+///
+/// A law of which only the mechanism is known: friction that grows near rest, a lag that is another one at another load.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trend {
+    /// Which of the effect's numbers.
+    pub parameter: usize,
+    /// Its value where the effect is not there: that stays, whatever the share.
+    pub nothing: f64,
+    /// Place in [`super::along::COVARIATES`].
+    pub along: usize,
+    /// Covariate at the first and the last point.
+    pub range: (f64, f64),
+    /// Share at equally spaced points.
+    pub shares: Vec<f64>,
+}
+
 /// A checked entry: ready to become a law in any scalar.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedEffect {
@@ -14,6 +31,8 @@ pub struct CheckedEffect {
     pub numbers: Vec<f64>,
     /// One index into `allowed` per `info.words`.
     pub words: Vec<usize>,
+    /// One of its numbers depends on where the motion is.
+    pub trend: Option<Trend>,
     /// What is unusual, e.g. a number outside of its plausible range.
     pub notes: Vec<String>,
 }
@@ -31,8 +50,16 @@ impl CheckedEffect {
             info,
             numbers: info.parameters.iter().map(|p| p.typical).collect(),
             words: info.words.iter().map(word).collect(),
+            trend: None,
             notes: Vec::new(),
         }
+    }
+
+    /// Index in SNAME order of the DOF that its words name; surge where none does.
+    pub(super) fn dof(&self) -> usize {
+        let named = self.info.words.iter().zip(&self.words);
+        let mut dofs = named.filter(|(w, _)| w.name == super::info::DOF.name);
+        dofs.next().map_or(0, |(w, i)| w.dof(*i))
     }
 
     /// The `[[physics]]` entry that reads back to this, every parameter written out.
@@ -149,6 +176,7 @@ fn check_one(entry: &PhysicsEntry) -> Result<CheckedEffect, EffectError> {
         info,
         numbers: final_numbers,
         words: final_words,
+        trend: None,
         notes,
     })
 }

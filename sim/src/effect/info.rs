@@ -130,6 +130,11 @@ pub struct EffectInfo {
 }
 
 impl EffectInfo {
+    /// Whether its law is whatever data wrote into it: no hypothesis by itself.
+    pub fn is_a_table(&self) -> bool {
+        self.id == super::free_force::INFO.id
+    }
+
     /// Index of a numeric parameter.
     pub fn parameter_index(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)

@@ -11,6 +11,8 @@ pub struct Moment<'a, T> {
     pub t_s: T,
     /// Start of the current step, which never spans an edge: a law that jumps in time decides by it \[s\].
     pub step_start_s: T,
+    /// Wrench commanded \[N, N m\].
+    pub load: &'a [T; 6],
     /// Pose, tank frame.
     pub eta: &'a [T; 6],
     /// Sine and cosine of the heading psi.

@@ -1,5 +1,6 @@
 //! The effects that are switched on, in the order they act.
 
+use super::along::{covariate, interpolated};
 use super::{
     CheckedEffect, EffectError, EffectInfo, Law, Moment, Optics, Stage, Values, check, registry,
 };
@@ -11,6 +12,8 @@ use hydroline_rigs::PhysicsEntry;
 struct Member<T: Real> {
     info: &'static EffectInfo,
     law: Box<dyn Law<T>>,
+    /// Where one of its numbers depends on a covariate.
+    bent: Option<Bent<T>>,
     /// Its index among the effects given.
     given: usize,
     /// Its slice of the own states.
@@ -18,6 +21,47 @@ struct Member<T: Real> {
     last: usize,
     /// How many members from here on act side by side; 0 for those behind the first of them.
     beside: usize,
+}
+
+/// An effect one number of which depends on where the motion is: its law is made anew wherever it is asked.
+#[derive(Debug)]
+struct Bent<T> {
+    numbers: Vec<T>,
+    words: Vec<usize>,
+    parameter: usize,
+    nothing: f64,
+    along: usize,
+    dof: usize,
+    range: (f64, f64),
+    shares: Vec<T>,
+}
+
+impl<T: Real> Bent<T> {
+    fn law(&self, info: &'static EffectInfo, m: &Moment<'_, T>) -> Option<Box<dyn Law<T>>> {
+        let at = covariate(m, self.along, self.dof);
+        let share = interpolated(&self.shares, self.range, at);
+        let (low, high) = info.parameters[self.parameter].limits;
+        let mut numbers = self.numbers.clone();
+        let value = &mut numbers[self.parameter];
+        *value = *value + (*value - T::from_f64(self.nothing)) * share;
+        *value = value.max(T::from_f64(low)).min(T::from_f64(high));
+        registry::law(&Values {
+            info,
+            numbers: &numbers,
+            words: &self.words,
+        })
+    }
+}
+
+impl<T: Real> Member<T> {
+    /// Asks its law as it is here.
+    fn here<R>(&self, m: &Moment<'_, T>, ask: impl FnOnce(&dyn Law<T>) -> R) -> R {
+        let bent = self.bent.as_ref().and_then(|b| b.law(self.info, m));
+        match bent {
+            Some(law) => ask(&*law),
+            None => ask(&*self.law),
+        }
+    }
 }
 
 /// Effects sorted by stage and by order within it; same order, file order.
@@ -64,7 +108,7 @@ impl<T: Real> EffectStack<T> {
     }
 
     /// Builds the laws in the scalar `T`; `lift(effect, parameter, value)` makes each number a `T`
-    /// (indices into `effects` and its `info.parameters`), e.g. a dual with its own derivative.
+    /// (indices into `effects` and its `info.parameters`, then into its trend's shares), e.g. a dual with its own derivative.
     ///
     /// # Errors
     /// [`EffectError::TooManyStates`].
@@ -80,10 +124,24 @@ impl<T: Real> EffectStack<T> {
                 .enumerate()
                 .map(|(p, &value)| lift(e, p, value))
                 .collect();
+            let bent = effect.trend.as_ref().map(|t| Bent {
+                words: effect.words.clone(),
+                parameter: t.parameter,
+                nothing: t.nothing,
+                along: t.along,
+                dof: effect.dof(),
+                range: t.range,
+                shares: (numbers.len()..)
+                    .zip(&t.shares)
+                    .map(|(p, &share)| lift(e, p, share))
+                    .collect(),
+                numbers: numbers.clone(),
+            });
             let law = law(effect, &numbers)?;
             members.push(Member {
                 info: effect.info,
                 law,
+                bent,
                 given: e,
                 first: 0,
                 last: 0,
@@ -218,8 +276,9 @@ impl<T: Real> EffectStack<T> {
                 continue;
             }
             if e.beside == 1 {
-                e.law
-                    .thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+                e.here(m, |law| {
+                    law.thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+                });
                 continue;
             }
             let (given, share) = (*wrench, 1.0 / e.beside as f64);
@@ -239,33 +298,34 @@ impl<T: Real> EffectStack<T> {
     /// Changes `nu_r`, which begins as the rates over ground.
     pub(crate) fn relative_velocity(&self, m: &Moment<'_, T>, nu_r: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.relative_velocity(m, nu_r);
+            e.here(m, |law| law.relative_velocity(m, nu_r));
         }
     }
 
     /// Changes `mass`, which begins as the vehicle's own.
     pub(crate) fn added_mass(&self, m: &Moment<'_, T>, mass: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.added_mass(m, mass);
+            e.here(m, |law| law.added_mass(m, mass));
         }
     }
 
     pub(crate) fn drag(&self, m: &Moment<'_, T>, drag: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.drag(m, drag);
+            e.here(m, |law| law.drag(m, drag));
         }
     }
 
     pub(crate) fn force(&self, m: &Moment<'_, T>, own: &[T], force: &mut [T; 6]) {
         for e in self.stage(Stage::Hydrodynamics) {
-            e.law.force(m, &own[e.first..e.last], force);
+            e.here(m, |law| law.force(m, &own[e.first..e.last], force));
         }
     }
 
     pub(crate) fn own_rate(&self, m: &Moment<'_, T>, nu_dot: &[T; 6], own: &[T], rate: &mut [T]) {
         for e in &self.members {
-            e.law
-                .own_rate(m, nu_dot, &own[e.first..e.last], &mut rate[e.first..e.last]);
+            e.here(m, |law| {
+                law.own_rate(m, nu_dot, &own[e.first..e.last], &mut rate[e.first..e.last]);
+            });
         }
     }
 

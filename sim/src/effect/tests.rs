@@ -73,6 +73,36 @@ fn thruster_effects_act_in_their_order_whatever_the_file_says() {
     assert!((r.state_at(6.0).unwrap().own[0] + 2.88).abs() < 1e-9);
 }
 
+/// Friction whose strength goes from half to one and a half with x, as such.
+#[test]
+fn a_number_that_varies_with_a_covariate_is_what_it_is_there() {
+    let mut friction = CheckedEffect::typical(find("coulomb_friction").unwrap());
+    friction.numbers[0] = 0.4;
+    friction.trend = Some(Trend {
+        parameter: 0,
+        nothing: 0.0,
+        along: 0,
+        range: (-1.0, 1.0),
+        shares: vec![-0.5, 0.0, 0.5],
+    });
+    let force = |x_m: f64, one: &CheckedEffect| {
+        let effects = EffectStack::assemble(std::slice::from_ref(one), |_, _, v| v).unwrap();
+        let model = Model {
+            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
+            effects,
+        };
+        let mut state = ModelState::at_rest([x_m, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        state.vehicle.nu[0] = 0.2;
+        model.rate(0.0, 0.0, &state, &[0.0; 6]).vehicle.nu[0]
+    };
+    for (x_m, share) in [(-1.0, -0.5), (0.0, 0.0), (0.5, 0.25), (7.0, 0.5)] {
+        let mut plain = CheckedEffect::typical(friction.info);
+        plain.numbers[0] = 0.4 * (1.0 + share);
+        let (bent, plain) = (force(x_m, &friction), force(x_m, &plain));
+        assert!((bent - plain).abs() < 1e-12, "{x_m}: {bent} {plain}");
+    }
+}
+
 #[test]
 fn a_vehicle_adrift_takes_the_velocity_of_the_current() {
     let model = Model {

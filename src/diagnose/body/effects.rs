@@ -6,13 +6,13 @@ use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::summary::Rms;
-use hydroline_inference::term::Candidate;
+use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
 
 use super::found::{Judged, relative};
 use crate::conclude::HELD_OUT;
 use crate::verdict::{
-    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Law, Parameters, Value,
+    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
 };
 
 /// Probability from which an effect is listed.
@@ -85,7 +85,8 @@ impl Judged<'_> {
     /// Effects that are probable at all.
     pub fn candidates(&self) -> Vec<verdict::Candidate> {
         let all = self.posterior.effects.iter();
-        all.filter(|e| e.probability >= PROBABLE)
+        let body = &self.found.problem.body;
+        all.filter(|e| e.probability >= PROBABLE && !body.candidates[e.candidate].is_table())
             .map(|e| {
                 let c = &self.found.problem.body.candidates[e.candidate];
                 verdict::Candidate {
@@ -106,6 +107,9 @@ impl Judged<'_> {
             if e.probability < LISTED && !first.contains(&e.candidate) {
                 continue;
             }
+            if body.candidates[e.candidate].is_table() {
+                continue;
+            }
             // The likeliest model that holds it.
             let Some((fit, weights)) = self.posterior.models.iter().find_map(|(terms, _)| {
                 let fit = terms
@@ -121,6 +125,7 @@ impl Judged<'_> {
             let c = &body.candidates[e.candidate];
             let weight = &weights[member];
             let size = relative(weight, &body.tolerance);
+            let (law, exact, law_note) = self.law(e.candidate);
             made.push((
                 size,
                 Effect {
@@ -131,8 +136,9 @@ impl Judged<'_> {
                     established: e.probability >= ESTABLISHED,
                     weight: table(weight),
                     matters: size > 1.0,
-                    law: Law::Exact,
-                    law_note: None,
+                    law,
+                    law_exact_probability: Some(exact),
+                    law_note,
                     parameters: self.averaged(e.candidate),
                     or: self.exchanges(e.candidate),
                     notes: self.unusual(fit, member),
@@ -203,7 +209,12 @@ impl Judged<'_> {
                     .copied()
                     .filter(|t| !rest.contains(t))
                     .collect();
-                if let [one] = new[..] {
+                if let [one] = new[..]
+                    && !matches!(
+                        self.found.problem.body.candidates[one].kind,
+                        Kind::Trend { .. }
+                    )
+                {
                     said.insert(self.id(one));
                 }
             }
@@ -220,7 +231,12 @@ impl Judged<'_> {
         };
         let all = self.posterior.models.iter().filter(|m| m.1 >= LEAST_SHARE);
         let all = all.filter_map(|(terms, p)| Some((*p, own(self.found.models.get(terms)?))));
+        let effect = |m: &usize| {
+            let c = &self.found.problem.body.candidates[self.best.terms[*m]];
+            !c.is_table()
+        };
         let effects = (0..self.best.terms.len())
+            .filter(effect)
             .map(|m| (self.id(self.best.terms[m]), self.numbers(self.best, m)));
         Parameters {
             before: own(self.alone),
@@ -238,7 +254,7 @@ impl Judged<'_> {
             .filter_map(|(terms, p)| {
                 let fit = self.found.models.get(terms)?;
                 Some(Alternative {
-                    effects: terms.iter().map(|t| self.id(*t)).collect(),
+                    effects: terms.iter().map(|t| self.told(*t)).collect(),
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
                     train: table(&self.found.problem.left(terms, &fit.point)),
@@ -282,6 +298,16 @@ impl Judged<'_> {
         made
     }
 
+    /// A term as a list of models shows it.
+    fn told(&self, term: usize) -> String {
+        let c = &self.found.problem.body.candidates[term];
+        if c.is_table() {
+            c.name()
+        } else {
+            self.id(term)
+        }
+    }
+
     /// Each run as the others foretell it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
         let (before, after) = &self.one_run_out.as_ref()?.rms;
@@ -313,10 +339,11 @@ impl Judged<'_> {
         }
         let places = body.places(&self.best.terms);
         for (t, at) in self.best.terms.iter().zip(places) {
-            if self.probability(*t) < ESTABLISHED {
+            let c = &body.candidates[*t];
+            // How a law varies has no line of its own in a rig file.
+            if self.probability(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }
-            let c = &body.candidates[*t];
             let numbers: Vec<f64> = natural[at..at + c.scales.len()]
                 .iter()
                 .map(|v| v.0)

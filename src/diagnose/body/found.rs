@@ -7,9 +7,11 @@ use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
+use hydroline_inference::term::Kind;
 use hydroline_rigs::{Dof, Rig};
 
 use super::earned::Left;
+use super::nameless::mattering;
 use crate::verdict::{Unexplained, Word};
 
 /// Probability of what matters together, from which one explanation stands alone.
@@ -20,9 +22,6 @@ pub const LISTED: f64 = 0.05;
 const LEAST: f64 = 0.003;
 /// Explanations listed at most.
 const SETS: usize = 6;
-/// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
-const UNNAMED: f64 = 0.5;
-
 /// Runs that neither model has seen.
 #[derive(Debug, Clone)]
 pub struct Foretold {
@@ -84,7 +83,7 @@ impl<'a> Judged<'a> {
         for (terms, p) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
             let fit = found.models.get(terms)?;
             let w = problem.weights(fit);
-            let set = mattering(terms, &w, &problem.body.tolerance);
+            let set = mattering(&problem.body.candidates, terms, &w, &problem.body.tolerance);
             match groups.iter_mut().find(|g| g.0 == set) {
                 Some(g) => g.1 += p,
                 None => groups.push((set, *p)),
@@ -125,7 +124,14 @@ impl<'a> Judged<'a> {
     /// Effects of a model that matter.
     pub fn heavy(&self, fit: &Fit) -> BTreeSet<usize> {
         let problem = &self.found.problem;
-        let of = |w: &Vec<Rms>| mattering(&fit.terms, w, &problem.body.tolerance);
+        let of = |w: &Vec<Rms>| {
+            mattering(
+                &problem.body.candidates,
+                &fit.terms,
+                w,
+                &problem.body.tolerance,
+            )
+        };
         self.weights
             .get(&fit.terms)
             .map_or_else(|| of(&problem.weights(fit)), of)
@@ -173,41 +179,11 @@ impl<'a> Judged<'a> {
     }
 
     pub fn id(&self, term: usize) -> String {
-        self.found.problem.body.candidates[term].info.id.to_owned()
-    }
-
-    /// Forces without a name that matter.
-    fn unnamed(&self) -> Vec<Unexplained> {
-        let body = &self.found.problem.body;
-        let said = self.posterior.unnamed.iter().filter(|u| u.1 >= UNNAMED);
-        said.map(|&(d, p)| {
-            let cell = self.best.misfit[d];
-            let over = hydroline_inference::hyper::SIZES[cell.size];
-            let positions = body.recording.channels[d];
-            let channel = if positions { d } else { 6 + d };
-            let weight = over * body.tolerance[channel];
-            let name = Dof::ALL[d].name();
-            let unit = if d < 3 { "N" } else { "N m" };
-            let force = self.found.problem.worth.force(d, cell);
-            let mass = inertia(body, d);
-            let size = force.sd_mps2 * mass;
-            Unexplained {
-                channel: hydroline_identify::data::CHANNELS[channel].to_owned(),
-                weight,
-                depends_on: "time".to_owned(),
-                range: [f64::NAN, f64::NAN],
-                force: size,
-                term: format!(
-                    "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
-                    force.correlation_s
-                ),
-                knots: Vec::new(),
-                force_at: Vec::new(),
-                force_sd: Vec::new(),
-                log_bayes_factor: (p / (1.0 - p).max(1e-300)).ln(),
-            }
-        })
-        .collect()
+        let c = &self.found.problem.body.candidates[term];
+        match c.kind {
+            Kind::Force { dof } => format!("a force without a name in {}", Dof::ALL[dof].name()),
+            _ => c.info.id.to_owned(),
+        }
     }
 
     /// Remarks.
@@ -237,21 +213,6 @@ impl<'a> Judged<'a> {
         }
         notes
     }
-}
-
-/// Inertia of a DOF as the rig says it \[kg, kg m2\].
-fn inertia(body: &hydroline_inference::body::Body, dof: usize) -> f64 {
-    let h: hydroline_sim::vehicle::Hydrodynamics<f64> =
-        hydroline_sim::vehicle::Hydrodynamics::new(&body.vehicle);
-    h.mass()[dof]
-}
-
-/// Those of a model's effects that weigh more than the tolerance.
-fn mattering(terms: &[usize], weights: &[Rms], tolerance: &[f64; 12]) -> BTreeSet<usize> {
-    let each = terms.iter().zip(weights);
-    each.filter(|(_, w)| relative(w, tolerance) > 1.0)
-        .map(|(t, _)| *t)
-        .collect()
 }
 
 /// Largest weight over the tolerance of its channel.

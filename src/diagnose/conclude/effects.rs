@@ -128,6 +128,7 @@ pub fn effects(
             weight: BTreeMap::from([(setting.channel().to_owned(), *weight)]),
             matters: *weight > setting.tolerance,
             law: if inexact { Law::Inexact } else { Law::Exact },
+            law_exact_probability: None,
             law_note: if let Some(note) = again {
                 Some(note.clone())
             } else if inexact {

@@ -124,6 +124,7 @@ fn described(
         matters: weight.iter().any(|(c, w)| *w > tolerance(c, rig)),
         weight,
         law: Law::Exact,
+        law_exact_probability: None,
         law_note: None,
         or: Vec::new(),
         parameters: info

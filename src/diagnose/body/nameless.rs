@@ -1,0 +1,246 @@
+//! What the library has no name for: forces along a covariate, random forces, laws that are only nearly the library's.
+
+use std::collections::BTreeSet;
+
+use hydroline_identify::data::CHANNELS;
+use hydroline_inference::fit::Fit;
+use hydroline_inference::hyper::SIZES;
+use hydroline_inference::summary::Rms;
+use hydroline_inference::term::{Candidate, Kind};
+use hydroline_rigs::Dof;
+use hydroline_sim::vehicle::Hydrodynamics;
+
+use super::found::{Judged, relative};
+use crate::verdict::{Law, Unexplained};
+
+/// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
+const UNNAMED: f64 = 0.5;
+/// Probability from which a law is said to be inexact.
+const INEXACT: f64 = 0.5;
+/// Share of its largest value from which a force acts somewhere.
+const ACTS: f64 = 0.5;
+
+/// Of a model's members those that matter as a verdict names them: a force without a name stands for its DOF whatever it
+/// runs along, and how a law varies is no effect of its own.
+pub fn mattering(
+    candidates: &[Candidate],
+    terms: &[usize],
+    weights: &[Rms],
+    tolerance: &[f64; 12],
+) -> BTreeSet<usize> {
+    let heavy = terms
+        .iter()
+        .zip(weights)
+        .filter(|(_, w)| relative(w, tolerance) > 1.0);
+    heavy
+        .filter_map(|(t, _)| match candidates[*t].kind {
+            Kind::Effect => Some(*t),
+            Kind::Force { dof } => {
+                let same = |c: &Candidate| c.kind == Kind::Force { dof };
+                candidates.iter().position(same)
+            }
+            Kind::Trend { .. } => None,
+        })
+        .collect()
+}
+
+impl Judged<'_> {
+    fn candidate(&self, term: usize) -> &Candidate {
+        &self.found.problem.body.candidates[term]
+    }
+
+    /// Likeliest model that holds a term, and the term's place in it.
+    fn holding(&self, term: usize) -> Option<(&Fit, usize)> {
+        let models = self.posterior.models.iter();
+        models
+            .filter_map(|(terms, _)| {
+                let member = terms.iter().position(|t| *t == term)?;
+                Some((self.found.models.get(terms)?, member))
+            })
+            .next()
+    }
+
+    /// Whether an effect's law is the library's: the word, the probability that it is, and what it varies with.
+    pub fn law(&self, term: usize) -> (Law, f64, Option<String>) {
+        let (mut with, mut bent) = (0.0, 0.0);
+        let mut trends: Vec<(usize, f64)> = Vec::new();
+        for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
+            with += p;
+            let of = |t: &&usize| self.candidate(**t).kind == Kind::Trend { of: term };
+            if let Some(t) = terms.iter().find(of) {
+                bent += p;
+                match trends.iter_mut().find(|x| x.0 == *t) {
+                    Some(known) => known.1 += p,
+                    None => trends.push((*t, *p)),
+                }
+            }
+        }
+        let exact = 1.0 - bent / f64::max(with, 1e-300);
+        if 1.0 - exact < INEXACT {
+            return (Law::Exact, exact, None);
+        }
+        let likeliest = trends.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let note = likeliest.and_then(|(t, _)| self.how_it_varies(t));
+        (Law::Inexact, exact, note)
+    }
+
+    fn how_it_varies(&self, trend: usize) -> Option<String> {
+        let c = self.candidate(trend);
+        let (fit, member) = self.holding(trend)?;
+        let at = self.found.problem.body.places(&fit.terms)[member];
+        let shares = &fit.point[at..at + c.scales.len()];
+        let low = shares.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Some(format!(
+            "{} varies with {} by {:+.0} to {:+.0} %",
+            c.info.parameters.first()?.name,
+            c.covariate()?,
+            100.0 * low,
+            100.0 * high
+        ))
+    }
+
+    /// Probability that something without a name that matters acts in a DOF.
+    pub fn unnamed_in(&self, dof: usize) -> f64 {
+        let of = |u: &&(usize, f64)| u.0 == dof;
+        let random = self.posterior.unnamed.iter().find(of).map_or(0.0, |u| u.1);
+        let tolerance = &self.found.problem.body.tolerance;
+        let table = self.posterior.models.iter().map(|(terms, p)| {
+            let heavy = self.weights.get(terms).is_some_and(|weights| {
+                let each = terms.iter().zip(weights);
+                let mut forces =
+                    each.filter(|(t, _)| self.candidate(**t).kind == Kind::Force { dof });
+                forces.any(|(_, w)| relative(w, tolerance) > 1.0)
+            });
+            if heavy { *p } else { 0.0 }
+        });
+        // Where both are in a model they are one finding.
+        random.max(table.sum())
+    }
+
+    /// Forces without a name that matter.
+    pub fn unnamed(&self) -> Vec<Unexplained> {
+        let dofs = self.found.problem.body.dofs.iter();
+        let said = dofs.filter(|d| self.unnamed_in(**d) >= UNNAMED);
+        said.map(|d| {
+            self.along_a_covariate(*d)
+                .unwrap_or_else(|| self.at_random(*d))
+        })
+        .collect()
+    }
+
+    fn ln_odds(&self, dof: usize) -> f64 {
+        let p = self.unnamed_in(dof);
+        (p / (1.0 - p).max(1e-300)).ln()
+    }
+
+    /// The likeliest table in a DOF, where one is likelier than none.
+    fn along_a_covariate(&self, dof: usize) -> Option<Unexplained> {
+        let body = &self.found.problem.body;
+        let tables = self.posterior.effects.iter();
+        let table = tables
+            .filter(|e| body.candidates[e.candidate].kind == Kind::Force { dof })
+            .max_by(|a, b| a.probability.total_cmp(&b.probability))?;
+        let all: f64 = self
+            .posterior
+            .models
+            .iter()
+            .map(|(terms, p)| {
+                let any = terms
+                    .iter()
+                    .any(|t| body.candidates[*t].kind == Kind::Force { dof });
+                if any { *p } else { 0.0 }
+            })
+            .sum();
+        if all < UNNAMED {
+            return None;
+        }
+        let (fit, member) = self.holding(table.candidate)?;
+        let c = &body.candidates[table.candidate];
+        let (_, (from, to)) = c.along?;
+        let covariate = c.covariate()?;
+        let at = body.places(&fit.terms)[member];
+        let n = c.scales.len();
+        let knots: Vec<f64> = (0..n)
+            .map(|k| from + (to - from) * k as f64 / (n - 1) as f64)
+            .collect();
+        let force_at = fit.point[at..at + n].to_vec();
+        let force_sd = (at..at + n)
+            .map(|i| fit.covariance[(i, i)].sqrt())
+            .collect();
+        let size = |k: &usize| force_at[*k].abs();
+        let top = (0..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
+        let acts = |k: &usize| size(k) >= ACTS * size(&top);
+        let first = (0..=top).rev().take_while(acts).last().unwrap_or(top);
+        let last = (top..n).take_while(acts).last().unwrap_or(top);
+        let weights = self
+            .weights
+            .get(&fit.terms)
+            .and_then(|w| w.get(member).copied());
+        let weights = weights.unwrap_or_else(|| self.found.problem.weights(fit)[member]);
+        let channel = heaviest(&weights, &body.tolerance);
+        let unit = if dof < 3 { "N" } else { "N m" };
+        Some(Unexplained {
+            channel: CHANNELS[channel].to_owned(),
+            weight: weights[channel],
+            depends_on: covariate.to_owned(),
+            range: [knots[first], knots[last]],
+            force: force_at[top],
+            term: format!(
+                "a force without a name in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}",
+                Dof::ALL[dof].name(),
+                table.probability / all,
+                force_at[top],
+                knots[top],
+                knots[first],
+                knots[last]
+            ),
+            knots,
+            force_at,
+            force_sd,
+            log_bayes_factor: self.ln_odds(dof),
+        })
+    }
+
+    fn at_random(&self, dof: usize) -> Unexplained {
+        let body = &self.found.problem.body;
+        let cell = self.best.cells.misfit[dof];
+        let over = SIZES[cell.size];
+        let channel = if body.recording.channels[dof] {
+            dof
+        } else {
+            6 + dof
+        };
+        let weight = over * body.tolerance[channel];
+        let name = Dof::ALL[dof].name();
+        let unit = if dof < 3 { "N" } else { "N m" };
+        let force = self.found.problem.worth.force(dof, cell);
+        let h: Hydrodynamics<f64> = Hydrodynamics::new(&body.vehicle);
+        let size = force.sd_mps2 * h.mass()[dof];
+        let p = self.unnamed_in(dof);
+        Unexplained {
+            channel: CHANNELS[channel].to_owned(),
+            weight,
+            depends_on: "time".to_owned(),
+            range: [f64::NAN, f64::NAN],
+            force: size,
+            term: format!(
+                "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
+                force.correlation_s
+            ),
+            knots: Vec::new(),
+            force_at: Vec::new(),
+            force_sd: Vec::new(),
+            log_bayes_factor: self.ln_odds(dof),
+        }
+    }
+}
+
+/// Channel in which a weight is largest over its tolerance.
+fn heaviest(weight: &Rms, tolerance: &[f64; 12]) -> usize {
+    let over = |c: &usize| weight[*c] / tolerance[*c];
+    let finite = (0..12).filter(|c| over(c).is_finite());
+    finite
+        .max_by(|a, b| over(a).total_cmp(&over(b)))
+        .unwrap_or(0)
+}

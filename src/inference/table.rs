@@ -1,0 +1,191 @@
+//! Prior of a table: a Gaussian process over its points, of any size and smoothness.
+//!
+//! Matérn's kernel with nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): twice differentiable, as forces of water are.
+//! Given size and length its points are integrated out exactly, for they are linear; both are summed over.
+
+use std::sync::OnceLock;
+
+use hydroline_sim::effect::along::POINTS;
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
+
+/// Correlation lengths over the range of the covariate: from a bump at one place to a law over all of it.
+pub const LENGTHS: [f64; 5] = [0.06, 0.13, 0.3, 0.7, 1.6];
+/// Sizes over the unit: half-decades.
+pub const SIZES: [f64; 12] = [
+    0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3,
+];
+/// On the diagonal of a kernel: long ones are all but singular.
+const JITTER: f64 = 1e-6;
+
+/// Size and length of a table, by their places.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct TableCell {
+    /// Place in [`SIZES`].
+    pub size: usize,
+    /// Place in [`LENGTHS`].
+    pub length: usize,
+}
+
+impl TableCell {
+    /// Where a search begins: of the unit's size, a third of the range long.
+    pub const BEGIN: TableCell = TableCell { size: 4, length: 2 };
+
+    /// Every one.
+    pub fn all() -> impl Iterator<Item = TableCell> {
+        (0..SIZES.len())
+            .flat_map(|size| (0..LENGTHS.len()).map(move |length| TableCell { size, length }))
+    }
+
+    /// Those beside it.
+    pub fn neighbours(self) -> Vec<TableCell> {
+        let TableCell { size, length } = self;
+        let around = [
+            (size + 1, length),
+            (size.wrapping_sub(1), length),
+            (size, length + 1),
+            (size, length.wrapping_sub(1)),
+        ];
+        around
+            .into_iter()
+            .filter(|(s, l)| *s < SIZES.len() && *l < LENGTHS.len())
+            .map(|(size, length)| TableCell { size, length })
+            .collect()
+    }
+
+    /// Log prior probability: half-Cauchy sizes about a median \[units\], every length alike.
+    pub fn ln_prior(self, median: f64) -> f64 {
+        super::hyper::ln_half_cauchy(&SIZES, self.size, median) - (LENGTHS.len() as f64).ln()
+    }
+}
+
+/// A kernel of unit size.
+struct Kernel {
+    precision: DMatrix<f64>,
+    ln_determinant: f64,
+}
+
+fn kernels() -> &'static [Kernel; LENGTHS.len()] {
+    static MADE: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
+    MADE.get_or_init(|| {
+        LENGTHS.map(|length| {
+            let last = (POINTS - 1) as f64;
+            let k = DMatrix::from_fn(POINTS, POINTS, |i, j| {
+                let r = 5f64.sqrt() * (i as f64 - j as f64).abs() / last / length;
+                let jitter = if i == j { JITTER } else { 0.0 };
+                (1.0 + r + r * r / 3.0) * (-r).exp() + jitter
+            });
+            match Cholesky::new(k) {
+                Some(root) => Kernel {
+                    ln_determinant: super::fit::ln_determinant(&root),
+                    precision: root.inverse(),
+                },
+                // A kernel with its jitter has a root; without one it would be no correlation at all.
+                None => Kernel {
+                    precision: DMatrix::identity(POINTS, POINTS),
+                    ln_determinant: 0.0,
+                },
+            }
+        })
+    })
+}
+
+/// A table among the numbers of a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Candidate.
+    pub candidate: usize,
+    /// Place of its first point among the numbers.
+    pub first: usize,
+    /// What its sizes are counted in.
+    pub unit: f64,
+    /// Median of the size, in units.
+    pub median: f64,
+}
+
+impl Block {
+    fn scale(&self, cell: TableCell) -> f64 {
+        (self.unit * SIZES[cell.size]).powi(-2)
+    }
+
+    fn points<'a>(&self, point: &'a [f64]) -> DVectorView<'a, f64> {
+        DVectorView::from_slice(&point[self.first..self.first + POINTS], POINTS)
+    }
+
+    /// Log density of its points.
+    pub fn ln(&self, cell: TableCell, point: &[f64]) -> f64 {
+        let (kernel, scale) = (&kernels()[cell.length], self.scale(cell));
+        let w = self.points(point);
+        let square = w.dot(&(&kernel.precision * w));
+        let n = POINTS as f64;
+        -0.5 * (scale * square
+            + kernel.ln_determinant
+            + n * (std::f64::consts::TAU.ln() - scale.ln()))
+    }
+
+    /// Adds what the prior says to normal equations.
+    pub fn add(
+        &self,
+        cell: TableCell,
+        point: &[f64],
+        information: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
+        let (kernel, scale) = (&kernels()[cell.length], self.scale(cell));
+        let slope = &kernel.precision * self.points(point) * scale;
+        let mut g = gradient.rows_mut(self.first, POINTS);
+        g -= slope;
+        let mut block = information.view_mut((self.first, self.first), (POINTS, POINTS));
+        block += &kernel.precision * scale;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_share_all_probability() {
+        let sum: f64 = TableCell::all().map(|c| c.ln_prior(3.0).exp()).sum();
+        assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+    }
+
+    #[test]
+    fn slope_and_curvature_are_those_of_the_density() {
+        let block = Block {
+            candidate: 0,
+            first: 1,
+            unit: 0.3,
+            median: 1.0,
+        };
+        let cell = TableCell { size: 5, length: 2 };
+        let mut point: Vec<f64> = (0..POINTS + 2).map(|k| (0.2 * k as f64).sin()).collect();
+        let n = point.len();
+        let (mut information, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        block.add(cell, &point, &mut information, &mut gradient);
+        let here = block.ln(cell, &point);
+        let step = 1e-3;
+        point[7] += step;
+        let up = block.ln(cell, &point) - here;
+        let expected = gradient[7] * step - 0.5 * information[(7, 7)] * step * step;
+        assert!(
+            (up - expected).abs() < 1e-6 * expected.abs().max(1.0),
+            "{up} {expected}"
+        );
+        assert!(gradient[0] == 0.0 && information[(0, 0)] == 0.0);
+    }
+
+    /// Density of a draw's points: one half per point below the mode on average.
+    #[test]
+    fn it_is_normalised() {
+        // At the mode the density is (2 pi)^-n/2 |K|^-1/2 s^-n.
+        let block = Block {
+            candidate: 0,
+            first: 0,
+            unit: 2.0,
+            median: 1.0,
+        };
+        let at = |size| block.ln(TableCell { size, length: 1 }, &[0.0; POINTS]);
+        let ratio = (at(4) - at(6)) / POINTS as f64;
+        assert!((ratio - 10f64.ln()).abs() < 1e-9, "{ratio}");
+    }
+}

@@ -1,0 +1,116 @@
+//! What a table would gain beside a fitted model: a force without a name, or the law of a member that is only nearly the
+//! library's.
+//!
+//! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random
+//! forces are, and its points integrated out.
+
+use rayon::prelude::*;
+
+use super::equations::Equations;
+use super::fit::{Fit, Problem};
+use super::hyper::{Cell, Cells, SIZES};
+use super::term::Kind;
+
+/// A random force of at least this many tolerances says that something is left that a table may explain.
+const LEFT: f64 = 0.3;
+/// Probability from which it is looked for.
+const ASKED: f64 = 0.5;
+/// Places in the table of sizes by which random forces are taken smaller for a second look: they shrink when the right
+/// table joins.
+const SHRUNK: usize = 3;
+
+/// A table beside a model.
+#[derive(Debug, Clone)]
+pub(super) struct TablePromise {
+    /// Candidate.
+    pub candidate: usize,
+    /// Cells at which it is worth most.
+    pub cells: Cells,
+    /// Gain in log evidence, all numbers integrated out about where the model is.
+    pub gain: f64,
+}
+
+impl Problem {
+    /// DOFs in which a model leaves something.
+    fn lacking(&self, fit: &Fit) -> Vec<usize> {
+        let some = fit.sizes.iter().filter(|(_, sizes)| {
+            let large = SIZES.iter().zip(sizes).filter(|(s, _)| **s >= LEFT);
+            large.map(|(_, p)| p).sum::<f64>() >= ASKED
+        });
+        some.map(|(d, _)| *d).collect()
+    }
+
+    /// Tables beside a model, best first.
+    pub(super) fn tables(&self, fit: &Fit) -> Vec<TablePromise> {
+        let lacking = self.lacking(fit);
+        if lacking.is_empty() {
+            return Vec::new();
+        }
+        let asked = |c: &usize| {
+            !fit.terms.contains(c)
+                && match self.body.candidates[*c].kind {
+                    Kind::Effect => false,
+                    Kind::Force { dof } => lacking.contains(&dof),
+                    // One number varies with one covariate.
+                    Kind::Trend { of } => {
+                        let member = fit.terms.iter().position(|t| *t == of);
+                        member.is_some_and(|m| self.dependants(&fit.terms, m).next().is_none())
+                    }
+                }
+        };
+        let asked: Vec<usize> = (0..self.body.candidates.len()).filter(asked).collect();
+        let Some(here) = self.simulate(&fit.terms, &fit.point) else {
+            return Vec::new();
+        };
+        let belief = self.belief(&fit.terms);
+        let mut equations = Equations::new(self, fit.point.len());
+        let before = equations.restricted(&here, &fit.cells, &belief, &fit.point);
+        let mut made: Vec<TablePromise> = asked
+            .into_par_iter()
+            .filter_map(|candidate| {
+                let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
+                let (terms, point) = self.with(fit, candidate, &nothing);
+                let all = self.simulate(&terms, &point)?;
+                let belief = self.belief(&terms);
+                let mut equations = Equations::new(self, point.len());
+                let from = [0, SHRUNK].map(|by| {
+                    let mut cells = fit.cells.clone();
+                    for cell in &mut cells.misfit {
+                        *cell = Cell {
+                            size: cell.size.saturating_sub(by),
+                            ..*cell
+                        };
+                    }
+                    cells
+                });
+                let each = from.into_iter();
+                let each = each.map(|cells| equations.choose(&all, cells, &belief, &point));
+                let (cells, after) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
+                // Each number that is integrated out brings its share of the normal density's constant.
+                let more =
+                    0.5 * (point.len() - fit.point.len()) as f64 * std::f64::consts::TAU.ln();
+                let gain = before - after + more;
+                gain.is_finite().then_some(TablePromise {
+                    candidate,
+                    cells,
+                    gain,
+                })
+            })
+            .collect();
+        made.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        for p in made.iter().take(4) {
+            let c = &self.body.candidates[p.candidate];
+            tracing::debug!(
+                "{} would gain {:.1} at {:?}, {:?}",
+                c.name(),
+                p.gain,
+                p.cells.table(p.candidate),
+                lacking
+                    .iter()
+                    .map(|d| p.cells.misfit[*d])
+                    .collect::<Vec<_>>()
+            );
+        }
+        made
+    }
+}
