@@ -47,6 +47,7 @@ registry! {
     nonlinear_restoring,
     added_mass_coupling,
     cross_flow_coupling,
+    fin_force,
     refraction,
     lens_distortion,
     camera_shift,
