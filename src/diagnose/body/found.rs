@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::data::Run;
 use hydroline_inference::fit::{Fit, Problem};
-use hydroline_inference::posterior::Posterior;
+use hydroline_inference::posterior::{Posterior, UNNAMED};
 use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
 use hydroline_rigs::{Dof, Rig};
@@ -20,8 +20,6 @@ pub const LISTED: f64 = 0.05;
 const LEAST: f64 = 0.003;
 /// Explanations listed at most.
 const SETS: usize = 6;
-/// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
-const UNNAMED: f64 = 0.5;
 
 /// Runs that neither model has seen.
 #[derive(Debug, Clone)]
