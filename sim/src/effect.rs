@@ -34,6 +34,7 @@ mod cross_flow_coupling;
 mod cubic_damping;
 mod current;
 mod error;
+mod fin_force;
 mod floor_slope;
 mod fluid_memory;
 pub mod free_force;

@@ -3,7 +3,7 @@
 //! - [`vehicle`]: the paper's Eq. 1, Euler kinematics, RK4 split at every edge;
 //! - [`thrust`]: pulse to thrust, thrusters to wrench and back;
 //! - [`effect`]: the physics that a model may leave out, one file per effect;
-//! - [`model`]: vehicle and effects together, [`world`]: the same fed by commands as they come;
+//! - [`model`]: vehicle and effects together, [`given`]: what of a motion is measured instead, [`world`]: the same fed by commands as they come;
 //! - [`scene`]: the renderer of laser images and the analytic stripe.
 //!
 //! Nothing here reads a clock, a file or a device; the same input gives the same bytes.
@@ -14,6 +14,7 @@
 pub mod dual;
 pub mod effect;
 pub mod fixture;
+pub mod given;
 pub mod model;
 pub mod real;
 pub mod scene;
@@ -26,6 +27,7 @@ pub mod world;
 
 pub use dual::Dual;
 pub use effect::{EffectError, EffectStack};
+pub use given::Given;
 pub use model::Model;
 pub use real::Real;
 pub use scene::{Pose6, Renderer, SceneError};

@@ -5,6 +5,7 @@
 //! acceleration, then the effects' own states (which may use the acceleration).
 
 use crate::effect::{CheckedEffect, EffectError, EffectStack, Moment};
+use crate::given::Given;
 use crate::real::{Real, add_scaled};
 use crate::vehicle::{Hydrodynamics, VehicleState, equations, kinematics};
 use hydroline_rigs::{Rig, VehicleModel};
@@ -102,8 +103,25 @@ impl<T: Real> Model<T> {
         state: &ModelState<T>,
         command: &[T; 6],
     ) -> ModelState<T> {
+        self.rate_beside(t_s, step_start_s, state, command, None)
+    }
+
+    /// The same beside what is given. Given DOFs in `state` are not looked at; what comes back of them says nothing, but x
+    /// and y move by all rates.
+    pub fn rate_beside(
+        &self,
+        t_s: T,
+        step_start_s: T,
+        state: &ModelState<T>,
+        command: &[T; 6],
+        given: Option<&Given>,
+    ) -> ModelState<T> {
         let h = &self.hydrodynamics;
-        let VehicleState { eta, nu } = state.vehicle;
+        let VehicleState { mut eta, mut nu } = state.vehicle;
+        let companions = given.map(|g| {
+            g.put(t_s, &mut eta, &mut nu, false);
+            g.companions_at(t_s)
+        });
         let coupled = h.model == VehicleModel::Eq1;
         let (heading, own_mass) = (eta[5].sin_cos(), h.mass());
         let mut moment = Moment {
@@ -116,6 +134,7 @@ impl<T: Real> Model<T> {
             nu_r: &nu,
             mass: &own_mass,
             hydrodynamics: h,
+            companions: companions.as_ref(),
         };
         let mut own_rate = [T::zero(); OWN_STATES_MAX];
 
@@ -155,11 +174,24 @@ impl<T: Real> Model<T> {
     ///
     /// The command holds over the step; the caller never steps across an edge.
     pub fn rk4(&self, t_s: T, step_s: T, state: &ModelState<T>, command: &[T; 6]) -> ModelState<T> {
+        self.rk4_beside(t_s, step_s, state, command, None)
+    }
+
+    /// The same beside what is given: the caller never steps across a knot of it either.
+    pub fn rk4_beside(
+        &self,
+        t_s: T,
+        step_s: T,
+        state: &ModelState<T>,
+        command: &[T; 6],
+        given: Option<&Given>,
+    ) -> ModelState<T> {
         let half = step_s * 0.5;
-        let k1 = self.rate(t_s, t_s, state, command);
-        let k2 = self.rate(t_s + half, t_s, &state.stepped(&k1, half), command);
-        let k3 = self.rate(t_s + half, t_s, &state.stepped(&k2, half), command);
-        let k4 = self.rate(t_s + step_s, t_s, &state.stepped(&k3, step_s), command);
+        let rate = |at: T, s: &ModelState<T>| self.rate_beside(at, t_s, s, command, given);
+        let k1 = rate(t_s, state);
+        let k2 = rate(t_s + half, &state.stepped(&k1, half));
+        let k3 = rate(t_s + half, &state.stepped(&k2, half));
+        let k4 = rate(t_s + step_s, &state.stepped(&k3, step_s));
         let sixth = step_s * (1.0 / 6.0);
         state
             .stepped(&k1, sixth)

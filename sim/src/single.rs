@@ -7,6 +7,7 @@
 //! edge or a stamp, and all three may carry derivatives (delays, drift of a clock).
 
 use crate::effect::{EffectStack, Moment};
+use crate::given::Given;
 use crate::real::Real;
 use crate::vehicle::{Hydrodynamics, equations};
 
@@ -127,6 +128,9 @@ pub struct Feed<'a> {
     pub stamps_s: &'a [f64],
     /// Longest RK4 step without own states \[s\].
     pub step_max_s: f64,
+    /// How the other DOFs move where they do not rest, and companions. The line itself must not turn: nothing of heading for
+    /// surge and sway.
+    pub given: Option<&'a Given>,
 }
 
 /// Longest step over the fastest own state's time constant: RK4 is stable to 2.78, and at 0.8 its
@@ -170,7 +174,8 @@ struct State<T> {
 
 /// What an evaluation of the slope works on, kept from one to the next: clearing it costs more than the
 /// law of one DOF.
-struct Scratch<T> {
+struct Scratch<'a, T> {
+    given: Option<&'a Given>,
     eta: [T; 6],
     heading: (T, T),
     load: [T; 6],
@@ -232,7 +237,7 @@ impl<T: Real> Single<T> {
             .skip_while(|j| j.0.value() < feed.start_s)
             .peekable();
         let me = &*self;
-        let mut scratch = me.scratch();
+        let mut scratch = me.scratch(feed.given);
         let mut state = State {
             position: start.0,
             rate: start.1,
@@ -290,7 +295,10 @@ impl<T: Real> Single<T> {
             }
             let effects = retune.at(&seen_at).unwrap_or(effects);
             emit(if effects.measures() {
-                let pose = me.rail.pose(state.position);
+                let mut pose = me.rail.pose(state.position);
+                if let Some(given) = feed.given {
+                    given.put(seen_s, &mut pose, &mut scratch.nu, me.line.dof > 1);
+                }
                 let shown = effects.reported_pose(seen_s, effects.scene_pose(seen_s, pose));
                 me.line.along(&shown)
             } else {
@@ -302,7 +310,7 @@ impl<T: Real> Single<T> {
     #[allow(clippy::too_many_arguments)]
     fn advance(
         &self,
-        (scratch, stages): (&mut Scratch<T>, &mut [State<T>; 5]),
+        (scratch, stages): (&mut Scratch<'_, T>, &mut [State<T>; 5]),
         effects: &EffectStack<T>,
         mut state: State<T>,
         from: T,
@@ -354,9 +362,10 @@ impl<T: Real> Single<T> {
         }
     }
 
-    fn scratch(&self) -> Scratch<T> {
+    fn scratch<'a>(&self, given: Option<&'a Given>) -> Scratch<'a, T> {
         let zero = [T::zero(); 6];
         Scratch {
+            given,
             eta: self.rail.rest,
             heading: self.rail.rest[5].sin_cos(),
             load: zero,
@@ -373,7 +382,7 @@ impl<T: Real> Single<T> {
     /// Time derivative into `made` (its own states only where there are any), in the order of [`crate::model::Model::rate`].
     fn slope(
         &self,
-        scratch: &mut Scratch<T>,
+        scratch: &mut Scratch<'_, T>,
         effects: &EffectStack<T>,
         here: &Instant<T>,
         own: &[T; OWN_STATES_MAX],
@@ -383,6 +392,7 @@ impl<T: Real> Single<T> {
         let h = &self.hydrodynamics;
         let i = self.line.dof;
         let Scratch {
+            given,
             eta,
             heading,
             load,
@@ -400,6 +410,14 @@ impl<T: Real> Single<T> {
         }
         nu[i] = here.rate;
         load[i] = T::from_f64(here.load);
+        let companions = given.map(|g| {
+            // x and y of the others are known beforehand unless they are the line itself.
+            g.put(here.t_s, eta, nu, i > 1);
+            if g.places[5].is_some() {
+                *heading = eta[5].sin_cos();
+            }
+            g.companions_at(here.t_s)
+        });
         let mut m = Moment {
             t_s: here.t_s,
             step_start_s: T::from_f64(here.step_start_s),
@@ -410,6 +428,7 @@ impl<T: Real> Single<T> {
             nu_r: nu,
             mass: &self.mass,
             hydrodynamics: h,
+            companions: companions.as_ref(),
         };
         let own_rate = &mut made.own;
         if self.states > 0 {
@@ -525,6 +544,7 @@ mod tests {
                 edges: &EDGES,
                 stamps_s: &stamps,
                 step_max_s: 0.04,
+                given: None,
             };
             single.run(
                 &stack(),

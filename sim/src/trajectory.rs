@@ -10,8 +10,10 @@
 
 use std::collections::VecDeque;
 
+use crate::given::Given;
 use crate::model::{Model, ModelState};
 use crate::real::Real;
+use crate::vehicle::VehicleState;
 
 /// Default grid \[s\]: 1/5 of the shortest lag allowed is not needed, RK4 at 5 ms is exact to ~1e-10 m here.
 pub const GRID_STEP_S: f64 = 0.005;
@@ -85,6 +87,7 @@ pub struct Trajectory<T: Real = f64> {
     edges: Vec<Edge<T>>,
     nodes: VecDeque<Node<T>>,
     delay_s: T,
+    given: Option<Given>,
 }
 
 impl<T: Real> Trajectory<T> {
@@ -133,7 +136,15 @@ impl<T: Real> Trajectory<T> {
             edges,
             nodes: VecDeque::from([first]),
             delay_s,
+            given: None,
         })
+    }
+
+    /// The same beside DOFs and companions that are given instead of simulated, from its start on.
+    #[must_use]
+    pub fn beside(mut self, given: Given) -> Self {
+        self.given = Some(given);
+        self
     }
 
     /// The model that moves.
@@ -195,7 +206,7 @@ impl<T: Real> Trajectory<T> {
         let Some(node) = after.checked_sub(1).and_then(|i| self.nodes.get(i)) else {
             let oldest = self.nodes.front();
             return match oldest {
-                Some(first) if first.t_s.value() == 0.0 => Ok(first.state),
+                Some(first) if first.t_s.value() == 0.0 => Ok(self.as_given(t_s, first.state)),
                 _ => Err(TrajectoryError::TooOld {
                     what: "query",
                     t_s: t_s.value(),
@@ -203,11 +214,24 @@ impl<T: Real> Trajectory<T> {
                 }),
             };
         };
-        let state = self
-            .model
-            .rk4(node.t_s, t_s - node.t_s, &node.state, &node.command);
+        let state = self.model.rk4_beside(
+            node.t_s,
+            t_s - node.t_s,
+            &node.state,
+            &node.command,
+            self.given.as_ref(),
+        );
         check(&state, t_s.value(), node)?;
-        Ok(state)
+        Ok(self.as_given(t_s, state))
+    }
+
+    /// A state with what is given in it.
+    fn as_given(&self, t_s: T, mut state: ModelState<T>) -> ModelState<T> {
+        if let Some(given) = &self.given {
+            let VehicleState { eta, nu } = &mut state.vehicle;
+            given.put(t_s, eta, nu, false);
+        }
+        state
     }
 
     /// The node after the last one, if it lies at or before `until`.
@@ -224,9 +248,13 @@ impl<T: Real> Trajectory<T> {
         if stop.value() > until.value() {
             return Ok(None);
         }
-        let state = self
-            .model
-            .rk4(last.t_s, stop - last.t_s, &last.state, &last.command);
+        let state = self.model.rk4_beside(
+            last.t_s,
+            stop - last.t_s,
+            &last.state,
+            &last.command,
+            self.given.as_ref(),
+        );
         check(&state, stop.value(), last)?;
         Ok(Some(Node {
             t_s: stop,

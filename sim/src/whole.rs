@@ -4,9 +4,11 @@
 //! carry derivatives. [`crate::trajectory`] answers in any order and takes late commands; this goes through once and
 //! keeps nothing, at half of its cost.
 
+use crate::given::Given;
 use crate::model::{Model, ModelState};
 use crate::real::Real;
 use crate::single::longest_step_s;
+use crate::vehicle::VehicleState;
 
 /// What is fed to one run.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +21,8 @@ pub struct Course<'a> {
     pub stamps_s: &'a [f64],
     /// Longest RK4 step without own states \[s\].
     pub step_max_s: f64,
+    /// DOFs and companions that are given instead of simulated; their knots lie at stamps.
+    pub given: Option<&'a Given>,
 }
 
 /// Runs the motion; `emit` gets what instruments report at each stamp: the pose in the tank frame and the rates in the
@@ -52,15 +56,19 @@ pub fn run<T: Real>(
     for stamp_s in course.stamps_s {
         let seen_s = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
         while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
-            state = advance(model, state, now, t, &wrench, step_s);
+            state = advance(model, state, now, t, &wrench, step_s, course.given);
             now = t;
             if let Some(new) = new {
                 wrench = new.map(T::from_f64);
             }
         }
         if seen_s.value() > course.start_s {
-            state = advance(model, state, now, seen_s, &wrench, step_s);
+            state = advance(model, state, now, seen_s, &wrench, step_s, course.given);
             now = seen_s;
+        }
+        if let Some(given) = course.given {
+            let VehicleState { eta, nu } = &mut state.vehicle;
+            given.put(seen_s, eta, nu, false);
         }
         let pose = effects.reported_pose(seen_s, effects.scene_pose(seen_s, state.vehicle.eta));
         let nu = &state.vehicle.nu;
@@ -77,12 +85,13 @@ fn advance<T: Real>(
     to: T,
     wrench: &[T; 6],
     step_max_s: f64,
+    given: Option<&Given>,
 ) -> ModelState<T> {
     let span = to - from;
     let count = (span.value() / step_max_s - 1e-9).ceil().max(1.0);
     let step = span * (1.0 / count);
     for k in 0..count as usize {
-        state = model.rk4(from + step * k as f64, step, &state, wrench);
+        state = model.rk4_beside(from + step * k as f64, step, &state, wrench, given);
     }
     state
 }
@@ -121,6 +130,7 @@ mod tests {
                 commands: &commands,
                 stamps_s: &stamps,
                 step_max_s: 0.04,
+                given: None,
             };
             let mut seen = Vec::new();
             run(&model(), &course, start, |state| seen.push(state));

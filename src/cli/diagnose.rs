@@ -8,15 +8,17 @@ use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Rung, Verdict, Word};
-use hydroline_diagnose::{Diagnosis, Engine, Part, Source, diagnose_by, read, report};
+use hydroline_diagnose::{Diagnosis, Engine, Part, Source, diagnose_beside, read, report};
 use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
+use hydroline_rigs::Dof;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or images: their \
 stripes say what of camera, sheet, target and water the rig leaves out. The verdict is one of none, named, ambiguous, \
-unknown, data_fault. Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
+unknown, data_fault. Angles of rudder and elevator and steady speeds that a log holds are inputs, and so is a DOF that moves \
+though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
 thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely; given alone, its \
 second and third quarter are held out.
 
@@ -24,6 +26,7 @@ Examples:
   hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
   hydroline diagnose run*.mcap --rig my.toml --hold-out other.mcap --write-rig better.toml
   hydroline diagnose decay.mcap@9..34 --rig my.toml --json
+  hydroline diagnose zigzag.mcap --rig ship.toml --given sway,yaw
 
 Exit codes: 0 there is a verdict, whichever; 1 no verdict could be reached; 2 bad arguments, rig or logs.")]
 pub struct Args {
@@ -45,6 +48,10 @@ pub struct Args {
     /// Goes on although the data are at fault: what stands in the verdict then may be the fault's doing
     #[arg(long)]
     accept_faults: bool,
+    /// Degree of freedom whose measured motion is an input and not to be explained (surge, sway, heave, roll, pitch, yaw;
+    /// repeatable, or with commas): a towed or steered hull, a carriage
+    #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = dof)]
+    given: Vec<Dof>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -81,6 +88,17 @@ impl From<EngineName> for Engine {
             EngineName::Body => Engine::Body,
         }
     }
+}
+
+fn dof(name: &str) -> Result<Dof, String> {
+    let found = Dof::ALL.into_iter().find(|d| d.name() == name);
+    found.ok_or_else(|| {
+        let known: Vec<&str> = Dof::ALL.iter().map(|d| d.name()).collect();
+        format!(
+            "'{name}' is no degree of freedom; one of {}",
+            known.join(", ")
+        )
+    })
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -139,7 +157,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let found = match &images {
         Some(images) if sources.is_empty() => images.alone(&rig),
         _ => {
-            let mut found = diagnose_by(args.engine.into(), &sources, &held, &rig, &tell)?;
+            let mut found = diagnose_beside(
+                args.engine.into(),
+                &sources,
+                &held,
+                &rig,
+                &args.given,
+                &tell,
+            )?;
             if let Some(images) = &images {
                 images.join(&mut found.verdict);
                 found.rig.physics.extend(images.entries.iter().cloned());

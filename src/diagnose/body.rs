@@ -6,6 +6,8 @@
 mod earned;
 mod effects;
 mod found;
+mod giving;
+mod inputs;
 mod nameless;
 mod next;
 mod place;
@@ -14,21 +16,20 @@ mod words;
 
 use std::ops::ControlFlow;
 
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Dof, Rig};
 
 use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Word};
 use found::Judged;
+use giving::Asking;
 use hydroline_identify::data::{CHANNELS, Run, is_still};
-use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
-use hydroline_inference::prior::PriorTable;
 use hydroline_inference::recording::Recording;
-use hydroline_inference::search::{Options, search};
+use inputs::Inputs;
 
-/// Diagnoses logs against a rig; `held` are predicted only.
+/// Diagnoses logs against a rig; `held` are predicted only, and the measured motion of `asked` DOFs is an input.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -36,6 +37,7 @@ pub fn diagnose(
     sources: &[Source],
     held: &[Source],
     rig: &Rig,
+    asked: &[Dof],
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
@@ -52,7 +54,12 @@ pub fn diagnose(
         .filter(|r| !is_still(r, still))
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
-    let dofs = Recording::new(&runs, rig.tank.start_pose[5]).moving(&rig.tolerance.channels());
+    let recording = Recording::new(&runs, rig.tank.start_pose[5]);
+    let measured = |d: &usize| recording.channels[*d] || recording.channels[6 + d];
+    let asked: Vec<usize> = (0..6)
+        .filter(|d| asked.contains(&Dof::ALL[*d]) && measured(d))
+        .collect();
+    let mut dofs = recording.moving(&rig.tolerance.channels());
     // A fault in a channel that nothing is asked of stops nothing.
     let counts = |fault: &DataFault| {
         let channel = CHANNELS.iter().position(|c| *c == fault.channel);
@@ -62,21 +69,27 @@ pub fn diagnose(
         ControlFlow::Break(stopped) => return Ok(stopped),
         ControlFlow::Continue(going_on) => going_on,
     };
+    dofs.retain(|d| !asked.contains(d));
     if dofs.is_empty() {
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
-    progress("noise");
-    let problem = Problem::new(&runs, rig, &dofs, PriorTable::default())?;
-    let found = search(problem, Options::default(), progress).ok_or(DiagnoseError::NoFit {
-        dof: hydroline_rigs::Dof::ALL[dofs[0]].name(),
-    })?;
+    let asking = Asking {
+        runs: &runs,
+        rig,
+        progress,
+    };
+    let found = asking.explained(&recording, &dofs, &asked)?;
     let posterior = Posterior::new(&found);
     progress("predictions");
     let held: Vec<Run> = held.iter().map(|s| s.run.clone()).collect();
-    let judged = Judged::new(&found, &posterior, &held, rig).ok_or(DiagnoseError::NoFit {
-        dof: hydroline_rigs::Dof::ALL[dofs[0]].name(),
+    let mut judged = Judged::new(&found, &posterior, &held, rig).ok_or(DiagnoseError::NoFit {
+        dof: Dof::ALL[dofs[0]].name(),
     })?;
+    let inputs = Inputs::new(&found.problem.body, &asked);
+    judged.unexplained.extend(inputs.unexplained());
     let verdict = &mut made.verdict;
+    verdict.given = inputs.names();
+    verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
     verdict.effects = judged.effects();
     verdict.candidates = judged.candidates();
@@ -84,12 +97,7 @@ pub fn diagnose(
     verdict.unexplained.clone_from(&judged.unexplained);
     verdict.unnamed = dofs
         .iter()
-        .map(|d| {
-            (
-                hydroline_rigs::Dof::ALL[*d].name().to_owned(),
-                judged.unnamed_in(*d),
-            )
-        })
+        .map(|d| (Dof::ALL[*d].name().to_owned(), judged.unnamed_in(*d)))
         .collect();
     verdict.rig_factors = judged.far_off();
     verdict.at_limit = verdict.rig_factors.keys().cloned().collect();

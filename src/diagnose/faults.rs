@@ -1,5 +1,7 @@
 //! Faults of the data, ruled out before physics is blamed (physics.md).
 
+mod kinematics;
+
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::check;
 use rayon::prelude::*;
@@ -59,6 +61,7 @@ pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let mut found = table(run, records);
     found.extend(against_model(run, rig));
     found.extend(outliers(run));
+    found.extend(kinematics::kinematics(run, rig));
     found.extend(clocks(run, records, rig));
     found
 }

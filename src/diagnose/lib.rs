@@ -40,7 +40,7 @@ pub use source::{Part, Source, read};
 pub use verdict::Verdict;
 
 use hydroline_inference::recording::Recording;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Dof, Rig};
 
 /// Which engine is asked, until the new one has beaten the old one kind by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,15 +55,20 @@ pub enum Engine {
 }
 
 impl Engine {
-    /// The one that is asked about these logs: DOFs that move together cannot be taken one after the other.
-    fn of(self, sources: &[Source], rig: &Rig) -> Engine {
+    /// The one that is asked about these logs: DOFs that move together cannot be taken one after the other, and what drives
+    /// them beside the commands only one of them knows.
+    fn of(self, sources: &[Source], rig: &Rig, given: &[Dof]) -> Engine {
+        if !given.is_empty() {
+            return Engine::Body;
+        }
         if self != Engine::ByMotion {
             return self;
         }
         let runs: Vec<_> = sources.iter().map(|s| s.run.clone()).collect();
         let recording = Recording::new(&runs, rig.tank.start_pose[5]);
-        match recording.moving(&rig.tolerance.channels()).len() {
-            0 | 1 => Engine::Staged,
+        let tolerance = rig.tolerance.channels();
+        match recording.moving(&tolerance).len() {
+            0 | 1 if !recording.is_driven_beside(&tolerance) => Engine::Staged,
             _ => Engine::Body,
         }
     }
@@ -93,8 +98,23 @@ pub fn diagnose_by(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    match engine.of(sources, rig) {
-        Engine::Body => body::diagnose(sources, held, rig, progress),
+    diagnose_beside(engine, sources, held, rig, &[], progress)
+}
+
+/// The same where the measured motion of some DOFs is an input.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose_beside(
+    engine: Engine,
+    sources: &[Source],
+    held: &[Source],
+    rig: &Rig,
+    given: &[Dof],
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    match engine.of(sources, rig, given) {
+        Engine::Body => body::diagnose(sources, held, rig, given, progress),
         _ => alone::diagnose(sources, held, rig, progress),
     }
 }

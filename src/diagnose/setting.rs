@@ -425,6 +425,7 @@ impl Setting {
             edges: &track.edges,
             stamps_s: &track.times_s,
             step_max_s: STEP_MAX_S,
+            given: None,
         };
         let mut out = Vec::with_capacity(track.times_s.len());
         Single::new(self.hydrodynamics(globals), track.line).run(

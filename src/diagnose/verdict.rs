@@ -354,6 +354,9 @@ pub struct Verdict {
     pub ladder: Vec<Rung>,
     /// What nothing explains.
     pub unexplained: Vec<Unexplained>,
+    /// DOFs whose measured motion drove the others instead of being explained.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub given: Vec<String>,
     /// Remarks.
     pub notes: Vec<String>,
     /// Sets of effects looked at.

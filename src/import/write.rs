@@ -217,5 +217,6 @@ fn motion(unix_ns: u64, value: &impl Fn(usize) -> Option<f64>, map: &Map) -> pb:
         q_radps: value(10),
         r_radps: value(11),
         covariance,
+        ..pb::VehicleMotion::default()
     }
 }

@@ -1,19 +1,21 @@
 //! The body: Eq. 1 with effects, its free numbers, and what instruments would have measured of it.
 
 use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
-use hydroline_rigs::{Dof, Rig, Vehicle};
+use hydroline_rigs::{Dof, Rig, Vehicle, VehicleModel};
 use hydroline_sim::effect::{CheckedEffect, EffectError, Trend, check};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
+use hydroline_sim::vehicle::equations::coriolis;
 use hydroline_sim::whole::{Course, run};
-use hydroline_sim::{Dual, EffectStack, Real};
+use hydroline_sim::{Dual, EffectStack, Given, Real};
 use rayon::prelude::*;
 
 use super::filter::Response;
+use super::given::given;
 use super::prior::{Density, PriorTable, Scale};
 use super::recording::{Recorded, Recording};
-use super::term::{Candidate, Kind, Ranges, candidates, tables};
+use super::term::{Candidate, Ground, Kind, Ranges, candidates, tables};
 
 /// Directions per pass.
 const WIDTHS: [usize; 4] = [6, 8, 12, 16];
@@ -55,8 +57,12 @@ pub struct Body {
     pub vehicle: Vehicle,
     /// Effects that the rig has switched on.
     pub base: Vec<CheckedEffect>,
-    /// DOFs that move.
+    /// DOFs that are simulated: those that move and are not given.
     pub dofs: Vec<usize>,
+    /// DOFs whose measured motion drives the others instead of being explained.
+    pub given: Vec<usize>,
+    /// Per run what of its motion is given, and companions; `None` = nothing.
+    pub inputs: Vec<Option<Given>>,
     /// The vehicle's numbers.
     pub own: Vec<Own>,
     /// Per run the states that are free at its start: 0..6 pose, 6..12 rates.
@@ -187,8 +193,20 @@ fn loads(recording: &Recording) -> [Option<(f64, f64)>; 6] {
     std::array::from_fn(|d| range(commands().map(|c| c.1[d]).chain([0.0])))
 }
 
+/// Whether the added mass of a DOF is in the Coriolis terms of those simulated, as these DOFs move.
+fn acts_on(h: &Hydrodynamics<f64>, dof: usize, simulated: &[usize], driving: &[usize]) -> bool {
+    let mut nu = [0.0; 6];
+    for d in simulated.iter().chain(driving) {
+        nu[*d] = 0.1 + 0.07 * *d as f64;
+    }
+    let mut other = h.clone();
+    other.added[dof] -= 1.0;
+    let (with, without) = (coriolis(&other, &nu), coriolis(h, &nu));
+    simulated.iter().any(|d| with[*d] != without[*d])
+}
+
 impl Body {
-    /// The body of a rig under a recording.
+    /// The body of a rig under a recording; `given` DOFs move as they were measured.
     ///
     /// # Errors
     /// [`EffectError`] for a bad `[[physics]]` entry.
@@ -196,24 +214,26 @@ impl Body {
         mut recording: Recording,
         rig: &Rig,
         dofs: &[usize],
+        given_dofs: &[usize],
         prior: PriorTable,
     ) -> Result<Body, EffectError> {
         let base = check(&rig.physics)?;
-        if !dofs.contains(&5) {
+        if !dofs.contains(&5) && !given_dofs.contains(&5) {
             recording.hold_heading();
         }
-        let mut own = Vec::new();
-        for &d in dofs {
-            for c in Coefficient::of(Dof::ALL[d]) {
-                let said = c.of_vehicle(&rig.vehicle);
-                let unit = if said == 0.0 {
-                    -UNSAID * c.doubt(rig)
-                } else {
-                    said
-                };
-                own.push(Own::Coefficient(c, unit));
-            }
-        }
+        let coefficient = |c: Coefficient| {
+            let said = c.of_vehicle(&rig.vehicle);
+            let unit = if said == 0.0 {
+                -UNSAID * c.doubt(rig)
+            } else {
+                said
+            };
+            Own::Coefficient(c, unit)
+        };
+        let mut own: Vec<Own> = dofs
+            .iter()
+            .flat_map(|d| Coefficient::of(Dof::ALL[*d]).map(coefficient))
+            .collect();
         let h: Hydrodynamics<f64> = Hydrodynamics::new(&rig.vehicle);
         if dofs.iter().any(|d| matches!(d, 3 | 4)) && h.restoring_nm != 0.0 {
             own.push(Own::Restoring(h.restoring_nm));
@@ -256,6 +276,8 @@ impl Body {
         let mut starts = Vec::new();
         let mut rest = Vec::new();
         let mut lines = Vec::new();
+        let mut inputs = Vec::new();
+        let tolerance = rig.tolerance.channels();
         for r in &recording.runs {
             let mut free = Vec::new();
             let mut at = [0.0; 12];
@@ -274,8 +296,14 @@ impl Body {
                     at[d] = hydroline_numerics::statistics::median(&mut seen).unwrap_or(at[d]);
                 }
             }
+            let input = given(r, given_dofs, dofs, &at, &tolerance);
+            // One DOF moves along a line unless the line is turned or shifted by others.
+            let line_stays =
+                dofs.first().is_some_and(|d| *d > 1) || input.rates.iter().all(Option::is_none);
+            inputs.push(Some(input).filter(|i| !i.is_empty()));
             if let [d] = dofs
                 && !recording.channels[6 + d]
+                && line_stays
             {
                 let mut line = Line {
                     dof: *d,
@@ -306,11 +334,49 @@ impl Body {
             starts.push(free);
             rest.push(at);
         }
-        let mut all = candidates(dofs, &base, &largest);
+        let moving = |d: &usize| {
+            let rate = |i: &Option<Given>| i.as_ref().is_some_and(|g| g.rates[*d].is_some());
+            inputs.iter().any(rate)
+        };
+        let driving: Vec<usize> = (0..6).filter(moving).collect();
+        let ahead = driving.contains(&0)
+            && recording.runs.iter().zip(&inputs).all(|(r, input)| {
+                let way = input.as_ref().and_then(|i| i.rates[0].as_ref());
+                let mut at = r.times_s.iter();
+                way.is_none_or(|way| at.all(|t| way.at(*t) >= 0.0))
+            });
+        let ground = Ground {
+            dofs,
+            given: &driving,
+            companions: recording.companions_moving(),
+            ahead,
+            largest: &largest,
+            vehicle: &rig.vehicle,
+        };
+        let mut candidates = candidates(&ground, &base);
         let (ranges, loads) = (ranges(&recording), loads(&recording));
-        all.extend(tables(&all, dofs, &ranges, &loads));
+        candidates.extend(tables(&candidates, &ground, &ranges, &loads));
+        // Of a given DOF only its added mass is asked for, where Eq. 1 lets it act on others.
+        let on = base
+            .iter()
+            .map(|b| b.info)
+            .chain(candidates.iter().map(|c| c.info));
+        let coupled = rig.vehicle.model == VehicleModel::Eq1
+            || on
+                .into_iter()
+                .any(|i| i.parameters.is_empty() && i.words.is_empty());
+        let couples = given_dofs
+            .iter()
+            .filter(|d| coupled && acts_on(&h, **d, dofs, &driving));
+        let added = |d: &usize| Coefficient::of(Dof::ALL[*d]).into_iter();
+        let added = couples
+            .flat_map(added)
+            .filter(|c| c.term == CoefficientTerm::Added);
+        own.extend(added.map(coefficient));
         Ok(Body {
-            candidates: all,
+            candidates,
+            given: given_dofs.to_vec(),
+            inputs,
             recording,
             vehicle: rig.vehicle.clone(),
             base,
@@ -321,7 +387,7 @@ impl Body {
             lines,
             prior,
             responses,
-            tolerance: rig.tolerance.channels(),
+            tolerance,
             step_max_s: STEP_MAX_S.min(STEP_SHARE / quickest.max(1e-9)).max(0.005),
         })
     }
@@ -506,6 +572,7 @@ impl Body {
             commands: &r.commands,
             stamps_s: &r.times_s,
             step_max_s: self.step_max_s,
+            given: self.inputs[index].as_ref(),
         };
         let mut out = Vec::with_capacity(r.times_s.len());
         run(&model, &course, state, |channels| {
@@ -535,6 +602,7 @@ impl Body {
             edges: &edges,
             stamps_s: &r.times_s,
             step_max_s: self.step_max_s,
+            given: self.inputs[index].as_ref(),
         };
         let mut out = Vec::with_capacity(r.times_s.len());
         let mut single = Single::new(model.hydrodynamics, *line);

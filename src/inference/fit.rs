@@ -108,8 +108,22 @@ impl Problem {
         dofs: &[usize],
         prior: PriorTable,
     ) -> Result<Problem, EffectError> {
+        Problem::beside(runs, rig, dofs, &[], prior)
+    }
+
+    /// The same beside DOFs that move as they were measured instead of being explained.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn beside(
+        runs: &[Run],
+        rig: &Rig,
+        dofs: &[usize],
+        given: &[usize],
+        prior: PriorTable,
+    ) -> Result<Problem, EffectError> {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
-        let body = Body::new(recording, rig, dofs, prior)?;
+        let body = Body::new(recording, rig, dofs, given, prior)?;
         let begin = body.begin();
         let all: Vec<Simulated> = (0..body.recording.runs.len())
             .into_par_iter()

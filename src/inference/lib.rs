@@ -1,6 +1,6 @@
 //! Recorded runs of one body to models with their probabilities: one likelihood, one prior table, one score, one search.
 //!
-//! `recording` (all measured channels of all runs) -> `body` (Eq. 1 with every effect's states, by duals) -> `filter`
+//! `recording` (all measured channels of all runs) -> `given` (what of them drives instead of being explained, by `smooth`) -> `body` (Eq. 1 with every effect's states, by duals) -> `filter`
 //! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode) -> `score` (log evidence) ->
 //! `search` (moves between models) -> `posterior` (marginals).
 //!
@@ -15,6 +15,7 @@ pub mod body;
 mod equations;
 pub mod filter;
 pub mod fit;
+pub mod given;
 pub mod hyper;
 pub mod noise;
 pub mod posterior;
@@ -23,6 +24,7 @@ pub mod promise;
 pub mod recording;
 pub mod search;
 pub mod separation;
+pub mod smooth;
 pub mod summary;
 pub mod table;
 mod tables;

@@ -3,6 +3,23 @@
 use super::hyper::SIZES;
 use super::search::Found;
 
+/// Probability that a force without a name is worth more than the tolerance, from which it is said.
+pub const UNNAMED: f64 = 0.5;
+
+/// Probability that the random force of a DOF is worth more than the tolerance, beside one model.
+pub fn above_tolerance(fit: &super::fit::Fit, dof: usize) -> f64 {
+    let sizes = fit.sizes.iter().find(|s| s.0 == dof);
+    sizes.map_or(0.0, |s| {
+        // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
+        let above = |size: f64| match size {
+            s if s > 1.0 => 1.0,
+            1.0 => 0.5,
+            _ => 0.0,
+        };
+        s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()
+    })
+}
+
 /// A marginal of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marginal {
@@ -62,18 +79,7 @@ impl Posterior {
             .dofs
             .iter()
             .map(|d| {
-                let of = |f: &super::fit::Fit| -> f64 {
-                    let sizes = f.sizes.iter().find(|s| s.0 == *d);
-                    sizes.map_or(0.0, |s| {
-                        // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
-                        let above = |size: f64| match size {
-                            s if s > 1.0 => 1.0,
-                            1.0 => 0.5,
-                            _ => 0.0,
-                        };
-                        s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()
-                    })
-                };
+                let of = |f: &super::fit::Fit| above_tolerance(f, *d);
                 let all = found.models.values().map(|f| share(f.ln_score) * of(f));
                 (*d, all.sum())
             })

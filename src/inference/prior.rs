@@ -147,10 +147,21 @@ const T95: f64 = 2.132;
 /// Ratio of the plausible range's ends from which a parameter goes by its logarithm.
 const BY_RATIO: f64 = 4.0;
 
+/// sd of a number that is held, over its plausible range: as good as none.
+const HELD: f64 = 1e-4;
+
 impl Scale {
     /// Of an effect's parameter.
     pub fn of(p: &ParameterInfo, index: usize) -> Scale {
         let (low, high) = p.plausible;
+        if let Some(value) = p.absent.filter(|_| p.held) {
+            return Scale {
+                logarithmic: false,
+                sign: 1.0,
+                density: Density::normal(value, HELD * (high - low)),
+                limits: (value, value),
+            };
+        }
         if p.unit == "rad" && p.name.starts_with("phase") {
             return Scale {
                 logarithmic: false,

@@ -19,7 +19,7 @@ use super::term::Kind;
 const SHRUNK: usize = 3;
 /// Least one of an effect whose size has one sign: it does not go through nothing.
 const SHARE_LEAST: f64 = 0.02;
-/// Largest multiple of the typical size that a response is stretched to.
+/// Largest multiple of the typical size that a response is stretched to where the law is not linear in it.
 const STRETCH: f64 = 4.0;
 
 /// Share of a response that must lie outside of what a model can do already for it to be told at all.
@@ -257,11 +257,9 @@ impl Problem {
                             along -= cross - solved.dot(&left.part(&q.with_columns));
                         }
                         let share = self.share(c, start, along / size);
-                        let mut numbers = start.clone();
-                        numbers[0] = candidate.nothing + share * (start[0] - candidate.nothing);
                         made.push(Promise {
                             candidate: c,
-                            numbers,
+                            numbers: candidate.at_share(start, candidate.stretched(), share),
                             gain: share * along - 0.5 * share * share * size,
                             instead: gone.map(|g| g.0),
                         });
@@ -316,20 +314,31 @@ impl Problem {
             .collect()
     }
 
-    /// How far a response may be stretched: within what the parameter may be.
+    /// How far a response may be stretched: within what its numbers may be, and where the law is linear no less.
     fn share(&self, candidate: usize, start: &[f64], share: f64) -> f64 {
         let c = &self.body.candidates[candidate];
-        let scale = &c.scales[0];
+        let Some(scale) = c.scales.first() else {
+            // A law without numbers is there or not.
+            return 1.0;
+        };
+        let most = if c.linear.is_empty() {
+            STRETCH
+        } else {
+            f64::INFINITY
+        };
         let low = if scale.logarithmic || c.info.parameters[0].bounds_load {
             SHARE_LEAST
         } else {
-            -STRETCH
+            -most
         };
-        let mut share = share.clamp(low, STRETCH);
-        let (a, b) = scale.limits;
-        let value = (c.nothing + share * (start[0] - c.nothing)).clamp(a, b);
-        if start[0] != c.nothing {
-            share = (value - c.nothing) / (start[0] - c.nothing);
+        let mut share = share.clamp(low, most);
+        for i in c.stretched() {
+            let (a, b) = c.scales[*i].limits;
+            let from = c.at_share(start, &[*i], 0.0)[*i];
+            let value = (from + share * (start[*i] - from)).clamp(a, b);
+            if start[*i] != from {
+                share = (value - from) / (start[*i] - from);
+            }
         }
         share
     }

@@ -3,8 +3,11 @@
 //! Errors of x and y are looked at along the body's own axes (turned by the measured heading): there a DOF's misfit shows
 //! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
 
-use hydroline_identify::data::{CHANNELS, Run, Sample};
+use hydroline_identify::data::{CHANNELS, COMPANIONS, Companions, Run, Sample};
 use hydroline_numerics::statistics::{median, robust_sd};
+
+use super::given::steady;
+use super::smooth::fast_sd;
 
 /// Motion that starts this late after the log's first stamp is a window of a longer log: its state is free, and time
 /// begins there \[s\].
@@ -80,6 +83,8 @@ pub struct Recorded {
     pub commands: Vec<(f64, [f64; 6])>,
     /// (sine, cosine) of the heading at each stamp.
     pub heading: Vec<(f64, f64)>,
+    /// What was measured beside the motion.
+    pub companions: Companions,
 }
 
 /// All runs.
@@ -121,7 +126,7 @@ impl Recording {
 }
 
 /// Robust deviation of a channel from its median, over that of its fast part, from which a DOF is said to move.
-const MOVES: f64 = 3.0;
+pub const MOVES: f64 = 3.0;
 
 impl Recording {
     /// DOFs that are driven, or move by more than their noise and a third of the tolerance.
@@ -151,8 +156,45 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// DOFs that some command drives in any run.
+    pub fn driven(&self) -> Vec<usize> {
+        let any = |d: usize| {
+            self.runs
+                .iter()
+                .any(|r| r.commands.iter().any(|c| c.1[d] != 0.0))
+        };
+        (0..6).filter(|d| any(*d)).collect()
+    }
+
+    /// Companions that move in any run: by more than their noise.
+    pub fn companions_moving(&self) -> [bool; COMPANIONS.len()] {
+        std::array::from_fn(|c| {
+            self.runs.iter().any(|r| {
+                let (_, values) = r.companions.measured(c);
+                let n = values.len().max(1) as f64;
+                let mean = values.iter().sum::<f64>() / n;
+                let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+                // A rudder is mostly held: its spread is asked, not its usual one.
+                fast_sd(values.into_iter()).is_some_and(|fast| square.sqrt() > MOVES * fast)
+            })
+        })
+    }
+
+    /// Whether anything but commands drives these runs: a hull under way, a companion that moves.
+    pub fn is_driven_beside(&self, tolerance: &[f64; 12]) -> bool {
+        let moving = self.moving(tolerance);
+        let rests = (0..6).filter(|d| !moving.contains(d));
+        let under_way = |d: usize| {
+            let mut runs = self.runs.iter();
+            runs.any(|r| steady(r, d, tolerance[6 + d]).is_some())
+        };
+        self.companions_moving().contains(&true) || rests.into_iter().any(under_way)
+    }
+}
+
 impl Recorded {
-    fn new(run: &Run, heading_rad: f64) -> Recorded {
+    pub(super) fn new(run: &Run, heading_rad: f64) -> Recorded {
         let samples = thinned(run);
         let times_s: Vec<f64> = samples.iter().map(|s| s.t_s).collect();
         let first_s = times_s.first().copied().unwrap_or(0.0);
@@ -203,6 +245,7 @@ impl Recorded {
             logged_sd,
             commands: averaged(commands),
             heading,
+            companions: run.companions.clone(),
         }
     }
 

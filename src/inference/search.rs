@@ -11,8 +11,9 @@ use hydroline_identify::parameter::Term;
 
 use super::body::Own;
 use super::fit::{Effort, Fit, Problem};
-use super::hyper::{Cell, Cells};
+use super::hyper::{Cell, Cells, SIZES};
 use super::noise::estimate;
+use super::posterior::{UNNAMED, above_tolerance};
 use super::promise::Promise;
 
 /// Options of a search.
@@ -37,6 +38,10 @@ pub struct Options {
     pub noise_rounds: usize,
     /// Change of a noise's logarithm below which it stays.
     pub noise_change: f64,
+    /// DOFs that nothing commanded: where no model follows one, its motion is an input, and there is no use in going on.
+    pub may_give_up: [bool; 6],
+    /// Fits after which that is asked.
+    pub give_up_after: usize,
 }
 
 impl Default for Options {
@@ -51,6 +56,8 @@ impl Default for Options {
             least_gain: 3.0,
             noise_rounds: 2,
             noise_change: 0.03,
+            may_give_up: [false; 6],
+            give_up_after: 30,
         }
     }
 }
@@ -64,7 +71,13 @@ pub struct Found {
     pub models: BTreeMap<Vec<usize>, Fit>,
     /// Fits made.
     pub fits: usize,
+    /// DOFs that no model follows, of those that may be given up.
+    pub given_up: Vec<usize>,
 }
+
+/// Size of the random force over the noise from which a DOF is not followed: less is little more than what an instrument
+/// adds.
+const FAR_BEYOND: f64 = 5.0;
 
 /// Sizes of the random force where a search begins: a large one keeps a vehicle that is far off from drowning everything,
 /// a small one finds the mode that a large one hides.
@@ -239,8 +252,33 @@ impl Search<'_> {
         self.fit(jobs, Effort::default());
     }
 
+    /// DOFs that the best model does not follow, of those that may be given up: all of them, or the search goes on.
+    fn not_followed(&self) -> Vec<usize> {
+        let Some(best) = self.best() else {
+            return Vec::new();
+        };
+        let Problem { body, noises, .. } = &self.problem;
+        let far = |d: &usize| {
+            let channel = if noises.channels[*d].is_some() {
+                *d
+            } else {
+                6 + *d
+            };
+            let worth = SIZES[best.cells.misfit[*d].size] * body.tolerance[channel];
+            let noise = noises.channels[channel].map_or(0.0, |n| n.total_sd());
+            above_tolerance(best, *d) >= UNNAMED && worth > FAR_BEYOND * noise
+        };
+        let may = body.dofs.iter().filter(|d| self.options.may_give_up[**d]);
+        may.copied().filter(far).collect()
+    }
+
+    /// Whether there is no use in going on.
+    fn gives_up(&self) -> bool {
+        self.fits >= self.options.give_up_after && !self.not_followed().is_empty()
+    }
+
     fn run(&mut self) {
-        while self.cost < self.options.cost {
+        while self.cost < self.options.cost && !self.gives_up() {
             let Some(fit) = self.next() else { break };
             (self.progress)(&match fit.terms.len() {
                 0 => "beside the vehicle alone".to_owned(),
@@ -320,7 +358,7 @@ pub fn search(
     }
     search.run();
     for _ in 0..options.noise_rounds {
-        if !search.renew_noise() {
+        if search.gives_up() || !search.renew_noise() {
             break;
         }
         search.rescore();
@@ -328,6 +366,7 @@ pub fn search(
         search.run();
     }
     Some(Found {
+        given_up: search.not_followed(),
         problem: search.problem,
         models: search.models,
         fits: search.fits,

@@ -197,6 +197,7 @@ impl Problem {
             },
             starts: keep.iter().map(|i| self.body.starts[*i].clone()).collect(),
             rest: keep.iter().map(|i| self.body.rest[*i]).collect(),
+            inputs: keep.iter().map(|i| self.body.inputs[*i].clone()).collect(),
             lines: keep
                 .iter()
                 .filter_map(|i| self.body.lines.get(*i).copied())
@@ -219,7 +220,8 @@ impl Problem {
     /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
     pub fn over(&self, runs: &[Run], rig: &Rig) -> Result<Problem, EffectError> {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
-        let mut body = Body::new(recording, rig, &self.body.dofs, self.body.prior)?;
+        let Body { dofs, given, .. } = &self.body;
+        let mut body = Body::new(recording, rig, dofs, given, self.body.prior)?;
         body.candidates.clone_from(&self.body.candidates);
         body.own.clone_from(&self.body.own);
         let used = body

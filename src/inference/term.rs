@@ -1,12 +1,33 @@
 //! Terms of a model: which effects of the registry may act where, with points to begin from.
 
-use hydroline_rigs::Dof;
+use hydroline_identify::data::COMPANIONS;
+use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::effect::along::{COVARIATES, POINTS};
 use hydroline_sim::effect::{
     ALL, CheckedEffect, EffectInfo, EffectStack, ParameterInfo, Stage, WordInfo,
 };
+use hydroline_sim::given::{Curve, Given};
+use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::vehicle::Hydrodynamics;
 
 use super::prior::{Scale, nothing};
+
+/// What effects may act on: what decides where each may be asked.
+#[derive(Debug, Clone, Copy)]
+pub struct Ground<'a> {
+    /// DOFs that are simulated.
+    pub dofs: &'a [usize],
+    /// DOFs that move without being simulated.
+    pub given: &'a [usize],
+    /// Companions that move.
+    pub companions: [bool; COMPANIONS.len()],
+    /// The way is given, and never astern.
+    pub ahead: bool,
+    /// Greatest load commanded per DOF \[N, N m\].
+    pub largest: &'a [f64; 6],
+    /// The rig's vehicle.
+    pub vehicle: &'a Vehicle,
+}
 
 /// What a candidate adds to a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +65,8 @@ pub struct Candidate {
     pub starts: Vec<Vec<f64>>,
     /// Value of the first parameter where the effect is not there.
     pub nothing: f64,
+    /// Numbers in which its force is linear, the first among them; none where that one is not.
+    pub linear: Vec<usize>,
 }
 
 impl Candidate {
@@ -107,26 +130,40 @@ pub fn in_images_only(info: &'static EffectInfo) -> bool {
         .all(|t_s| stack.reported_pose(*t_s, stack.scene_pose(*t_s, pose)) == pose)
 }
 
-/// Every effect at every place where it may act in these DOFs, but those that are switched on already.
-///
-/// `largest` = greatest load commanded per DOF \[N, N m\].
-pub fn candidates(dofs: &[usize], on: &[CheckedEffect], largest: &[f64; 6]) -> Vec<Candidate> {
+/// Every effect at every place where it may act, but those that are switched on already.
+pub fn candidates(ground: &Ground<'_>, on: &[CheckedEffect]) -> Vec<Candidate> {
     let mut all = Vec::new();
-    for info in ALL
-        .iter()
-        .filter(|i| !i.parameters.is_empty() && !i.is_a_table() && !in_images_only(i))
-    {
-        for words in choices(info.words, dofs) {
-            if is_own_square(info.words, &words) {
+    for info in ALL.iter().filter(|i| !i.is_a_table() && !in_images_only(i)) {
+        for words in choices(info.words, ground) {
+            if is_own_square(info.words, &words) || is_lift(info, &words, ground) {
                 continue;
             }
             if on.iter().any(|o| o.info.id == info.id && o.words == words) {
                 continue;
             }
-            all.push(Candidate::new(info, words, largest));
+            let made = Candidate::new(info, words, ground);
+            // One without numbers is a candidate where it does anything at all.
+            if info.parameters.is_empty() && !made.changes(ground) {
+                continue;
+            }
+            all.push(made);
         }
     }
     all
+}
+
+/// Whether a product of rates is damping in proportion to the way: where the hull never goes astern it is `lift_damping`
+/// by another name.
+fn is_lift(info: &EffectInfo, words: &[usize], ground: &Ground<'_>) -> bool {
+    let named = |word: &str| {
+        let at = info.words.iter().position(|w| w.name == word)?;
+        info.words[at].allowed.get(words[at]).copied()
+    };
+    let (Some(dof), Some(a), Some(b)) = (named("dof"), named("a"), named("b")) else {
+        return false;
+    };
+    let dof = Dof::ALL.into_iter().position(|d| d.name() == dof);
+    ground.ahead && a == RATES[0] && RATES.iter().position(|r| *r == b) == dof
 }
 
 /// Whether a product of rates is a DOF's own rate squared: damping of a hull that differs ahead and astern, which stands in
@@ -147,12 +184,19 @@ fn is_own_square(info: &[WordInfo], words: &[usize]) -> bool {
 /// Rates in the order of the DOFs.
 const RATES: [&str; 6] = ["u", "v", "w", "p", "q", "r"];
 
-/// All combinations of words in which no word names a DOF that does not move.
-fn choices(words: &[WordInfo], dofs: &[usize]) -> Vec<Vec<usize>> {
+/// All combinations of words in which none names a DOF that is not simulated, a rate that is 0 or a companion that rests.
+fn choices(words: &[WordInfo], ground: &Ground<'_>) -> Vec<Vec<usize>> {
     let moves = |word: &str| {
-        let dof = Dof::ALL.into_iter().position(|d| d.name() == word);
-        let rate = RATES.iter().position(|r| *r == word);
-        dof.or(rate).is_none_or(|d| dofs.contains(&d))
+        let companion = |name: &&str| name.split('_').next() == Some(word);
+        if let Some(d) = Dof::ALL.into_iter().position(|d| d.name() == word) {
+            ground.dofs.contains(&d)
+        } else if let Some(d) = RATES.iter().position(|r| *r == word) {
+            ground.dofs.contains(&d) || ground.given.contains(&d)
+        } else if let Some(c) = COMPANIONS.iter().position(|c| companion(&c)) {
+            ground.companions[c]
+        } else {
+            true
+        }
     };
     let mut made = vec![Vec::new()];
     for w in words {
@@ -176,16 +220,17 @@ fn choices(words: &[WordInfo], dofs: &[usize]) -> Vec<Vec<usize>> {
 pub type Ranges = [Option<(f64, f64)>; COVARIATES.len()];
 
 /// Covariates that a table of this DOF may run along: what moves, time, and the DOF's own load.
-fn covariates(dof: usize, dofs: &[usize], ranges: &Ranges) -> Vec<(usize, (f64, f64))> {
+fn covariates(dof: usize, ground: &Ground<'_>, ranges: &Ranges) -> Vec<(usize, (f64, f64))> {
     const TIME: usize = 12;
-    let turns = dofs.iter().filter(|d| [0, 1, 5].contains(d)).count() > 1;
+    let moves = || ground.dofs.iter().chain(ground.given);
+    let turns = moves().filter(|d| [0, 1, 5].contains(d)).count() > 1;
     let wide = |c: usize| ranges[c].map_or(0.0, |(low, high)| high - low);
     let asked = |c: usize| match c {
         // Where surge or sway moves, both tank coordinates do; on a straight way they are one.
         0 | 1 if dof > 1 => false,
         0 | 1 => turns || wide(c) >= wide(1 - c),
         2..6 => c == dof,
-        6..TIME => dofs.contains(&(c - 6)),
+        6..TIME => moves().any(|d| *d == c - 6),
         _ => true,
     };
     let each = (0..COVARIATES.len()).filter(|c| asked(*c));
@@ -197,7 +242,7 @@ fn covariates(dof: usize, dofs: &[usize], ranges: &Ranges) -> Vec<(usize, (f64, 
 /// `effects` = candidates of the library, whose places are kept; `loads` = range of the load per DOF.
 pub fn tables(
     effects: &[Candidate],
-    dofs: &[usize],
+    ground: &Ground<'_>,
     ranges: &Ranges,
     loads: &[Option<(f64, f64)>; 6],
 ) -> Vec<Candidate> {
@@ -206,7 +251,7 @@ pub fn tables(
     let along = |dof: usize| {
         let mut ranges = *ranges;
         ranges[LOAD] = loads[dof];
-        covariates(dof, dofs, &ranges)
+        covariates(dof, ground, &ranges)
     };
     let table = |kind, info, words, fixed, along| Candidate {
         kind,
@@ -215,11 +260,12 @@ pub fn tables(
         fixed,
         along: Some(along),
         scales: vec![Scale::of_table(); POINTS],
+        linear: Vec::new(),
         starts: Vec::new(),
         nothing: 0.0,
     };
     if let Some(info) = ALL.iter().find(|i| i.is_a_table()) {
-        for &dof in dofs {
+        for &dof in ground.dofs {
             for (c, range) in along(dof) {
                 let ends = vec![range.0, range.1];
                 let kind = Kind::Force { dof };
@@ -229,12 +275,13 @@ pub fn tables(
     }
     for (of, c) in effects.iter().enumerate() {
         // Stamps and instruments have their own faults; a corner at a limit of the load moves none of what lies below.
-        if !matches!(c.info.stage, Stage::Thruster | Stage::Hydrodynamics) {
+        let in_motion = matches!(c.info.stage, Stage::Thruster | Stage::Hydrodynamics);
+        if !in_motion || c.scales.is_empty() {
             continue;
         }
         let named = c.word("dof").or_else(|| c.word("axis"));
         let dof = named.and_then(|w| Dof::ALL.into_iter().position(|d| d.name() == w));
-        let places: Vec<usize> = dof.map_or_else(|| dofs.to_vec(), |d| vec![d]);
+        let places: Vec<usize> = dof.map_or_else(|| ground.dofs.to_vec(), |d| vec![d]);
         let mut seen = Vec::new();
         for (covariate, range) in places.into_iter().flat_map(along) {
             if seen.contains(&covariate) {
@@ -254,12 +301,40 @@ pub fn tables(
     made
 }
 
+/// Rates of all states under effects, where everything moves that may.
+fn rates(on: &[CheckedEffect], ground: &Ground<'_>) -> Option<Vec<f64>> {
+    let effects = EffectStack::assemble(on, |_, _, v| v).ok()?;
+    let model = Model {
+        hydrodynamics: Hydrodynamics::new(ground.vehicle),
+        effects,
+    };
+    let beside = Given {
+        companions: [0.2, -0.15, 9.0, 0.03].map(|v| Some(Curve::constant(v))),
+        ..Given::default()
+    };
+    let mut all = Vec::new();
+    for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+        let mut state = ModelState::at_rest([0.3, -0.2, -0.8, 0.1, -0.07, 0.4]);
+        state.own.fill(0.1);
+        let some = [0.31, 0.12, -0.07, 0.13, -0.11, 0.17];
+        for d in ground.dofs.iter().chain(ground.given) {
+            state.vehicle.nu[*d] = sign * some[(*d + k) % 6];
+        }
+        let wrench = [3.0, -2.0, 1.0, 0.2, -0.3, 0.4].map(|w: f64| w * sign);
+        let t_s = 1.7 + k as f64;
+        let rate = model.rate_beside(t_s, t_s, &state, &wrench, Some(&beside));
+        all.extend(rate.vehicle.nu);
+        all.extend(rate.own);
+    }
+    all.iter().all(|v| v.is_finite()).then_some(all)
+}
+
 /// Where a limit on the load begins, over the largest load: between loads a limit clips other steps of the command, and
 /// no fit finds from one of these stretches into the next.
 const LIMITS: [f64; 5] = [0.95, 0.85, 0.72, 0.58, 0.44];
 
 impl Candidate {
-    fn new(info: &'static EffectInfo, words: Vec<usize>, largest: &[f64; 6]) -> Candidate {
+    fn new(info: &'static EffectInfo, words: Vec<usize>, ground: &Ground<'_>) -> Candidate {
         let mut made = Candidate {
             kind: Kind::Effect,
             fixed: Vec::new(),
@@ -274,13 +349,15 @@ impl Candidate {
             nothing: info.parameters.first().map_or(0.0, nothing),
             info,
             words,
+            linear: Vec::new(),
         };
+        made.linear = made.linear_numbers(ground);
         if info.parameters.first().is_some_and(|p| p.bounds_load) {
             let dof = made
                 .word("dof")
                 .and_then(|w| Dof::ALL.into_iter().find(|d| d.name() == w))
                 .map_or(0, Dof::index);
-            let top = largest[dof];
+            let top = ground.largest[dof];
             if top > 0.0 {
                 made.nothing = top;
                 made.starts = LIMITS
@@ -303,7 +380,84 @@ impl Candidate {
         }
         made
     }
+
+    /// The numbers that a response is stretched by: those in which it is linear, or the first, which says how large the
+    /// effect is.
+    pub fn stretched(&self) -> &[usize] {
+        match self.linear.is_empty() && !self.scales.is_empty() {
+            true => &[0],
+            false => &self.linear,
+        }
+    }
+
+    /// A point with the numbers of `of` at `share` of their way from nothing.
+    pub fn at_share(&self, start: &[f64], of: &[usize], share: f64) -> Vec<f64> {
+        let mut numbers = start.to_vec();
+        for i in of {
+            let from = if *i == 0 {
+                self.nothing
+            } else {
+                nothing(&self.info.parameters[*i])
+            };
+            numbers[*i] = from + share * (start[*i] - from);
+        }
+        numbers
+    }
+
+    /// Whether a law without numbers does anything in the simulated DOFs.
+    fn changes(&self, ground: &Ground<'_>) -> bool {
+        let rates = |on: &[CheckedEffect]| rates(on, ground);
+        rates(&[self.checked(&[])])
+            .zip(rates(&[]))
+            .is_some_and(|(a, b)| {
+                let per_state = 6 + hydroline_sim::model::OWN_STATES_MAX;
+                let simulated = |i: usize| ground.dofs.contains(&(i % per_state));
+                a.iter()
+                    .zip(&b)
+                    .enumerate()
+                    .any(|(i, (a, b))| simulated(i) && a != b)
+            })
+    }
+
+    /// The law is asked: scaling these numbers together scales what they do.
+    fn is_linear_in(&self, of: &[usize], ground: &Ground<'_>) -> bool {
+        let Some(start) = self.starts.first() else {
+            return false;
+        };
+        let by = |share: f64| rates(&[self.checked(&self.at_share(start, of, share))], ground);
+        let (Some(none), Some(one)) = (by(0.0), by(1.0)) else {
+            return false;
+        };
+        let does: Vec<f64> = one.iter().zip(&none).map(|(a, b)| a - b).collect();
+        let largest = does.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        largest > 0.0
+            && SHARES.iter().all(|share| {
+                by(*share).is_some_and(|made| {
+                    let each = made.iter().zip(&none).zip(&does);
+                    let off = each.fold(0.0_f64, |m, ((a, b), d)| m.max((a - b - share * d).abs()));
+                    off < 1e-9 * share.abs() * largest
+                })
+            })
+    }
+
+    fn linear_numbers(&self, ground: &Ground<'_>) -> Vec<usize> {
+        let numbers = self.info.parameters;
+        if numbers.is_empty() || !self.is_linear_in(&[0], ground) {
+            return Vec::new();
+        }
+        let mut of = vec![0];
+        for i in (1..numbers.len()).filter(|i| !numbers[*i].held) {
+            of.push(i);
+            if !self.is_linear_in(&of, ground) {
+                of.pop();
+            }
+        }
+        of
+    }
 }
+
+/// Shares of a number's way from nothing at which a law is asked whether it is linear.
+const SHARES: [f64; 3] = [2.0, 30.0, -30.0];
 
 /// Whether shares of the plausible range go by ratio: it has one sign and spans a factor of four.
 pub fn by_ratio((low, high): (f64, f64)) -> bool {
@@ -333,9 +487,12 @@ pub fn radical(mut k: usize, base: usize) -> f64 {
 
 fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
     const BASES: [usize; 5] = [2, 3, 5, 7, 11];
-    let typical: Vec<f64> = info.parameters.iter().map(|p| p.typical).collect();
+    let usual = |p: &ParameterInfo| p.absent.filter(|_| p.held).unwrap_or(p.typical);
+    let typical: Vec<f64> = info.parameters.iter().map(usual).collect();
     let mut points = vec![typical];
-    let count = match info.parameters.len() {
+    let free = info.parameters.iter().filter(|p| !p.held).count();
+    let count = match free {
+        0 => return points,
         1 => {
             points.extend([0.1, 0.9].map(|s| vec![point(&info.parameters[0], s)]));
             return points;
@@ -347,7 +504,10 @@ fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
         let numbers = info.parameters.iter().enumerate();
         points.push(
             numbers
-                .map(|(i, p)| point(p, radical(k, BASES[i % BASES.len()])))
+                .map(|(i, p)| match p.held {
+                    true => usual(p),
+                    false => point(p, radical(k, BASES[i % BASES.len()])),
+                })
                 .collect(),
         );
     }
@@ -357,11 +517,104 @@ fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroline_rigs::{Rig, VehicleModel};
+
+    fn plain(vehicle: &Vehicle) -> Ground<'_> {
+        Ground {
+            dofs: &[0],
+            given: &[],
+            companions: [false; 4],
+            ahead: false,
+            largest: &[8.0; 6],
+            vehicle,
+        }
+    }
+
+    /// A ship's rudder was not asked for, and a hull under way could be damped by its speed under two names.
+    #[test]
+    fn what_is_given_opens_what_it_can_drive() {
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let names = |ground: &Ground<'_>| -> Vec<String> {
+            candidates(ground, &[])
+                .iter()
+                .map(Candidate::name)
+                .collect()
+        };
+        let has = |all: &[String], name: &str| all.iter().any(|n| n == name);
+        let alone = names(&plain(&vehicle));
+        assert!(!alone.iter().any(|n| n.starts_with("fin_force")));
+        let ship = names(&Ground {
+            given: &[1, 5],
+            companions: [true, false, false, false],
+            ..plain(&vehicle)
+        });
+        assert!(has(&ship, "fin_force surge rudder") && !has(&ship, "fin_force surge elevator"));
+        assert!(has(&ship, "cross_flow_coupling surge v r"));
+        assert!(!has(&ship, "cross_flow_coupling yaw v r") && !has(&ship, "added_mass_coupling"));
+        let roll = |ahead| {
+            names(&Ground {
+                dofs: &[3],
+                given: &[0],
+                ahead,
+                ..plain(&vehicle)
+            })
+        };
+        assert!(has(&roll(true), "lift_damping roll"));
+        assert!(!has(&roll(true), "cross_flow_coupling roll u p"));
+        assert!(has(&roll(false), "cross_flow_coupling roll u p"));
+        let mut decoupled = vehicle.clone();
+        decoupled.model = VehicleModel::Decoupled;
+        let ship = Ground {
+            given: &[1, 5],
+            ..plain(&decoupled)
+        };
+        assert!(has(&names(&ship), "added_mass_coupling"));
+        assert!(!has(&names(&plain(&decoupled)), "added_mass_coupling"));
+    }
+
+    #[test]
+    fn laws_say_themselves_in_what_they_are_linear() {
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let ground = Ground {
+            dofs: &[0, 3],
+            given: &[1, 5],
+            companions: [true, false, false, false],
+            ..plain(&vehicle)
+        };
+        let all = candidates(&ground, &[]);
+        let linear = |name: &str| {
+            let found = all.iter().find(|c| c.name() == name);
+            found
+                .map(|c| c.linear.clone())
+                .unwrap_or_else(|| panic!("no {name}"))
+        };
+        for one in [
+            "constant_force surge",
+            "cubic_damping surge",
+            "lift_damping roll",
+        ] {
+            assert_eq!(linear(one), [0], "{one}");
+        }
+        assert_eq!(linear("fin_force surge rudder"), [0, 1]);
+        for none in [
+            "thruster_lag surge",
+            "thruster_deadband surge",
+            "current",
+            "clock_drift",
+        ] {
+            assert!(linear(none).is_empty(), "{none}: {:?}", linear(none));
+        }
+    }
 
     #[test]
     fn every_effect_is_asked_at_every_place_where_it_may_act() {
-        let surge = candidates(&[0], &[], &[8.0; 6]);
-        let planar = candidates(&[0, 1, 5], &[], &[8.0; 6]);
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let ground = |dofs: &'static [usize]| Ground {
+            dofs,
+            ..plain(&vehicle)
+        };
+        let surge = candidates(&ground(&[0]), &[]);
+        let planar = candidates(&ground(&[0, 1, 5]), &[]);
         let count = |all: &[Candidate], id: &str| all.iter().filter(|c| c.info.id == id).count();
         assert_eq!(count(&surge, "thruster_lag"), 1);
         assert_eq!(count(&planar, "thruster_lag"), 3);

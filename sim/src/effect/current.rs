@@ -14,6 +14,7 @@ const fn component(name: &'static str, meaning: &'static str) -> ParameterInfo {
         absent: Some(0.0),
         bounds_load: false,
         corner: false,
+        held: false,
     }
 }
 

@@ -47,6 +47,8 @@ pub struct ParameterInfo {
     /// A load at which the law has a corner. A DOF driven by several thrusters has one corner for each of them:
     /// the mean of the law over these loads.
     pub corner: bool,
+    /// Says with another number the same thing twice: a fit leaves it at what it is when absent.
+    pub held: bool,
 }
 
 impl ParameterInfo {
@@ -69,6 +71,7 @@ impl ParameterInfo {
             absent: None,
             bounds_load: false,
             corner: false,
+            held: false,
         }
     }
 
@@ -86,6 +89,11 @@ impl ParameterInfo {
             corner: true,
             ..self
         }
+    }
+
+    /// The same, left alone by fits.
+    pub(super) const fn held(self) -> Self {
+        ParameterInfo { held: true, ..self }
     }
 
     /// The same, with a value for when it is not given.

@@ -1,6 +1,7 @@
 //! The hooks a law may fill; every default does nothing.
 
 use super::{EffectInfo, Optics};
+use crate::given::COMPANIONS;
 use crate::real::Real;
 use crate::vehicle::Hydrodynamics;
 
@@ -25,6 +26,15 @@ pub struct Moment<'a, T> {
     pub mass: &'a [T; 6],
     /// The vehicle's own coefficients.
     pub hydrodynamics: &'a Hydrodynamics<T>,
+    /// What was measured beside the motion (see [`crate::given`]); `None` = nothing was.
+    pub companions: Option<&'a [T; COMPANIONS]>,
+}
+
+impl<T: Real> Moment<'_, T> {
+    /// A companion by its place; 0 where it was not measured.
+    pub fn companion(&self, place: usize) -> T {
+        self.companions.map_or(T::zero(), |c| c[place])
+    }
 }
 
 /// Checked parameter values handed to a law's constructor: numbers and words in the order of its [`EffectInfo`].

@@ -19,6 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: None,
         bounds_load: false,
         corner: false,
+        held: false,
     }],
     words: &[DOF],
     kin: &["astern_drag", "constant_force", "current"],

@@ -20,6 +20,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: None,
         bounds_load: false,
         corner: false,
+        held: false,
     }],
     words: &[DOF],
     kin: &["camera_latency", "command_latency", "fluid_memory"],

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use hydroline_identify::data::CHANNELS;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::hyper::SIZES;
+use hydroline_inference::posterior::UNNAMED;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Dof;
@@ -13,8 +14,6 @@ use hydroline_sim::vehicle::Hydrodynamics;
 use super::found::{Judged, relative};
 use crate::verdict::{Law, Unexplained};
 
-/// Probability that a force without a name is worth more than the tolerance, from which the verdict says so.
-const UNNAMED: f64 = 0.5;
 /// Probability from which a law is said to be inexact.
 const INEXACT: f64 = 0.5;
 /// Share of its largest value from which a force acts somewhere.

@@ -1,0 +1,78 @@
+//! Which DOFs are explained and which are inputs.
+//!
+//! A DOF that moves although no run commanded it, and that no model follows, drives the others as it was measured. What
+//! couples to it looks no better at first: each one given up is asked once more beside the others, and explained where the
+//! vehicle alone follows it then.
+
+use hydroline_identify::data::Run;
+use hydroline_inference::fit::Problem;
+use hydroline_inference::prior::PriorTable;
+use hydroline_inference::recording::Recording;
+use hydroline_inference::search::{Found, Options, search};
+use hydroline_rigs::{Dof, Rig};
+
+use crate::conclude::DiagnoseError;
+
+/// What a search needs.
+pub struct Asking<'a> {
+    pub runs: &'a [Run],
+    pub rig: &'a Rig,
+    pub progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Asking<'_> {
+    fn search(
+        &self,
+        dofs: &[usize],
+        given: &[usize],
+        options: Options,
+    ) -> Result<Found, DiagnoseError> {
+        (self.progress)("noise");
+        let prior = PriorTable::default();
+        let problem = Problem::beside(self.runs, self.rig, dofs, given, prior)?;
+        let first = dofs.first().map_or("surge", |d| Dof::ALL[*d].name());
+        search(problem, options, self.progress).ok_or(DiagnoseError::NoFit { dof: first })
+    }
+
+    /// Searches the models of what moves; `given` are inputs from the beginning.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`].
+    pub fn explained(
+        &self,
+        recording: &Recording,
+        dofs: &[usize],
+        given: &[usize],
+    ) -> Result<Found, DiagnoseError> {
+        let driven = recording.driven();
+        // Something that was commanded has to be left to explain.
+        let remains = dofs.iter().any(|d| driven.contains(d));
+        let options = Options {
+            may_give_up: std::array::from_fn(|d| remains && !driven.contains(&d)),
+            ..Options::default()
+        };
+        let found = self.search(dofs, given, options)?;
+        if found.given_up.is_empty() {
+            return Ok(found);
+        }
+        let without = |all: &[usize], out: &[usize]| -> Vec<usize> {
+            all.iter().copied().filter(|d| !out.contains(d)).collect()
+        };
+        let mut inputs: Vec<usize> = [given, &found.given_up].concat();
+        for d in &found.given_up {
+            if inputs.len() == given.len() + 1 {
+                break;
+            }
+            let others = without(&inputs, &[*d]);
+            let asked = without(dofs, &others);
+            let only = Options { cost: 0, ..options };
+            // What gives no finite motion is not followed.
+            let again = self.search(&asked, &others, only);
+            if again.is_ok_and(|found| !found.given_up.contains(d)) {
+                inputs = others;
+            }
+        }
+        inputs.sort_unstable();
+        self.search(&without(dofs, &inputs), &inputs, Options::default())
+    }
+}
