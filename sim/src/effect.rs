@@ -73,6 +73,7 @@ mod thruster_deadband;
 mod thruster_lag;
 mod thruster_saturation;
 mod tone_curve;
+mod varying;
 mod wall_added_mass;
 
 pub use brightness::Brightness;

@@ -62,8 +62,8 @@ pub struct Args {
     /// Writes the rig with refitted coefficients and the [[physics]] that were left out
     #[arg(long, value_name = "RIG")]
     write_rig: Option<PathBuf>,
-    /// Engine: staged (one DOF after the other), body (one likelihood over all DOFs), or by what moves
-    #[arg(long, hide = true, value_enum, default_value_t = EngineName::ByMotion)]
+    /// Engine: body (one likelihood over all DOFs), or staged (one DOF after the other: the one before)
+    #[arg(long, hide = true, value_enum, default_value_t = EngineName::Body)]
     engine: EngineName,
     #[command(flatten)]
     output: Output,
@@ -72,8 +72,6 @@ pub struct Args {
 /// Engines by name, until one is left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum EngineName {
-    /// By what moves
-    ByMotion,
     /// One DOF after the other, in stages
     Staged,
     /// One likelihood over all DOFs
@@ -83,7 +81,6 @@ pub(super) enum EngineName {
 impl From<EngineName> for Engine {
     fn from(name: EngineName) -> Engine {
         match name {
-            EngineName::ByMotion => Engine::ByMotion,
             EngineName::Staged => Engine::Staged,
             EngineName::Body => Engine::Body,
         }

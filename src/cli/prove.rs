@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long)]
     no_ideal: bool,
     /// Engine that is proved
-    #[arg(long, hide = true, value_enum, default_value_t = super::diagnose::EngineName::ByMotion)]
+    #[arg(long, hide = true, value_enum, default_value_t = super::diagnose::EngineName::Body)]
     engine: super::diagnose::EngineName,
     /// Prints one JSON object: score and every case
     #[arg(long)]

@@ -39,39 +39,16 @@ pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
 
-use hydroline_inference::recording::Recording;
 use hydroline_rigs::{Dof, Rig};
 
-/// Which engine is asked, until the new one has beaten the old one kind by kind.
+/// Which engine is asked, until one is left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Engine {
-    /// [`Engine::Body`] where several DOFs move, else [`Engine::Staged`].
-    #[default]
-    ByMotion,
-    /// One DOF after the other, in stages.
-    Staged,
     /// One likelihood over all DOFs.
+    #[default]
     Body,
-}
-
-impl Engine {
-    /// The one that is asked about these logs: DOFs that move together cannot be taken one after the other, and what drives
-    /// them beside the commands only one of them knows.
-    fn of(self, sources: &[Source], rig: &Rig, given: &[Dof]) -> Engine {
-        if !given.is_empty() {
-            return Engine::Body;
-        }
-        if self != Engine::ByMotion {
-            return self;
-        }
-        let runs: Vec<_> = sources.iter().map(|s| s.run.clone()).collect();
-        let recording = Recording::new(&runs, rig.tank.start_pose[5]);
-        let tolerance = rig.tolerance.channels();
-        match recording.moving(&tolerance).len() {
-            0 | 1 if !recording.is_driven_beside(&tolerance) => Engine::Staged,
-            _ => Engine::Body,
-        }
-    }
+    /// One DOF after the other, in stages: the one before, to be compared with.
+    Staged,
 }
 
 /// Diagnoses logs against a rig; `held` are predicted only.
@@ -113,8 +90,9 @@ pub fn diagnose_beside(
     given: &[Dof],
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    match engine.of(sources, rig, given) {
-        Engine::Body => body::diagnose(sources, held, rig, given, progress),
-        _ => alone::diagnose(sources, held, rig, progress),
+    match engine {
+        // What drives a vehicle beside the commands only one of them knows.
+        Engine::Staged if given.is_empty() => alone::diagnose(sources, held, rig, progress),
+        _ => body::diagnose(sources, held, rig, given, progress),
     }
 }

@@ -26,11 +26,12 @@ pub struct PriorTable {
     pub colour_s: f64,
     /// See there.
     pub colour_ln: f64,
-    /// Probability that a force without a name acts somewhere: most of what moves a vehicle in a tank has one.
+    /// Probability that a force without a name acts somewhere: nearly all of what moves a vehicle in a tank has one. A force
+    /// of the angle alone is first of all a restoring moment whose law is not quite the library's.
     pub unnamed: f64,
     /// Median of what such a force is worth, over the tolerance (half-Cauchy): one that is worth a term of its own shows.
     pub unnamed_over_tolerance: f64,
-    /// Probability that the law of an effect is only nearly the library's.
+    /// Probability that the law of an effect is only nearly the library's: a table's laws are idealised, most fit.
     pub inexact: f64,
     /// Median of the share by which such a law's number varies (half-Cauchy).
     pub inexact_share: f64,
@@ -46,9 +47,9 @@ impl Default for PriorTable {
             misfit_over_tolerance: 0.1,
             colour_s: 0.5,
             colour_ln: 0.7,
-            unnamed: 0.1,
+            unnamed: 0.03,
             unnamed_over_tolerance: 3.0,
-            inexact: 0.1,
+            inexact: 0.3,
             inexact_share: 0.3,
         }
     }

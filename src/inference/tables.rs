@@ -11,8 +11,10 @@ use super::fit::{Fit, Problem};
 use super::hyper::{Cell, Cells, SIZES};
 use super::term::Kind;
 
-/// A random force of at least this many tolerances says that something is left that a table may explain.
+/// A random force of at least this many tolerances says that something without a name may act.
 const LEFT: f64 = 0.3;
+/// One of at least this many says that a law may be inexact: what is left of a law that is nearly right is small.
+const LEFT_OF_A_LAW: f64 = 0.03;
 /// Probability from which it is looked for.
 const ASKED: f64 = 0.5;
 /// Places in the table of sizes by which random forces are taken smaller for a second look: they shrink when the right
@@ -31,10 +33,10 @@ pub(super) struct TablePromise {
 }
 
 impl Problem {
-    /// DOFs in which a model leaves something.
-    fn lacking(&self, fit: &Fit) -> Vec<usize> {
+    /// DOFs in which a model leaves a random force of at least this many tolerances.
+    fn lacking(&self, fit: &Fit, least: f64) -> Vec<usize> {
         let some = fit.sizes.iter().filter(|(_, sizes)| {
-            let large = SIZES.iter().zip(sizes).filter(|(s, _)| **s >= LEFT);
+            let large = SIZES.iter().zip(sizes).filter(|(s, _)| **s >= least);
             large.map(|(_, p)| p).sum::<f64>() >= ASKED
         });
         some.map(|(d, _)| *d).collect()
@@ -42,8 +44,8 @@ impl Problem {
 
     /// Tables beside a model, best first.
     pub(super) fn tables(&self, fit: &Fit) -> Vec<TablePromise> {
-        let lacking = self.lacking(fit);
-        if lacking.is_empty() {
+        let lacking = self.lacking(fit, LEFT);
+        if self.lacking(fit, LEFT_OF_A_LAW).is_empty() {
             return Vec::new();
         }
         let asked = |c: &usize| {

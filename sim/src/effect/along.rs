@@ -70,7 +70,9 @@ mod tests {
         for k in 0..200 {
             let x = -1.0 + 0.015 * f64::from(k);
             let off = interpolated(&values, (-1.0, 2.0), x) - law(x);
-            assert!(off.abs() < 1e-3, "{x} {off}");
+            // The first and the last gap have a neighbour less.
+            let within = (10..190).contains(&k);
+            assert!(off.abs() < if within { 1e-4 } else { 2e-3 }, "{x} {off}");
         }
         assert_eq!(interpolated(&values, (-1.0, 2.0), -5.0), values[0]);
         assert_eq!(interpolated(&values, (-1.0, 2.0), 5.0), values[POINTS - 1]);

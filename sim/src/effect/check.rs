@@ -2,6 +2,7 @@
 
 use super::error::nearest;
 use super::registry::{ALL, find};
+use super::varying::{self, Typed};
 use super::{EffectError, EffectInfo};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
@@ -71,9 +72,10 @@ impl CheckedEffect {
             let word = w.allowed.get(*i)?;
             Some((w.name.to_owned(), ParameterValue::Word((*word).to_owned())))
         });
+        let trend = self.trend.iter().flat_map(|t| varying::keys(self.info, t));
         PhysicsEntry {
             effect: self.info.id.to_owned(),
-            parameters: number.chain(word).collect(),
+            parameters: number.chain(word).chain(trend).collect(),
         }
     }
 }
@@ -111,6 +113,7 @@ fn check_one(entry: &PhysicsEntry) -> Result<CheckedEffect, EffectError> {
     })?;
     let mut numbers: Vec<Option<f64>> = vec![None; info.parameters.len()];
     let mut words: Vec<Option<usize>> = vec![None; info.words.len()];
+    let mut trend = Typed::default();
     for (name, value) in &entry.parameters {
         if let Some(i) = info.parameter_index(name) {
             let number = number_of(info, i, value)?;
@@ -128,7 +131,7 @@ fn check_one(entry: &PhysicsEntry) -> Result<CheckedEffect, EffectError> {
                     parameter: info.words[i].name,
                 });
             }
-        } else {
+        } else if !trend.take(info, name, value)? {
             let known: Vec<&'static str> = info
                 .parameters
                 .iter()
@@ -176,7 +179,7 @@ fn check_one(entry: &PhysicsEntry) -> Result<CheckedEffect, EffectError> {
         info,
         numbers: final_numbers,
         words: final_words,
-        trend: None,
+        trend: trend.checked(info)?,
         notes,
     })
 }

@@ -8,6 +8,7 @@ use hydroline_inference::fit::Fit;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
+use hydroline_sim::effect::Trend;
 
 use super::found::{Judged, relative};
 use crate::conclude::HELD_OUT;
@@ -338,17 +339,34 @@ impl Judged<'_> {
             }
         }
         let places = body.places(&self.best.terms);
-        for (t, at) in self.best.terms.iter().zip(places) {
+        for (member, t) in self.best.terms.iter().enumerate() {
+            let at = places[member];
             let c = &body.candidates[*t];
-            // How a law varies has no line of its own in a rig file.
+            // How a law varies stands with the effect.
             if self.probability(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }
-            let numbers: Vec<f64> = natural[at..at + c.scales.len()]
-                .iter()
-                .map(|v| v.0)
-                .collect();
-            rig.physics.push(c.checked(&numbers).entry());
+            let numbers = |at: usize, n: usize| -> Vec<f64> {
+                natural[at..at + n].iter().map(|v| v.0).collect()
+            };
+            let mut effect = c.checked(&numbers(at, c.scales.len()));
+            let trend = self
+                .found
+                .problem
+                .dependants(&self.best.terms, member)
+                .next();
+            effect.trend = trend.and_then(|m| {
+                let trend = &body.candidates[self.best.terms[m]];
+                let (along, range) = trend.along?;
+                Some(Trend {
+                    parameter: 0,
+                    nothing: c.nothing,
+                    along,
+                    range,
+                    shares: numbers(places[m], trend.scales.len()),
+                })
+            });
+            rig.physics.push(effect.entry());
         }
     }
 }

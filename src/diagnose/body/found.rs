@@ -22,6 +22,9 @@ pub const LISTED: f64 = 0.05;
 const LEAST: f64 = 0.003;
 /// Explanations listed at most.
 const SETS: usize = 6;
+/// Largest share by which a weight is taken to be larger than it is.
+const MOST_UNSURE: f64 = 0.5;
+
 /// Runs that neither model has seen.
 #[derive(Debug, Clone)]
 pub struct Foretold {
@@ -82,15 +85,14 @@ impl<'a> Judged<'a> {
         let mut groups: Vec<(BTreeSet<usize>, f64)> = Vec::new();
         for (terms, p) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
             let fit = found.models.get(terms)?;
-            let w = problem.weights(fit);
-            let set = mattering(&problem.body.candidates, terms, &w, &problem.body.tolerance);
-            match groups.iter_mut().find(|g| g.0 == set) {
-                Some(g) => g.1 += p,
-                None => groups.push((set, *p)),
-            }
-            weights.insert(terms.clone(), w);
+            weights.insert(terms.clone(), problem.weights(fit));
         }
-        groups.sort_by(|a, b| b.1.total_cmp(&a.1));
+        groups_of(found, posterior, &weights, false, &mut groups);
+        // Something matters: whether what may stand in its place matters as well is asked with its sd.
+        if groups.first().is_some_and(|g| !g.0.is_empty()) {
+            groups.clear();
+            groups_of(found, posterior, &weights, true, &mut groups);
+        }
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
             .then(|| Foretold::new(problem, |fit| problem.one_run_out(fit), alone, best))
@@ -130,6 +132,7 @@ impl<'a> Judged<'a> {
                 &fit.terms,
                 w,
                 &problem.body.tolerance,
+                |_| 0.0,
             )
         };
         self.weights
@@ -213,6 +216,41 @@ impl<'a> Judged<'a> {
         }
         notes
     }
+}
+
+/// Sets of what matters with their probabilities, likeliest first.
+fn groups_of(
+    found: &Found,
+    posterior: &Posterior,
+    weights: &BTreeMap<Vec<usize>, Vec<Rms>>,
+    may: bool,
+    groups: &mut Vec<(BTreeSet<usize>, f64)>,
+) {
+    let body = &found.problem.body;
+    for (terms, p) in &posterior.models {
+        let (Some(fit), Some(w)) = (found.models.get(terms), weights.get(terms)) else {
+            continue;
+        };
+        // As well as the number is known that says how large the effect is.
+        let unsure = |member: usize| {
+            let c = &body.candidates[terms[member]];
+            let at = body.places(terms)[member];
+            let (value, slope) = body.natural(terms, &fit.point)[at];
+            let sd = slope.abs() * fit.covariance[(at, at)].sqrt();
+            let share = (sd / (value - c.nothing)).abs();
+            if may && !c.is_table() && share.is_finite() {
+                share.min(MOST_UNSURE)
+            } else {
+                0.0
+            }
+        };
+        let set = mattering(&body.candidates, terms, w, &body.tolerance, unsure);
+        match groups.iter_mut().find(|g| g.0 == set) {
+            Some(g) => g.1 += p,
+            None => groups.push((set, *p)),
+        }
+    }
+    groups.sort_by(|a, b| b.1.total_cmp(&a.1));
 }
 
 /// Largest weight over the tolerance of its channel.

@@ -19,20 +19,23 @@ const INEXACT: f64 = 0.5;
 /// Share of its largest value from which a force acts somewhere.
 const ACTS: f64 = 0.5;
 
-/// Of a model's members those that matter as a verdict names them: a force without a name stands for its DOF whatever it
+/// Of a model's members those that matter as a verdict names them; `unsure` = share by which a member's weight may be
+/// larger. A force without a name stands for its DOF whatever it
 /// runs along, and how a law varies is no effect of its own.
 pub fn mattering(
     candidates: &[Candidate],
     terms: &[usize],
     weights: &[Rms],
     tolerance: &[f64; 12],
+    unsure: impl Fn(usize) -> f64,
 ) -> BTreeSet<usize> {
     let heavy = terms
         .iter()
         .zip(weights)
-        .filter(|(_, w)| relative(w, tolerance) > 1.0);
+        .enumerate()
+        .filter(|(m, (_, w))| relative(w, tolerance) * (1.0 + unsure(*m)) > 1.0);
     heavy
-        .filter_map(|(t, _)| match candidates[*t].kind {
+        .filter_map(|(_, (t, _))| match candidates[*t].kind {
             Kind::Effect => Some(*t),
             Kind::Force { dof } => {
                 let same = |c: &Candidate| c.kind == Kind::Force { dof };
