@@ -49,6 +49,17 @@ impl Belief {
         gradient: &mut DVector<f64>,
     ) {
         self.add_from(0, point, information, gradient);
+        self.add_tables(point, cells, information, gradient);
+    }
+
+    /// The same of the tables alone.
+    pub fn add_tables(
+        &self,
+        point: &[f64],
+        cells: &Cells,
+        information: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
         for b in &self.blocks {
             b.add(cells.table(b.candidate), point, information, gradient);
         }

@@ -28,6 +28,11 @@ const SEEN: f64 = 1e-6;
 /// Gain in log likelihood that an effect of typical size must promise for a recording to show it.
 const TOLD: f64 = 3.0;
 
+/// Share of the typical size at which a linear law's response is as good as its derivative.
+const SMALL: f64 = 0.01;
+/// On the diagonal of what data alone say: numbers that do the same are one.
+const JITTER: f64 = 1e-10;
+
 /// Channels per run and sample.
 type Motion = Vec<Vec<[f64; 12]>>;
 
@@ -117,7 +122,14 @@ fn minus(mut made: Motion, here: &[Vec<[f64; 12]>]) -> Option<Motion> {
 }
 
 impl Problem {
-    fn view(&self, fit: &Fit, shrink: usize, members: &[Option<Motion>]) -> Option<View> {
+    /// What a model can do by itself; `known` = as far as the prior lets it.
+    fn view(
+        &self,
+        fit: &Fit,
+        shrink: usize,
+        members: &[Option<Motion>],
+        known: bool,
+    ) -> Option<View> {
         let mut misfit = fit.cells.misfit;
         for cell in &mut misfit {
             *cell = Cell {
@@ -130,7 +142,10 @@ impl Problem {
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
         let belief = self.belief(&fit.terms);
-        belief.add(&fit.point, &fit.cells, &mut information, &mut gradient);
+        belief.add_tables(&fit.point, &fit.cells, &mut information, &mut gradient);
+        if known {
+            belief.add_from(0, &fit.point, &mut information, &mut gradient);
+        }
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for &d in &self.body.dofs {
@@ -149,6 +164,11 @@ impl Problem {
                 );
             }
             by_dof.insert(d, filters);
+        }
+        if !known {
+            for i in 0..n {
+                information[(i, i)] = information[(i, i)] * (1.0 + JITTER) + 1e-12;
+            }
         }
         let whole = Left::new(&information, &gradient, (0..n).collect())?;
         let mut made = View {
@@ -214,11 +234,11 @@ impl Problem {
                 minus(self.predicted(&terms, &point), &here)
             })
             .collect();
-        let Some(plain) = self.view(fit, 0, &members) else {
+        let Some(plain) = self.view(fit, 0, &members, true) else {
             return Vec::new();
         };
         let shrunk = if fit.cells.misfit.iter().any(|c| c.size > 0) {
-            self.view(fit, SHRUNK, &members)
+            self.view(fit, SHRUNK, &members, true)
         } else {
             None
         };
@@ -287,20 +307,32 @@ impl Problem {
         all
     }
 
-    /// Candidates whose response at their typical size says less than [`TOLD`] beside a model.
+    /// Candidates whose response at their typical size says less than [`TOLD`] beside a model, whatever is known of the
+    /// vehicle's own numbers beforehand. Where a law is linear its response is taken small and scaled: what a coefficient does
+    /// as well is seen to be that, however large.
     pub fn unseen(&self, fit: &Fit) -> Vec<usize> {
-        let Some(view) = self.view(fit, 0, &[]) else {
+        let Some(view) = self.view(fit, 0, &[], false) else {
             return Vec::new();
         };
         let here = self.predicted(&fit.terms, &fit.point);
         (0..self.body.candidates.len())
             .into_par_iter()
-            .filter(|c| !fit.terms.contains(c) && !self.body.candidates[*c].is_table())
             .filter(|c| {
-                let Some(start) = self.body.candidates[*c].starts.first() else {
+                let candidate = &self.body.candidates[*c];
+                !fit.terms.contains(c) && !candidate.own && !candidate.is_table()
+            })
+            .filter(|c| {
+                let candidate = &self.body.candidates[*c];
+                let Some(start) = candidate.starts.first() else {
                     return false;
                 };
-                let (terms, point) = self.with(fit, *c, start);
+                let share = if candidate.linear.is_empty() {
+                    1.0
+                } else {
+                    SMALL
+                };
+                let numbers = candidate.at_share(start, candidate.stretched(), share);
+                let (terms, point) = self.with(fit, *c, &numbers);
                 let Some(response) = minus(self.predicted(&terms, &point), &here) else {
                     return false;
                 };
@@ -309,7 +341,7 @@ impl Problem {
                 };
                 let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
                 let (part, solved) = view.whole.solve(&p.with_columns);
-                0.5 * (own - part.dot(&solved)) < TOLD
+                0.5 * (own - part.dot(&solved)) < TOLD * share * share
             })
             .collect()
     }

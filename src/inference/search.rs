@@ -252,7 +252,7 @@ impl Search<'_> {
         self.fit(jobs, Effort::default());
     }
 
-    /// DOFs that the best model does not follow, of those that may be given up: all of them, or the search goes on.
+    /// DOFs that the best model does not follow, of those that may be given up; none where nothing would be left to explain.
     fn not_followed(&self) -> Vec<usize> {
         let Some(best) = self.best() else {
             return Vec::new();
@@ -269,7 +269,11 @@ impl Search<'_> {
             above_tolerance(best, *d) >= UNNAMED && worth > FAR_BEYOND * noise
         };
         let may = body.dofs.iter().filter(|d| self.options.may_give_up[**d]);
-        may.copied().filter(far).collect()
+        let found: Vec<usize> = may.copied().filter(far).collect();
+        if found.len() == body.dofs.len() {
+            return Vec::new();
+        }
+        found
     }
 
     /// Whether there is no use in going on.

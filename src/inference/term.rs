@@ -67,6 +67,8 @@ pub struct Candidate {
     pub nothing: f64,
     /// Numbers in which its force is linear, the first among them; none where that one is not.
     pub linear: Vec<usize>,
+    /// It is one of the vehicle's own coefficients by another name.
+    pub own: bool,
 }
 
 impl Candidate {
@@ -261,6 +263,7 @@ pub fn tables(
         along: Some(along),
         scales: vec![Scale::of_table(); POINTS],
         linear: Vec::new(),
+        own: false,
         starts: Vec::new(),
         nothing: 0.0,
     };
@@ -303,10 +306,18 @@ pub fn tables(
 
 /// Rates of all states under effects, where everything moves that may.
 fn rates(on: &[CheckedEffect], ground: &Ground<'_>) -> Option<Vec<f64>> {
-    let effects = EffectStack::assemble(on, |_, _, v| v).ok()?;
+    rates_of(Hydrodynamics::new(ground.vehicle), on, ground)
+}
+
+/// The same of another hull.
+fn rates_of(
+    hydrodynamics: Hydrodynamics<f64>,
+    on: &[CheckedEffect],
+    ground: &Ground<'_>,
+) -> Option<Vec<f64>> {
     let model = Model {
-        hydrodynamics: Hydrodynamics::new(ground.vehicle),
-        effects,
+        hydrodynamics,
+        effects: EffectStack::assemble(on, |_, _, v| v).ok()?,
     };
     let beside = Given {
         companions: [0.2, -0.15, 9.0, 0.03].map(|v| Some(Curve::constant(v))),
@@ -350,8 +361,10 @@ impl Candidate {
             info,
             words,
             linear: Vec::new(),
+            own: false,
         };
         made.linear = made.linear_numbers(ground);
+        made.own = made.is_own(ground);
         if info.parameters.first().is_some_and(|p| p.bounds_load) {
             let dof = made
                 .word("dof")
@@ -438,6 +451,36 @@ impl Candidate {
                     off < 1e-9 * share.abs() * largest
                 })
             })
+    }
+
+    /// Whether its force is always that of one of the vehicle's own coefficients: no recording tells them apart.
+    fn is_own(&self, ground: &Ground<'_>) -> bool {
+        let Some((start, none)) = self.starts.first().zip(rates(&[], ground)) else {
+            return false;
+        };
+        let does = |made: Option<Vec<f64>>| -> Option<Vec<f64>> {
+            Some(made?.iter().zip(&none).map(|(a, b)| a - b).collect())
+        };
+        let Some(this) = does(rates(&[self.checked(start)], ground)) else {
+            return false;
+        };
+        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let alike = |other: Vec<f64>| {
+            let (both, size) = (dot(&this, &other), dot(&this, &this) * dot(&other, &other));
+            size > 0.0 && both * both > (1.0 - 1e-9) * size
+        };
+        (0..6).any(|d| {
+            [0, 1].into_iter().any(|power| {
+                let mut hull = Hydrodynamics::new(ground.vehicle);
+                let place = if power == 0 {
+                    &mut hull.linear
+                } else {
+                    &mut hull.quadratic
+                };
+                place[d] -= 1.0;
+                does(rates_of(hull, &[], ground)).is_some_and(alike)
+            })
+        })
     }
 
     fn linear_numbers(&self, ground: &Ground<'_>) -> Vec<usize> {
@@ -596,6 +639,9 @@ mod tests {
             assert_eq!(linear(one), [0], "{one}");
         }
         assert_eq!(linear("fin_force surge rudder"), [0, 1]);
+        let own = |name: &str| all.iter().any(|c| c.name() == name && c.own);
+        assert!(own("linear_damping roll") && own("quadratic_damping surge"));
+        assert!(!own("lift_damping roll") && !own("cubic_damping roll"));
         for none in [
             "thruster_lag surge",
             "thruster_deadband surge",

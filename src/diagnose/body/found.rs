@@ -83,7 +83,7 @@ impl<'a> Judged<'a> {
         let problem = &found.problem;
         let mut weights = BTreeMap::new();
         let mut groups: Vec<(BTreeSet<usize>, f64)> = Vec::new();
-        for (terms, p) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
+        for (terms, _) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
             let fit = found.models.get(terms)?;
             weights.insert(terms.clone(), problem.weights(fit));
         }

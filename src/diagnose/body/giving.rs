@@ -45,10 +45,8 @@ impl Asking<'_> {
         given: &[usize],
     ) -> Result<Found, DiagnoseError> {
         let driven = recording.driven();
-        // Something that was commanded has to be left to explain.
-        let remains = dofs.iter().any(|d| driven.contains(d));
         let options = Options {
-            may_give_up: std::array::from_fn(|d| remains && !driven.contains(&d)),
+            may_give_up: std::array::from_fn(|d| !driven.contains(&d)),
             ..Options::default()
         };
         let found = self.search(dofs, given, options)?;
