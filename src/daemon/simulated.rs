@@ -107,7 +107,7 @@ pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
         p_radps: p,
         q_radps: q,
         r_radps: r,
-        covariance: Vec::new(),
+        ..VehicleMotion::default()
     }
 }
 

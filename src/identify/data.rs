@@ -1,11 +1,13 @@
 //! Runs: commands and measured motion of one log, in plain numbers.
 
+mod companion;
 mod load;
 mod still;
 mod vehicle;
 
 use hydroline_numerics::statistics::median;
 
+pub use companion::{COMPANIONS, Companions};
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise};
 pub use vehicle::{check_vehicle, differences};
@@ -57,6 +59,8 @@ pub struct Run {
     pub commands: Vec<Command>,
     /// Strictly ascending in time.
     pub samples: Vec<Sample>,
+    /// What was measured beside the motion; it drives and is not explained.
+    pub companions: Companions,
     /// Every thruster command carried its pulse: loads come from the rig's curves, not from the log.
     pub from_pulses: bool,
     /// Noise that the log carries from a stretch at rest; used where no run at rest is given itself.

@@ -338,6 +338,7 @@ impl<'a> Writer<'a> {
             q_radps: value(10),
             r_radps: value(11),
             covariance: self.covariance.clone(),
+            ..pb::VehicleMotion::default()
         }
     }
 }

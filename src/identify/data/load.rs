@@ -170,6 +170,8 @@ pub fn load_messages(
             continue;
         }
         last_ns = Some(ns);
+        run.companions
+            .push(since_s(ns), companions(message, &mut not_finite));
         let sample = sample(message, since_s(ns), &mut not_finite);
         if sample.values.iter().any(|v| v.is_finite()) {
             run.samples.push(sample);
@@ -273,14 +275,25 @@ pub(super) fn values(m: &pb::VehicleMotion) -> [Option<f64>; 12] {
 }
 
 fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
-    let given = values(m);
-    *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
-    let values = given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN));
     Sample {
         t_s,
-        values,
+        values: finite(values(m), not_finite),
         covariance: covariance(m),
     }
+}
+
+/// What was measured beside the motion, in the order of [`super::COMPANIONS`].
+fn companions(m: &pb::VehicleMotion, not_finite: &mut usize) -> [f64; 4] {
+    finite(
+        [m.rudder_rad, m.elevator_rad, m.shaft_radps, m.wave_m],
+        not_finite,
+    )
+}
+
+/// NaN for what was not measured; counts what is no number.
+fn finite<const N: usize>(given: [Option<f64>; N], not_finite: &mut usize) -> [f64; N] {
+    *not_finite += given.iter().flatten().filter(|v| !v.is_finite()).count();
+    given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN))
 }
 
 /// The pose's covariance as sent; `None` = none, or no matrix of numbers.
@@ -442,6 +455,26 @@ mod tests {
             run.commands
         );
         assert!(run.notes[0].contains("differs"), "{:?}", run.notes);
+    }
+
+    #[test]
+    fn what_was_measured_beside_the_motion_comes_along() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let beside = |ns: u64, rudder_rad: Option<f64>| pb::VehicleMotion {
+            rudder_rad,
+            ..motion(ns, 0.1)
+        };
+        let alone = pb::VehicleMotion {
+            x_m: None,
+            ..beside(T0 + 80_000_000, Some(0.2))
+        };
+        let all = [beside(T0, Some(0.1)), motion(T0 + 40_000_000, 0.2), alone];
+        let run = load_messages("a", &[], &all, &rig).unwrap();
+        assert_eq!(run.samples.len(), 2, "a rudder alone is no motion");
+        assert_eq!(run.companions.times_s.len(), 2);
+        assert!((run.companions.times_s[1] - 0.08).abs() < 1e-12);
+        assert_eq!(run.companions.measured(0).1, [0.1, 0.2]);
+        assert!(run.companions.measured(1).0.is_empty());
     }
 
     #[test]

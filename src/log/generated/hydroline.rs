@@ -59,6 +59,20 @@ pub struct VehicleMotion {
     /// 6x6 row-major of (x y z phi theta psi), SI; empty = not known
     #[prost(double, repeated, tag = "32")]
     pub covariance: ::prost::alloc::vec::Vec<f64>,
+    /// Measured beside the motion; signs as the maker has them.
+    ///
+    /// rudder angle
+    #[prost(double, optional, tag = "33")]
+    pub rudder_rad: ::core::option::Option<f64>,
+    /// angle of elevator or fins
+    #[prost(double, optional, tag = "34")]
+    pub elevator_rad: ::core::option::Option<f64>,
+    /// shaft speed
+    #[prost(double, optional, tag = "35")]
+    pub shaft_radps: ::core::option::Option<f64>,
+    /// height of the water's surface
+    #[prost(double, optional, tag = "36")]
+    pub wave_m: ::core::option::Option<f64>,
 }
 /// What is known about a frame apart from its pixels; same timestamp as its /camera/image.
 #[derive(Clone, PartialEq, ::prost::Message)]
