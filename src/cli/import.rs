@@ -21,6 +21,7 @@ MAP.toml says which column is what; everything but one channel or command and th
   [motion.phi_rad]  column = \"roll\" (or its number)  nth = 2 (of one name)  unit = \"deg\"  sign = -1  scale = 1
                     offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)  missing_value = 0
                     value = 0.8 without column: a constant; u_mps v_mps w_mps: frame = \"body\" (tank)
+                    beside the channels: rudder_rad elevator_rad shaft_radps wave_m
   [quaternion]      columns = [\"qx\", \"qy\", \"qz\", \"qw\"]  order = \"xyzw\" (wxyz)  axes = \"z_down\" (z_up)
   [[command]]       thruster = \"surge\"  column = \"u\"  unit = \"N\" (us: a pulse, by the curve of --rig)
                     scale = 35.15  offset = 0.0  between = \"hold\" (linear)  missing = \"fault\" (skip hold)

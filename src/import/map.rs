@@ -8,6 +8,7 @@ use std::fmt;
 use std::path::Path;
 
 use hydroline_identify::data::CHANNELS;
+pub use hydroline_identify::data::COMPANIONS;
 
 pub(crate) use check::dimension;
 pub use error::MapError;
@@ -255,9 +256,6 @@ pub struct Map {
     /// Loads.
     pub commands: Vec<CommandMap>,
 }
-
-/// What is recorded beside the motion: angles of rudder and elevator, speed of a shaft, height of the water.
-pub const COMPANIONS: [&str; 0] = [];
 
 /// Number of channels and companions.
 pub const PLACES: usize = 12 + COMPANIONS.len();

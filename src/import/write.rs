@@ -338,7 +338,10 @@ impl<'a> Writer<'a> {
             q_radps: value(10),
             r_radps: value(11),
             covariance: self.covariance.clone(),
-            ..pb::VehicleMotion::default()
+            rudder_rad: value(12),
+            elevator_rad: value(13),
+            shaft_radps: value(14),
+            wave_m: value(15),
         }
     }
 }

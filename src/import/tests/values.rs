@@ -409,6 +409,37 @@ fn maps_that_contradict_themselves_say_where() {
     }
 }
 
+#[test]
+fn companions_stand_beside_the_motion() {
+    let text: String = "t,x,rudder [deg],n [rpm]\n".to_owned()
+        + &(0..50)
+            .map(|k| {
+                format!(
+                    "{:.2},{:.3},{},{}\n",
+                    0.04 * k as f64,
+                    0.01 * k as f64,
+                    2 * (k % 9),
+                    60 + k
+                )
+            })
+            .collect::<String>();
+    let toml = "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n[motion.rudder_rad]\ncolumn = \"rudder [deg]\"\nunit = \"deg\"\n[motion.shaft_radps]\ncolumn = 4\nunit = \"rpm\"\n";
+    let map = Map::from_toml(toml, "m").unwrap();
+    let data = read(&text, &map);
+    assert!(!data.has_faults(), "{:?}", data.findings);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("o.mcap");
+    import(&data, &map, "", &out, accept(false)).unwrap();
+    let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
+    let run = hydroline_identify::data::load(&out, &rig).unwrap();
+    let (times_s, rudder) = run.companions.measured(0);
+    assert_eq!(times_s.len(), 50);
+    assert!((rudder[4] - 8f64.to_radians()).abs() < 1e-12);
+    assert!((run.companions.measured(2).1[0] - std::f64::consts::TAU).abs() < 1e-12);
+    let guessed = guess(text.as_bytes()).unwrap().unwrap().toml;
+    assert!(guessed.contains("[motion.rudder_rad]"), "{guessed}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
