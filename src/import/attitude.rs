@@ -8,7 +8,7 @@ const LENGTH_TOLERANCE: f64 = 0.01;
 /// φ, θ, ψ of a quaternion body to tank, order ZYX (Fossen 2011, eq. 2.75 ff.); `None` = its length is not 1.
 pub(crate) fn euler([w, x, y, z]: [f64; 4], axes: Axes) -> Option<[f64; 3]> {
     let length = (w * w + x * x + y * y + z * z).sqrt();
-    if !((length - 1.0).abs() <= LENGTH_TOLERANCE) {
+    if length.is_nan() || (length - 1.0).abs() > LENGTH_TOLERANCE {
         return None;
     }
     let [w, x, y, z] = [w, x, y, z].map(|v| v / length);

@@ -77,7 +77,7 @@ impl Checker<'_> {
         {
             return self.bad(
                 format!("motion.{}", place_name(c.place)),
-                &c.origin.words(),
+                c.origin.words(),
                 "[quaternion] gives all three angles: map one of the two",
             );
         }

@@ -276,6 +276,28 @@ fn guessed_maps_are_right_without_an_edit() {
     }
 }
 
+/// What is a fault in lost or spoilt data is none in sound recordings of real instruments.
+#[test]
+fn real_recordings_are_sound() {
+    let roll = "[time]\ncolumn = \"time\"\nunit = \"s\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
+    let drive = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n[motion.u_mps]\ncolumn = \"v_est\"\nunit = \"m/s\"\n[[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\n";
+    // Notes before, a degree sign in Latin-1, no names, runs of blanks.
+    let zigzag = "[file]\nseparator = \"blanks\"\nheader = false\nfirst_line = 5\nencoding = \"latin1\"\n[time]\ncolumn = 1\nunit = \"s\"\n[motion.x_m]\ncolumn = 2\nunit = \"m\"\n[motion.u_mps]\ncolumn = 5\nunit = \"m/s\"\n";
+    for (file, toml) in [
+        (
+            "cases/real/hsva-zigzag/HSVA_CPMC_KVLCC2_Z_10_05.dat",
+            zigzag,
+        ),
+        ("cases/real/roll-decay/model_test_21338.csv", roll),
+        ("cases/real/emps/DATA_EMPS_SC.csv", drive),
+    ] {
+        let Some(path) = super::inputs::input(file) else {
+            continue;
+        };
+        assert!(!read(&path, toml).has_faults(), "{file}");
+    }
+}
+
 /// Memory and time of a large table: `HYDROLINE_TABLE` names one with columns t x y z roll pitch yaw F.
 #[test]
 #[ignore = "needs a large table"]
