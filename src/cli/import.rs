@@ -1,23 +1,33 @@
 //! `hydroline import`: a table recorded by something else becomes a log.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
-use hydroline_import::{Map, Options, Severity, import, read_for};
-use hydroline_rigs::bounded;
+use hydroline_import::guess::guess;
+use hydroline_import::{Map, Options, Severity, TableFile, import_table, survey};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-MAP.toml says which column is what; everything but [time] and one channel is optional:
-  [file]            separator = \",\"   decimal = \".\"
-  [time]            column = \"t\"  unit = \"s\" (ms us ns iso8601)  clock = \"relative\" (unix)
+MAP.toml says which column is what; everything but one channel or command and the time is optional:
+  [file]            separator = \",\" (\"\\t\" \";\" \"blanks\")  decimal = \".\"  encoding = \"utf-8\" (utf-16 latin1)
+                    comment = \"#\"  header_line = 4  units_line = 5  first_line, last_line  header = false
+  [time]            column = \"t\"  unit = \"s\" (ms us ns min h d spreadsheet_days matlab_days iso8601)
+                    columns = [\"Date\", \"Time\"]  format = \"%d.%m.%Y %H:%M:%S%.f\";  columns = [1, 2]  unit = [\"s\", \"ns\"]
+                    rate_hz = 100: rows without time, a frame column without unit, or rounded stamps put back
+                    unwrap = 32 (bits of a counter)  clock = \"relative\" (unix)  start_unix_s
                     from_s, to_s: only these rows; compare_column, compare_unit: a second clock
-  [motion.phi_rad]  column = \"roll\"  unit = \"deg\"  sign = -1  offset = 0.0  sd = 0.001
-  [[command]]       thruster = \"surge\"  column = \"u\"  scale = 35.15  between = \"hold\" (linear)
+  [motion.phi_rad]  column = \"roll\" (or its number)  nth = 2 (of one name)  unit = \"deg\"  sign = -1  scale = 1
+                    offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)  missing_value = 0
+                    value = 0.8 without column: a constant; u_mps v_mps w_mps: frame = \"body\" (tank)
+                    beside the channels: rudder_rad elevator_rad shaft_radps wave_m
+  [quaternion]      columns = [\"qx\", \"qy\", \"qz\", \"qw\"]  order = \"xyzw\" (wxyz)  axes = \"z_down\" (z_up)
+  [[command]]       thruster = \"surge\"  column = \"u\"  unit = \"N\" (us: a pulse, by the curve of --rig)
+                    scale = 35.15  offset = 0.0  between = \"hold\" (linear)  missing = \"fault\" (skip hold)
 
 Examples:
+  hydroline import --guess mocap.csv > mocap.toml
   hydroline import mocap.csv --map mocap.toml --out run.mcap
   hydroline import mocap.csv --map mocap.toml --rig my.toml --out run.mcap --accept-faults
 
@@ -28,15 +38,18 @@ pub struct Args {
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
     /// What its columns are
-    #[arg(long, value_name = "MAP.toml")]
-    map: PathBuf,
+    #[arg(long, value_name = "MAP.toml", required_unless_present = "guess")]
+    map: Option<PathBuf>,
     /// Log to write
-    #[arg(long, value_name = "LOG.mcap")]
-    out: PathBuf,
+    #[arg(long, value_name = "LOG.mcap", required_unless_present = "guess")]
+    out: Option<PathBuf>,
+    /// Prints a map for the table instead: to stdout, with what it is not sure of as comments; remarks to stderr
+    #[arg(long, conflicts_with_all = ["map", "out", "accept_faults", "rig", "json"])]
+    guess: bool,
     /// Imports what is sound although there are faults; what is left out is counted (exit code 3)
     #[arg(long)]
     accept_faults: bool,
-    /// Rig file or built-in name: names and sizes of the commands are held against it
+    /// Rig file or built-in name: names and sizes of the commands are held against it, pulses go through its curves
     #[arg(long, value_name = "RIG")]
     rig: Option<String>,
     /// Prints the findings as one JSON object
@@ -44,22 +57,40 @@ pub struct Args {
     json: bool,
 }
 
+fn open(path: &Path) -> Result<TableFile, CliError> {
+    TableFile::open(path).map_err(|e| CliError::reading(path, &e, "name a table (CSV)"))
+}
+
+/// Prints the map of a table.
+fn guess_map(path: &Path) -> Result<Outcome, CliError> {
+    let found = guess(&open(path)?)
+        .map_err(|e| CliError::reading(path, &e, "name a table (CSV)"))?
+        .map_err(|why| CliError::Config(format!("{}: {why}", path.display())))?;
+    for remark in &found.remarks {
+        errln!("{remark}");
+    }
+    outln!("{}", found.toml.trim_end());
+    Ok(Outcome::Done)
+}
+
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
-    let map = Map::load(&args.map)?;
-    let map_text = inputs::text(&args.map, "check the path")?;
-    inputs::new_file("--out", &args.out)?;
-    let bytes = bounded::read_table(&args.data)
-        .map_err(|e| CliError::reading(&args.data, &e, "name a table (CSV)"))?;
-    let text = String::from_utf8(bytes).map_err(|e| {
-        CliError::Config(format!(
-            "{}: byte {} is not UTF-8; export the table as UTF-8 text",
-            args.data.display(),
-            e.utf8_error().valid_up_to()
-        ))
-    })?;
+    let data = &args.data;
+    if args.guess {
+        return guess_map(data);
+    }
+    let (Some(map_path), Some(out)) = (&args.map, &args.out) else {
+        return Err(CliError::Config(
+            "give --map and --out, or --guess for a map".to_owned(),
+        ));
+    };
+    let map = Map::load(map_path)?;
+    let map_text = inputs::text(map_path, "check the path")?;
+    inputs::new_file("--out", out)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
-    let data = read_for(&text, &map, rig.as_ref());
-    for f in &data.findings {
+    let table = open(data)?;
+    let found = survey(&table, &map, rig.as_ref())
+        .map_err(|e| CliError::reading(data, &e, "name a table (CSV)"))?;
+    for f in &found.findings {
         let word = match f.severity {
             Severity::Info => "info",
             Severity::Warning => "WARNING",
@@ -71,22 +102,22 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         accept_faults: args.accept_faults,
         build,
     };
-    let result = import(&data, &map, &map_text, &args.out, options);
+    let result = import_table(&table, &found, &map, &map_text, rig.as_ref(), out, options);
     if args.json {
         let findings = serde_json::json!({
             "written": result.is_ok(),
             "samples": result.as_ref().ok().map(|o| o.samples),
             "commands": result.as_ref().ok().map(|o| o.commands),
             "lost": result.as_ref().ok().map(|o| o.lost),
-            "findings": data.findings,
+            "findings": found.findings,
         });
         outln!("{findings}");
     }
-    let outcome = result.map_err(|e| CliError::from(e).about(&args.data))?;
+    let outcome = result.map_err(|e| CliError::from(e).about(data))?;
     if !args.json {
         outln!(
             "{}: {} motion samples, {} commands",
-            args.out.display(),
+            out.display(),
             outcome.samples,
             outcome.commands
         );
@@ -100,7 +131,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             );
         }
     }
-    Ok(if data.has_faults() || outcome.lost.total() > 0 {
+    Ok(if found.has_faults() || outcome.lost.total() > 0 {
         Outcome::Lossy
     } else {
         Outcome::Done

@@ -97,7 +97,9 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         start_ns: first,
         lines: (1..=rows as u64).collect(),
         motion: std::array::from_fn(|c| {
-            let column: Vec<f64> = records.motion.iter().map(|m| m.1[c]).collect();
+            // Companions are not looked at here.
+            let of = |m: &(u64, [f64; 12])| m.1.get(c).copied().unwrap_or(f64::NAN);
+            let column: Vec<f64> = records.motion.iter().map(of).collect();
             if column.iter().any(|v| v.is_finite()) {
                 column
             } else {

@@ -1,19 +1,34 @@
 //! Motion and commands recorded by something else: a table and a map become a log.
 //!
-//! `map` (what which column means) -> `table` (cells, with their line numbers) -> `check`
-//! (findings) -> `write` (the log). Nothing is mended on the way: what is wrong is a finding;
-//! faults stop the import unless the caller accepts the loss, and then every lost value is counted.
+//! `map` (what which column means) -> `layout` (where names and data stand) -> `rows` (cells, with the
+//! lines that an editor shows) -> `table` (samples in SI) -> `check` (findings) -> `write` (the log).
+//! A table is read twice and never kept: once for the findings, once for the log. Nothing is mended on
+//! the way: what is wrong is a finding; faults stop the import unless the caller accepts the loss, and
+//! then every lost value is counted.
 
+mod attitude;
+mod cells;
 pub mod check;
+mod clock;
+pub mod guess;
+mod layout;
 mod map;
+mod number;
+mod rows;
+mod source;
 mod stamp;
+mod survey;
 mod table;
+mod text;
+pub mod unit;
 mod write;
 
 pub use check::{Finding, Severity};
-pub use map::{Between, ChannelMap, CommandMap, Map, MapError};
-pub use table::{Imported, Table};
-pub use write::{ImportError, ImportOutcome, Lost, Options, import};
+pub use map::{Map, MapError};
+pub use source::{Source, TableFile};
+pub use survey::{Survey, read_table, survey};
+pub use table::Imported;
+pub use write::{ImportError, ImportOutcome, Lost, Options, import, import_table};
 
 /// Reads a table's text with a map; never fails: everything wrong is in the findings.
 pub fn read(text: &str, map: &Map) -> Imported {
@@ -22,11 +37,10 @@ pub fn read(text: &str, map: &Map) -> Imported {
 
 /// The same, with commands held against the rig they are meant for.
 pub fn read_for(text: &str, map: &Map, rig: Option<&hydroline_rigs::Rig>) -> Imported {
-    let (table, mut findings) = table::cells(text, map);
-    let mut imported = table::convert(&table, map, &mut findings);
-    check::check(&imported, map, rig, &mut findings);
-    imported.findings = findings;
-    imported
+    read_table(text.as_bytes(), map, rig).unwrap_or_else(|error| Imported {
+        findings: vec![Finding::fault("unreadable", None, error.to_string())],
+        ..Imported::default()
+    })
 }
 
 #[cfg(test)]

@@ -1,15 +1,75 @@
-//! `MAP.toml`: which column is what, in which unit.
+//! `MAP.toml`: which column is what, in which unit. As typed ([`raw`]) and checked ([`Map`]).
 
-use std::collections::BTreeMap;
+mod check;
+mod error;
+mod raw;
+
+use std::fmt;
 use std::path::Path;
 
-use serde::Deserialize;
-
 use hydroline_identify::data::CHANNELS;
+pub use hydroline_identify::data::COMPANIONS;
+
+pub(crate) use check::dimension;
+pub use error::MapError;
+
+/// A column of the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Column {
+    /// From 1.
+    Number(usize),
+    /// By its header; the `nth` (from 1) of those that have the same one.
+    Name {
+        /// As the header has it.
+        name: String,
+        /// `None` = it stands there once.
+        nth: Option<usize>,
+    },
+}
+
+impl fmt::Display for Column {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Column::Number(n) => write!(f, "{n}"),
+            Column::Name { name, nth: None } => write!(f, "{name}"),
+            Column::Name { name, nth: Some(n) } => write!(f, "{name} (no. {n})"),
+        }
+    }
+}
+
+/// Where the values of a channel or command come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Origin {
+    /// A column.
+    Column(Column),
+    /// One value for all rows, in the unit of the map: the file does not hold it.
+    Value(f64),
+}
+
+impl Origin {
+    /// The column's name for messages.
+    pub(crate) fn words(&self) -> String {
+        match self {
+            Origin::Column(c) => format!("column '{c}'"),
+            Origin::Value(v) => format!("value {v} of the map"),
+        }
+    }
+}
+
+/// What an empty or NaN cell means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Missing {
+    /// Something was lost.
+    #[default]
+    Fault,
+    /// Nothing was measured in this row.
+    Skip,
+    /// The value before still holds.
+    Hold,
+}
 
 /// Between samples of a command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Default)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Between {
     /// The last value holds.
     #[default]
@@ -18,156 +78,196 @@ pub enum Between {
     Linear,
 }
 
-/// One measured channel.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// One measured channel or companion.
+#[derive(Debug, Clone, PartialEq)]
 pub struct ChannelMap {
-    /// Column by its header.
-    pub column: String,
-    /// `m`, `cm`, `mm`, `rad`, `deg`, and per second `m/s`, `mm/s`, `rad/s`, `deg/s`.
-    pub unit: String,
-    /// 1 or -1.
-    #[serde(default = "one")]
-    pub sign: f64,
-    /// Added after unit and sign, SI.
-    #[serde(default)]
+    /// Place in [`PLACES`].
+    pub place: usize,
+    /// Column or constant.
+    pub origin: Origin,
+    /// The unit's name.
+    pub unit: &'static str,
+    /// SI per unit of the column: unit, sign and scale.
+    pub factor: f64,
+    /// Added after the factor, SI.
     pub offset: f64,
-    /// Standard deviation of the instrument, SI; left out = not known.
-    #[serde(default)]
+    /// Standard deviation of the instrument, SI; `None` = not known.
     pub sd: Option<f64>,
+    /// What an empty cell means.
+    pub missing: Missing,
+    /// A number that stands for an empty cell.
+    pub missing_value: Option<f64>,
+    /// A velocity along the tank's axes, to be turned into the body's.
+    pub in_tank: bool,
 }
 
 /// One commanded load.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CommandMap {
     /// Thruster of the rig, or `surge` .. `yaw`.
     pub thruster: String,
-    /// Column by its header.
-    pub column: String,
-    /// Newtons (newton metres) per unit of the column.
-    #[serde(default = "one")]
-    pub scale: f64,
-    /// Added after the scale \[N, N m\].
-    #[serde(default)]
+    /// Column or constant.
+    pub origin: Origin,
+    /// Newtons (newton metres, or microseconds of pulse) per unit of the column.
+    pub factor: f64,
+    /// Added after the factor \[N, N m, us\].
     pub offset: f64,
+    /// The column is a pulse width: the rig's curve says what thrust it makes.
+    pub pulse: bool,
     /// Between samples.
-    #[serde(default)]
     pub between: Between,
+    /// What an empty cell means.
+    pub missing: Missing,
+    /// A number that stands for an empty cell.
+    pub missing_value: Option<f64>,
 }
 
-/// The time column.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// How a file's axes lie; the body's as the tank's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Axes {
+    /// x forward, y to starboard, z down: ours.
+    #[default]
+    ZDown,
+    /// x forward, y to port, z up: ROS, most motion capture.
+    ZUp,
+    /// x forward, y up, z to starboard: Motive, computer graphics.
+    YUp,
+}
+
+/// Orientation as a unit quaternion, body to tank.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QuaternionMap {
+    /// Columns of w, x, y, z in this order, whatever the file's.
+    pub wxyz: [Column; 4],
+    /// The file's axes.
+    pub axes: Axes,
+    /// What an empty cell means.
+    pub missing: Missing,
+    /// A number that stands for an empty cell.
+    pub missing_value: Option<f64>,
+}
+
+/// How a row's time is written.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TimeSource {
+    /// Not at all: rows come at a rate.
+    Rows,
+    /// A counter of frames at a rate.
+    Frames(Column),
+    /// Numbers, to be added: (column, nanoseconds per unit).
+    Numbers(Vec<(Column, i128)>),
+    /// ISO 8601, in one column or in date and time.
+    Iso(Vec<Column>),
+    /// A pattern as of `strftime`, over one column or several joined by a blank.
+    Pattern(Vec<Column>, String),
+}
+
+/// The time of a row.
+#[derive(Debug, Clone, PartialEq)]
 pub struct TimeMap {
-    /// Column by its header.
-    pub column: String,
-    /// `s`, `ms`, `us`, `ns`, or `iso8601`.
+    /// Where it comes from.
+    pub source: TimeSource,
+    /// What it is called in messages.
     pub unit: String,
-    /// `relative` (any zero) or `unix`.
-    #[serde(default = "relative")]
-    pub clock: String,
+    /// Rows per second: what makes the time, or puts rounded stamps back.
+    pub rate_hz: Option<f64>,
+    /// The counter starts again from 0 after so many bits.
+    pub unwrap_bits: Option<u32>,
+    /// Stamps are UNIX time, after this is added \[ns\].
+    pub unix: bool,
+    /// From the file's zero to 1970 \[ns\]: spreadsheets and MATLAB count days from elsewhere.
+    pub epoch_ns: i128,
     /// UNIX time of zero for a relative clock \[s\].
-    #[serde(default)]
     pub start_unix_s: Option<f64>,
     /// Only rows from here on \[s after the first row\].
-    #[serde(default)]
     pub from_s: Option<f64>,
     /// Only rows up to here \[s after the first row\].
-    #[serde(default)]
     pub to_s: Option<f64>,
-    /// A second clock in the same rows, to measure drift.
-    #[serde(default)]
-    pub compare_column: Option<String>,
-    /// Unit of the second clock.
-    #[serde(default)]
-    pub compare_unit: Option<String>,
+    /// A second clock in the same rows, to measure drift, and its seconds per unit.
+    pub compare: Option<(Column, f64)>,
 }
 
-/// How the file is written.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FileMap {
-    /// Between cells: one character.
-    #[serde(default = "comma")]
-    pub separator: char,
-    /// `.` or `,`.
-    #[serde(default = "point")]
-    pub decimal: char,
+/// Between cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Separator {
+    /// One character.
+    Byte(u8),
+    /// Runs of blanks and tabs.
+    Blanks,
 }
 
-impl Default for FileMap {
-    fn default() -> Self {
-        FileMap {
-            separator: ',',
-            decimal: '.',
+impl fmt::Display for Separator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Separator::Byte(b'\t') => write!(f, "\\t"),
+            Separator::Byte(b) => write!(f, "{}", char::from(*b)),
+            Separator::Blanks => write!(f, "blanks"),
         }
     }
 }
 
+/// How characters are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// UTF-8.
+    Utf8,
+    /// UTF-16, least byte first.
+    Utf16Le,
+    /// UTF-16, most significant byte first.
+    Utf16Be,
+    /// ISO 8859-1, with Windows' own characters in the controls' place.
+    Latin1,
+}
+
+/// How the file is written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileMap {
+    /// Between cells; `None` = a comma, or what a first line `sep=` says.
+    pub separator: Option<Separator>,
+    /// `.` or `,`.
+    pub decimal: char,
+    /// `None` = as the byte order mark says, else UTF-8.
+    pub encoding: Option<Encoding>,
+    /// Lines that begin so are none of the table.
+    pub comment: Option<String>,
+    /// Whether a line names the columns.
+    pub header: bool,
+    /// Line of the names; `None` = the first of the table.
+    pub header_line: Option<u64>,
+    /// Line of the units.
+    pub units_line: Option<u64>,
+    /// First line of data; `None` = after names and units.
+    pub first_line: Option<u64>,
+    /// Last line of data; `None` = to the end.
+    pub last_line: Option<u64>,
+}
+
 /// A checked map.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Map {
     /// How the file is written.
-    #[serde(default)]
     pub file: FileMap,
     /// Time.
     pub time: TimeMap,
-    /// Channels by their name in `/vehicle/motion` (`x_m` .. `r_radps`).
-    #[serde(default)]
-    pub motion: BTreeMap<String, ChannelMap>,
+    /// Measured channels and companions, by place.
+    pub channels: Vec<ChannelMap>,
+    /// Orientation, where it is a quaternion.
+    pub quaternion: Option<QuaternionMap>,
     /// Loads.
-    #[serde(default, rename = "command")]
     pub commands: Vec<CommandMap>,
 }
 
-fn one() -> f64 {
-    1.0
-}
-fn relative() -> String {
-    "relative".to_owned()
-}
-fn comma() -> char {
-    ','
-}
-fn point() -> char {
-    '.'
-}
+/// Number of channels and companions.
+pub const PLACES: usize = 12 + COMPANIONS.len();
 
-/// What is wrong with a map.
-#[derive(Debug, thiserror::Error)]
-pub enum MapError {
-    /// The file.
-    #[error("{path}: {source}; check the path and permissions")]
-    Unreadable {
-        /// Path.
-        path: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// TOML or its keys.
-    #[error(
-        "{file}: {source}\nhydroline import --help shows a map; mend the line, or give another --map"
-    )]
-    Toml {
-        /// File.
-        file: String,
-        /// Where and what.
-        source: Box<toml::de::Error>,
-    },
-    /// A value.
-    #[error("{file}: {key} is {value}; {allowed}")]
-    Value {
-        /// File.
-        file: String,
-        /// Key.
-        key: String,
-        /// As given.
-        value: String,
-        /// What it may be.
-        allowed: String,
-    },
+/// Name of a place.
+pub fn place_name(place: usize) -> &'static str {
+    CHANNELS
+        .iter()
+        .chain(&COMPANIONS)
+        .nth(place)
+        .copied()
+        .unwrap_or("?")
 }
 
 impl Map {
@@ -190,154 +290,32 @@ impl Map {
     /// # Errors
     /// [`MapError`].
     pub fn from_toml(text: &str, file: &str) -> Result<Map, MapError> {
-        let map: Map = toml::from_str(text).map_err(|e| MapError::Toml {
+        let raw: raw::RawMap = toml::from_str(text).map_err(|e| MapError::Toml {
             file: file.to_owned(),
             source: Box::new(e),
         })?;
-        let bad = |key: String, value: &str, allowed: String| {
-            Err(MapError::Value {
-                file: file.to_owned(),
-                key,
-                value: format!("'{value}'"),
-                allowed,
-            })
-        };
-        if time_unit_s(&map.time.unit).is_none() && map.time.unit != "iso8601" {
-            return bad(
-                "time.unit".into(),
-                &map.time.unit,
-                "it must be s, ms, us, ns or iso8601".into(),
-            );
-        }
-        if let Some(unit) = map
-            .time
-            .compare_unit
-            .as_ref()
-            .filter(|u| time_unit_s(u).is_none())
-        {
-            return bad(
-                "time.compare_unit".into(),
-                unit,
-                "it must be s, ms, us or ns".into(),
-            );
-        }
-        if !matches!(map.time.clock.as_str(), "relative" | "unix") {
-            return bad(
-                "time.clock".into(),
-                &map.time.clock,
-                "it must be relative or unix".into(),
-            );
-        }
-        if !map.file.separator.is_ascii()
-            || !matches!(map.file.decimal, '.' | ',')
-            || map.file.separator == map.file.decimal
-        {
-            let given = format!(
-                "separator {} decimal {}",
-                map.file.separator, map.file.decimal
-            );
-            return bad(
-                "file".into(),
-                &given,
-                "the decimal sign is . or , and differs from the separator, an ASCII character"
-                    .into(),
-            );
-        }
-        if map.motion.is_empty() {
-            return bad(
-                "motion".into(),
-                "",
-                format!(
-                    "map at least one channel: [motion.x_m] .. of {}",
-                    CHANNELS.join(" ")
-                ),
-            );
-        }
-        for (name, channel) in &map.motion {
-            let Some(place) = CHANNELS.iter().position(|c| c == name) else {
-                return bad(
-                    format!("motion.{name}"),
-                    name,
-                    format!("channels are {}", CHANNELS.join(" ")),
-                );
-            };
-            if unit_factor(place, &channel.unit).is_none() {
-                return bad(
-                    format!("motion.{name}.unit"),
-                    &channel.unit,
-                    format!("it must be one of {}", units(place).join(" ")),
-                );
-            }
-            if channel.sign.abs() != 1.0 {
-                return bad(
-                    format!("motion.{name}.sign"),
-                    &channel.sign.to_string(),
-                    "it must be 1 or -1".into(),
-                );
-            }
-            if channel.sd.is_some_and(|sd| !(sd > 0.0 && sd.is_finite()))
-                || !channel.offset.is_finite()
-            {
-                return bad(
-                    format!("motion.{name}"),
-                    "sd or offset",
-                    "sd must be > 0 and both finite".into(),
-                );
-            }
-        }
-        for (i, command) in map.commands.iter().enumerate() {
-            if !(command.scale.is_finite() && command.scale != 0.0 && command.offset.is_finite()) {
-                return bad(
-                    format!("command {}", i + 1),
-                    &command.scale.to_string(),
-                    "scale must be finite and not 0".into(),
-                );
-            }
-        }
-        Ok(map)
+        check::Checker { file }.map(raw)
     }
 
-    /// Channels in the order of `/vehicle/motion`, with their factor to SI (sign included).
-    pub(super) fn channels(&self) -> Vec<(usize, &ChannelMap, f64)> {
-        let place = |name: &String| CHANNELS.iter().position(|c| c == name);
-        self.motion
+    /// Whether anything measured is mapped.
+    pub(crate) fn has_motion(&self) -> bool {
+        !self.channels.is_empty() || self.quaternion.is_some()
+    }
+
+    /// What an empty cell of a place means; `None` = not mapped.
+    pub(crate) fn missing(&self, place: usize) -> Option<Missing> {
+        self.channels
             .iter()
-            .filter_map(|(name, c)| {
-                place(name).map(|p| (p, c, unit_factor(p, &c.unit).unwrap_or(1.0) * c.sign))
+            .find(|c| c.place == place)
+            .map(|c| c.missing)
+            .or_else(|| {
+                let q = self.quaternion.as_ref()?;
+                (3..6).contains(&place).then_some(q.missing)
             })
-            .collect()
     }
-}
 
-const LENGTHS: [(&str, f64); 3] = [("m", 1.0), ("cm", 0.01), ("mm", 0.001)];
-const ANGLES: [(&str, f64); 2] = [("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)];
-const SPEEDS: [(&str, f64); 3] = [("m/s", 1.0), ("cm/s", 0.01), ("mm/s", 0.001)];
-const RATES: [(&str, f64); 2] = [("rad/s", 1.0), ("deg/s", std::f64::consts::PI / 180.0)];
-
-fn table(place: usize) -> &'static [(&'static str, f64)] {
-    match place {
-        0..3 => &LENGTHS,
-        3..6 => &ANGLES,
-        6..9 => &SPEEDS,
-        _ => &RATES,
+    /// Whether rows may leave cells empty.
+    pub(crate) fn sparse(&self) -> bool {
+        (0..PLACES).any(|p| self.missing(p).is_some_and(|m| m != Missing::Fault))
     }
-}
-
-fn unit_factor(place: usize, unit: &str) -> Option<f64> {
-    table(place)
-        .iter()
-        .find(|(name, _)| *name == unit)
-        .map(|(_, f)| *f)
-}
-
-fn units(place: usize) -> Vec<&'static str> {
-    table(place).iter().map(|(name, _)| *name).collect()
-}
-
-/// Seconds per unit of time.
-pub(super) fn time_unit_s(unit: &str) -> Option<f64> {
-    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)]
-        .iter()
-        .find(|(name, _)| *name == unit)
-        .map(|(_, f)| *f)
 }

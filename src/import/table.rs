@@ -1,24 +1,43 @@
-//! Cells of a text, and the same in SI.
+//! Rows of cells become samples in SI.
 
-use super::check::{Finding, Severity};
-use super::map::{Map, time_unit_s};
-use super::stamp;
+mod cell;
+mod columns;
 
-/// No table of motion on a UNIX clock is older \[s\]: 1980-01-01.
-const UNIX_EARLIEST_S: f64 = 315_532_800.0;
+use std::io;
 
-/// Cells by column, with the line each row stands on.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Table {
-    /// Column names.
-    pub header: Vec<String>,
-    /// Rows that have as many cells as the header.
-    pub rows: Vec<(u64, Vec<String>)>,
-    /// Rows that do not.
-    pub broken: usize,
+use hydroline_rigs::Rig;
+
+use crate::check::{Finding, Severity};
+use crate::clock::{Clock, granularity, start_ns};
+use crate::layout::Layout;
+use crate::map::{Map, PLACES};
+use crate::number::BadCells;
+use crate::rows::{Form, each_row};
+use crate::source::Source;
+use cell::Reader;
+pub(crate) use columns::Columns;
+
+/// Rows from which the rounding of the stamps is known.
+const ROWS_FOR_GRANULARITY: usize = 500;
+
+/// One row in SI.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Sample {
+    /// Line of the file.
+    pub line: u64,
+    /// Since the first row \[s\].
+    pub t_s: f64,
+    /// Channels and companions; NaN = nothing usable, or not mapped.
+    pub values: [f64; PLACES],
+    /// Per `[[command]]` \[N, N m\]; NaN = nothing.
+    pub commands: Vec<f64>,
+    /// Their pulses \[us\], where the column is one; else 0.
+    pub pulses_us: Vec<f64>,
+    /// Second clock \[s\].
+    pub compare_s: f64,
 }
 
-/// A table in SI.
+/// A table in SI, or a stretch of one.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Imported {
     /// Since the first row \[s\], ascending only if the file is.
@@ -27,10 +46,12 @@ pub struct Imported {
     pub start_ns: u64,
     /// Line of each row.
     pub lines: Vec<u64>,
-    /// Per channel of `/vehicle/motion`; NaN = nothing usable in the cell. Empty = not mapped.
-    pub motion: [Vec<f64>; 12],
+    /// Per channel of `/vehicle/motion`, then companions; NaN = nothing usable in the cell. Empty = not mapped.
+    pub motion: [Vec<f64>; PLACES],
     /// Per `[[command]]` of the map \[N, N m\].
     pub commands: Vec<Vec<f64>>,
+    /// Their pulses \[us\], where the column is one.
+    pub pulses_us: Vec<Vec<f64>>,
     /// Second clock \[s\]; empty = none.
     pub compare_s: Vec<f64>,
     /// Rows left out: too few or too many cells, or no time that can be read.
@@ -42,368 +63,152 @@ pub struct Imported {
 impl Imported {
     /// Whether a finding forbids the import.
     pub fn has_faults(&self) -> bool {
-        self.findings.iter().any(|f| f.severity == Severity::Fault)
+        has_faults(&self.findings)
     }
-}
 
-/// Splits a text into cells.
-pub(super) fn cells(text: &str, map: &Map) -> (Table, Vec<Finding>) {
-    let mut findings = Vec::new();
-    let mut reader = csv::ReaderBuilder::new()
-        .delimiter(map.file.separator as u8)
-        .flexible(true)
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let header: Vec<String> = match reader.headers() {
-        Ok(h) => h.iter().map(str::to_owned).collect(),
-        Err(error) => {
-            findings.push(Finding::fault(
-                "header",
-                None,
-                format!("the header cannot be read: {error}"),
-            ));
-            return (Table::default(), findings);
+    /// Nothing yet, for a map's channels and commands.
+    pub(crate) fn empty(map: &Map) -> Self {
+        let columns = || vec![Vec::new(); map.commands.len()];
+        Imported {
+            commands: columns(),
+            pulses_us: columns(),
+            ..Imported::default()
         }
-    };
-    let mut table = Table {
-        header,
-        ..Table::default()
-    };
-    let (mut short, mut long): (Vec<u64>, Vec<u64>) = (Vec::new(), Vec::new());
-    let mut record = csv::StringRecord::new();
-    loop {
-        match reader.read_record(&mut record) {
-            Ok(false) => break,
-            Ok(true) => {
-                let line = record.position().map_or(0, csv::Position::line);
-                match record.len().cmp(&table.header.len()) {
-                    std::cmp::Ordering::Less => short.push(line),
-                    std::cmp::Ordering::Greater => long.push(line),
-                    std::cmp::Ordering::Equal => table
-                        .rows
-                        .push((line, record.iter().map(str::to_owned).collect())),
-                }
-            }
-            Err(error) => {
-                findings.push(Finding::fault(
-                    "unreadable_row",
-                    error.position().map(csv::Position::line),
-                    error.to_string(),
-                ));
-                short.push(0);
-                if error.position().is_none() {
-                    break;
-                }
+    }
+
+    pub(crate) fn push(&mut self, sample: &Sample, map: &Map) {
+        self.times_s.push(sample.t_s);
+        self.lines.push(sample.line);
+        for (place, values) in self.motion.iter_mut().enumerate() {
+            if map.missing(place).is_some() {
+                values.push(sample.values[place]);
             }
         }
+        for (i, (value, pulse)) in sample.commands.iter().zip(&sample.pulses_us).enumerate() {
+            self.commands[i].push(*value);
+            self.pulses_us[i].push(*pulse);
+        }
+        if map.time.compare.is_some() {
+            self.compare_s.push(sample.compare_s);
+        }
     }
-    let columns = table.header.len();
-    if let Some(first) = short.first() {
-        findings.push(Finding::fault(
-            "truncated_rows",
-            Some(*first),
-            format!("{} row(s) have fewer cells than the header's {columns}, the first on line {first}; was the file cut?", short.len()),
-        ));
+
+    /// Row `k` as it came.
+    pub(crate) fn sample(&self, k: usize) -> Sample {
+        let of = |v: &Vec<f64>| v.get(k).copied().unwrap_or(f64::NAN);
+        Sample {
+            line: self.lines.get(k).copied().unwrap_or(0),
+            t_s: self.times_s.get(k).copied().unwrap_or(f64::NAN),
+            values: std::array::from_fn(|c| of(&self.motion[c])),
+            commands: self.commands.iter().map(of).collect(),
+            pulses_us: self
+                .pulses_us
+                .iter()
+                .map(|v| v.get(k).copied().unwrap_or(0.0))
+                .collect(),
+            compare_s: of(&self.compare_s),
+        }
     }
-    if let Some(first) = long.first() {
-        let hint = if map.file.separator == ',' {
-            "decimal commas in a comma-separated file? Export with ; or decimal points"
-        } else {
-            "is the separator right?"
-        };
-        findings.push(Finding::fault(
-            "too_many_cells",
-            Some(*first),
-            format!("{} row(s) have more cells than the header's {columns}, the first on line {first}; {hint}", long.len()),
-        ));
-    }
-    table.broken = short.len() + long.len();
-    findings.extend(cut_number(&table, text));
-    (table, findings)
 }
 
-/// The file's very last cell when no line end follows and it is shorter than any other of its column: cut inside a
-/// number it still is one. Where every other cell has the same number of decimals it surely was cut; else it may
-/// be a number that happens to be short. A complete last line raises no doubt.
-fn cut_number(table: &Table, text: &str) -> Option<Finding> {
-    if text.ends_with(['\n', '\r']) {
-        return None;
-    }
-    let (last, before) = table.rows.split_last()?;
-    if before.len() < 8 {
-        return None;
-    }
-    let cell = |row: &(u64, Vec<String>)| row.1.last().cloned().unwrap_or_default();
-    let shortest = before.iter().map(|r| cell(r).len()).min()?;
-    let own = cell(last);
-    if own.len() >= shortest {
-        return None;
-    }
-    let decimals = |cell: &str| cell.rsplit_once(['.', ',']).map_or(0, |(_, d)| d.len());
-    let fixed = decimals(&cell(&before[0]));
-    let all_alike = before.iter().all(|r| decimals(&cell(r)) == fixed);
-    let words = format!(
-        "the last cell of the file, '{own}' on line {}, is shorter than any other of its column (at least {shortest} characters) and no line end follows",
-        last.0
-    );
-    Some(if all_alike && decimals(&own) < fixed {
-        Finding::fault(
-            "cut_number",
-            Some(last.0),
-            format!(
-                "{words}: the file was cut inside a number (all others have {fixed} decimals); take its last line away"
-            ),
-        )
-    } else {
-        Finding::warning(
-            "cut_number",
-            Some(last.0),
-            format!("{words}: was the file cut?"),
-        )
-    })
+pub(crate) fn has_faults(findings: &[Finding]) -> bool {
+    findings.iter().any(|f| f.severity == Severity::Fault)
 }
 
-/// Cells to numbers in SI.
-pub(super) fn convert(table: &Table, map: &Map, findings: &mut Vec<Finding>) -> Imported {
-    let mut find = |name: &str, key: &str| -> Option<usize> {
-        let places: Vec<usize> = table
-            .header
-            .iter()
-            .enumerate()
-            .filter(|(_, h)| *h == name)
-            .map(|(i, _)| i)
-            .collect();
-        if places.len() > 1 {
-            findings.push(Finding::fault(
-                "column_twice",
-                None,
-                format!("{key}: the header has {} columns '{name}'", places.len()),
-            ));
-        }
-        if places.is_empty() {
-            findings.push(Finding::fault(
-                "column_missing",
-                None,
-                format!(
-                    "{key}: no column '{name}' in the header ({}); separator '{}'",
-                    table.header.join(" | "),
-                    map.file.separator
-                ),
-            ));
-        }
-        places.first().copied().filter(|_| places.len() == 1)
+/// What stands in a table besides its samples.
+pub(crate) struct Passed {
+    /// UNIX time of the first row \[ns\].
+    pub start_ns: u64,
+    /// Rows left out.
+    pub lost_rows: usize,
+    /// About form, time and cells.
+    pub findings: Vec<Finding>,
+}
+
+/// Goes once through a table and hands every row on; nothing is kept.
+pub(crate) fn pass(
+    source: &(impl Source + ?Sized),
+    map: &Map,
+    rig: Option<&Rig>,
+    mut each: impl FnMut(&Sample, u64) -> io::Result<()>,
+) -> io::Result<Passed> {
+    let layout = Layout::find(source, &map.file)?;
+    let mut findings = layout.notes();
+    let nothing = |findings| Passed {
+        start_ns: 0,
+        lost_rows: 0,
+        findings,
     };
-    let time = find(&map.time.column, "time.column");
-    let compare = map
-        .time
-        .compare_column
-        .as_ref()
-        .and_then(|name| find(name, "time.compare_column"));
-    let motion: Vec<_> = map
-        .channels()
-        .into_iter()
-        .map(|(place, c, factor)| {
-            (
-                place,
-                c,
-                factor,
-                find(
-                    &c.column,
-                    &format!("motion.{}", hydroline_identify::data::CHANNELS[place]),
-                ),
-            )
-        })
-        .collect();
-    let commands: Vec<_> = map
-        .commands
-        .iter()
-        .map(|c| (c, find(&c.column, &format!("command {}", c.thruster))))
-        .collect();
-    let mut out = Imported {
-        commands: vec![Vec::new(); commands.len()],
-        lost_rows: table.broken,
-        ..Imported::default()
+    if layout.header.is_empty() {
+        findings.push(Finding::fault(
+            "header",
+            map.file.header_line,
+            "there is no row to read: is the file empty, or file.header_line beyond its end?"
+                .to_owned(),
+        ));
+        return Ok(nothing(findings));
+    }
+    let columns = Columns::find(map, &layout, rig, &mut findings);
+    let Some(mut clock) = Clock::new(map, &layout, &mut findings) else {
+        return Ok(nothing(findings));
     };
-    let Some(time) = time else { return out };
-    let mut bad = BadCells::default();
-    let mut zones: Vec<(stamp::Zone, u64)> = Vec::new();
-    let mut origin: Option<f64> = None;
-    for (line, row) in &table.rows {
-        let cell = row.get(time).map_or("", String::as_str);
-        let absolute_s = if map.time.unit == "iso8601" {
-            stamp::parse(cell).map(|(s, zone)| {
-                if !zones.iter().any(|z| z.0 == zone) {
-                    zones.push((zone, *line));
-                }
-                s
-            })
-        } else {
-            bad.number(cell, map.file.decimal)
-                .map(|v| v * time_unit_s(&map.time.unit).unwrap_or(1.0))
+    if map.time.rate_hz.is_some() {
+        let stamps = first_stamps(source, &layout, map, &mut clock)?;
+        // The stamps read ahead are read again.
+        let Some(again) = Clock::new(map, &layout, &mut Vec::new()) else {
+            return Ok(nothing(findings));
         };
-        let Some(absolute_s) = absolute_s.filter(|s| s.is_finite()) else {
-            bad.note("time", *line, cell);
-            out.lost_rows += 1;
-            continue;
+        clock = again;
+        clock.make_even(&map.time, granularity(&stamps));
+    }
+    let mut reader = Reader::new(map, &columns);
+    let mut lost_rows = 0;
+    let mut origin: Option<(i128, u64)> = None;
+    let form: Form = each_row(source.open()?, &layout, &map.file, |line, cells| {
+        let Some(cells) = cells else {
+            clock.skip();
+            lost_rows += 1;
+            return Ok(true);
         };
-        let zero = *origin.get_or_insert(absolute_s);
-        let t_s = absolute_s - zero;
+        let Some(ns) = clock.read(cells, line, &mut reader.bad) else {
+            lost_rows += 1;
+            return Ok(true);
+        };
+        let (zero_ns, start) =
+            *origin.get_or_insert_with(|| (ns, start_ns(&map.time, ns, &mut findings)));
+        // Through whole nanoseconds: as exact as the file is.
+        let t_s = (ns - zero_ns) as f64 / 1e9;
         if map.time.from_s.is_some_and(|from| t_s < from)
             || map.time.to_s.is_some_and(|to| t_s > to)
         {
-            continue;
+            return Ok(true);
         }
-        out.times_s.push(t_s);
-        out.lines.push(*line);
-        for (place, c, factor, column) in &motion {
-            let Some(column) = column else { continue };
-            let cell = row.get(*column).map_or("", String::as_str);
-            let value = bad.number(cell, map.file.decimal).filter(|v| v.is_finite());
-            if value.is_none() {
-                bad.note(&c.column, *line, cell);
-            }
-            out.motion[*place].push(value.map_or(f64::NAN, |v| v * factor + c.offset));
-        }
-        for (i, (c, column)) in commands.iter().enumerate() {
-            let Some(column) = column else { continue };
-            let cell = row.get(*column).map_or("", String::as_str);
-            let value = bad.number(cell, map.file.decimal).filter(|v| v.is_finite());
-            if value.is_none() {
-                bad.note(&c.column, *line, cell);
-            }
-            out.commands[i].push(value.map_or(f64::NAN, |v| v * c.scale + c.offset));
-        }
-        if let Some(column) = compare {
-            let unit_s = map
-                .time
-                .compare_unit
-                .as_deref()
-                .and_then(time_unit_s)
-                .unwrap_or(1.0);
-            let cell = row.get(column).map_or("", String::as_str);
-            out.compare_s.push(
-                bad.number(cell, map.file.decimal)
-                    .map_or(f64::NAN, |v| v * unit_s),
-            );
-        }
-    }
-    bad.report(map, findings);
-    if zones.len() > 1 {
-        let words: Vec<String> = zones
-            .iter()
-            .map(|(z, line)| match z {
-                Some(m) => format!("UTC{:+03}:{:02} from line {line}", m / 60, (m % 60).abs()),
-                None => format!("no zone from line {line}"),
-            })
-            .collect();
-        findings.push(Finding::fault(
-            "mixed_time_zones",
-            zones.get(1).map(|z| z.1),
-            format!(
-                "stamps are in {} time zones: {}",
-                zones.len(),
-                words.join(", ")
-            ),
-        ));
-    }
-    if zones.len() == 1 && zones[0].0.is_none() {
-        findings.push(Finding::warning(
-            "time_zone_missing",
-            Some(zones[0].1),
-            "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be told from a gap".to_owned(),
-        ));
-    }
-    if map.time.clock == "unix" && origin.is_some_and(|s| (0.0..UNIX_EARLIEST_S).contains(&s)) {
-        findings.push(Finding::fault(
-            "time_clock",
-            None,
-            format!(
-                "time.clock is 'unix' but the first stamp is {:.3} s, in {}: is the clock 'relative', or time.unit another than '{}'?",
-                origin.unwrap_or(0.0),
-                1970 + (origin.unwrap_or(0.0) / 31_556_952.0) as i64,
-                map.time.unit
-            ),
-        ));
-    }
-    let unix_s = match (map.time.clock.as_str(), map.time.unit.as_str()) {
-        ("unix", _) | (_, "iso8601") => origin.unwrap_or(0.0),
-        _ => map
-            .time
-            .start_unix_s
-            .unwrap_or(hydroline_core::clock::SIMULATION_START_UNIX_S as f64),
-    };
-    if !(0.0..=4e9).contains(&unix_s) {
-        findings.push(Finding::fault("time_unit", None, format!("the first stamp is UNIX {unix_s:.3e} s, outside 1970 .. 2096: is time.unit '{}' right?", map.time.unit)));
-    }
-    out.start_ns = (unix_s.clamp(0.0, 4e9) * 1e9) as u64;
-    out
+        each(reader.read(cells, line, t_s), start)?;
+        Ok(true)
+    })?;
+    form.report(&layout, &mut findings);
+    reader.report(&mut findings);
+    clock.report(&map.time, origin.map_or(0, |o| o.0), &mut findings);
+    Ok(Passed {
+        start_ns: origin.map_or(0, |o| o.1),
+        lost_rows,
+        findings,
+    })
 }
 
-/// Cells that are no numbers, by kind.
-#[derive(Default)]
-struct BadCells {
-    /// (kind, column, first line, first cell, count)
-    seen: Vec<(&'static str, String, u64, String, usize)>,
-}
-
-impl BadCells {
-    fn number(&self, cell: &str, decimal: char) -> Option<f64> {
-        if decimal == ',' {
-            // A point in a file of decimal commas would be a thousands separator: not guessed.
-            if cell.contains('.') {
-                None
-            } else {
-                cell.replace(',', ".").parse().ok()
-            }
-        } else {
-            cell.parse().ok()
+/// The first stamps as they stand in the file \[ns\].
+fn first_stamps(
+    source: &(impl Source + ?Sized),
+    layout: &Layout,
+    map: &Map,
+    clock: &mut Clock,
+) -> io::Result<Vec<i128>> {
+    let (mut stamps, mut bad) = (Vec::new(), BadCells::default());
+    each_row(source.open()?, layout, &map.file, |line, cells| {
+        if let Some(ns) = cells.and_then(|c| clock.read(c, line, &mut bad)) {
+            stamps.push(ns);
         }
-    }
-
-    fn note(&mut self, column: &str, line: u64, cell: &str) {
-        let lower = cell.to_ascii_lowercase();
-        let kind = if cell.is_empty() {
-            "empty_cells"
-        } else if lower.contains("nan") || lower.contains("inf") || lower == "na" || lower == "null"
-        {
-            "nan"
-        } else if cell.replace(',', ".").parse::<f64>().is_ok()
-            || cell.replace(['.', ','], "").parse::<f64>().is_ok()
-        {
-            "decimal_separator"
-        } else {
-            "not_a_number"
-        };
-        match self.seen.iter_mut().find(|s| s.0 == kind && s.1 == column) {
-            Some(s) => s.4 += 1,
-            None => self.seen.push((
-                kind,
-                column.to_owned(),
-                line,
-                cell.chars().take(40).collect(),
-                1,
-            )),
-        }
-    }
-
-    fn report(self, map: &Map, findings: &mut Vec<Finding>) {
-        for (kind, column, line, cell, count) in self.seen {
-            let words = match kind {
-                "empty_cells" => {
-                    format!("column '{column}': {count} empty cell(s), the first on line {line}")
-                }
-                "nan" => format!(
-                    "column '{column}': {count} cell(s) hold '{cell}' or the like, the first on line {line}"
-                ),
-                "decimal_separator" => format!(
-                    "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export",
-                    map.file.decimal
-                ),
-                _ => format!(
-                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'"
-                ),
-            };
-            findings.push(Finding::fault(kind, Some(line), words));
-        }
-    }
+        Ok(stamps.len() < ROWS_FOR_GRANULARITY)
+    })?;
+    Ok(stamps)
 }

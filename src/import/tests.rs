@@ -1,6 +1,12 @@
 use super::*;
 use proptest::prelude::*;
 
+#[path = "../../tests/support/inputs.rs"]
+mod inputs;
+mod layouts;
+mod reports;
+mod values;
+
 fn accept(accept_faults: bool) -> Options {
     Options {
         accept_faults,
@@ -279,7 +285,7 @@ fn a_map_that_is_wrong_says_where() {
             "at least one channel",
         ),
         (
-            "[time]\ncolumn = \"t\"\nunit = \"h\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+            "[time]\ncolumn = \"t\"\nunit = \"fortnight\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
             "time.unit",
         ),
         (

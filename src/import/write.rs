@@ -3,17 +3,24 @@
 use std::path::Path;
 
 use super::check::{Finding, Severity};
-use super::map::{Between, Map};
-use super::table::Imported;
+use super::map::{Between, Map, Missing, Origin, PLACES};
+use super::source::Source;
+use super::survey::Survey;
+use super::table::{Imported, Sample, pass};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
     Entry, FileRecorder, Head, LogError, MetadataMap, SummaryInput, WriteSettings,
 };
+use hydroline_rigs::Rig;
 
 /// Steps of a linearly interpolated command \[s\].
 const LINEAR_STEP_S: f64 = 0.01;
+/// Rows that are kept to measure the noise of a run at rest: 44 minutes at 100 Hz. No run at rest is longer.
+const STILL_ROWS_MAX: usize = 1 << 18;
+/// Chunks of the log close by size: a table is not cut short by a crash, it is imported again.
+const CHUNK_AGE_NS: u64 = 600_000_000_000;
 
 /// Why nothing was imported.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +33,9 @@ pub enum ImportError {
         /// How many.
         faults: usize,
     },
+    /// The table, which was read before.
+    #[error("{0}; the table could be read a moment ago: is it being written?")]
+    Table(#[from] std::io::Error),
     /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
@@ -82,141 +92,275 @@ pub fn import(
     out: &Path,
     options: Options,
 ) -> Result<ImportOutcome, ImportError> {
-    let faults = data
-        .findings
-        .iter()
-        .filter(|f| f.severity == Severity::Fault)
-        .count();
-    if faults > 0 && !options.accept_faults {
-        return Err(ImportError::Faults { faults });
+    let mut log = Writer::create(&data.findings, data.start_ns, map, map_text, out, options)?;
+    for k in 0..data.times_s.len() {
+        log.row(&data.sample(k))?;
     }
-    let mut session = MetadataMap::from([
-        ("kind".to_owned(), "import".to_owned()),
-        ("import.map".to_owned(), map_text.to_owned()),
-    ]);
-    session.insert(
-        "import.findings".to_owned(),
-        serde_json::to_string(&data.findings).unwrap_or_default(),
-    );
-    let head = Head {
-        rig_toml: "# imported: no rig was recorded\n".to_owned(),
-        calibration_toml: None,
-        session,
-        build: options.build,
-    };
-    let mut log = FileRecorder::create(out, false, head, WriteSettings::offline(None))?;
-    let at = |t_s: f64| data.start_ns + (t_s.max(0.0) * 1e9).round() as u64;
-    let mut outcome = ImportOutcome {
-        samples: 0,
-        commands: 0,
-        lost: Lost {
-            rows: data.lost_rows,
-            ..Lost::default()
-        },
-        findings: data.findings.clone(),
-    };
-    let mut still = StillWatch::default();
-    let mut sequence = 0u32;
-    let mut last: Option<(f64, usize)> = None;
-    for (k, &t_s) in data.times_s.iter().enumerate() {
-        // Time that does not advance cannot be told from time that is wrong: the row is left out.
-        if last.is_some_and(|(before, _)| t_s <= before) {
-            outcome.lost.rows += 1;
-            continue;
-        }
-        for (c, values) in map.commands.iter().zip(&data.commands) {
-            let Some(&value) = values.get(k) else {
-                continue;
-            };
-            if !value.is_finite() {
-                outcome.lost.command_cells += 1;
-                continue;
-            }
-            let before = last
-                .and_then(|(t0, k0)| values.get(k0).filter(|v| v.is_finite()).map(|v| (t0, *v)));
-            let mut steps = vec![(t_s, value)];
-            if let (Between::Linear, Some((t0, v0))) = (c.between, before) {
-                // The mean of each piece at the piece's start: a held staircase with the same integral.
-                let pieces = ((t_s - t0) / LINEAR_STEP_S).ceil().clamp(1.0, 1000.0) as usize;
-                let piece = |i: usize| {
-                    (
-                        t0 + (t_s - t0) * i as f64 / pieces as f64,
-                        v0 + (value - v0) * (i as f64 + 0.5) / pieces as f64,
-                    )
-                };
-                steps = (0..pieces).map(piece).collect();
-                if k + 1 == data.times_s.len() {
-                    steps.push((t_s, value));
-                }
-            } else if c.between == Between::Linear {
-                steps.clear();
-            }
-            for (at_s, thrust_n) in steps {
-                let message = pb::ThrusterCommand {
-                    timestamp: Some(timestamp(at(at_s))),
-                    sequence,
-                    thruster: c.thruster.clone(),
-                    thrust_n,
-                    cause: "import".to_owned(),
-                    ..Default::default()
-                };
-                still.command(&message);
-                log.write(at(t_s), &Entry::command(&message))?;
-                sequence = sequence.wrapping_add(1);
-                outcome.commands += 1;
-            }
-        }
-        let value = |c: usize| data.motion[c].get(k).copied().filter(|v| v.is_finite());
-        outcome.lost.motion_cells += (0..12)
-            .filter(|c| data.motion[*c].get(k).is_some_and(|v| !v.is_finite()))
-            .count();
-        if (0..12).any(|c| value(c).is_some()) {
-            let message = motion(at(t_s), &value, map);
-            still.motion(&message);
-            log.write(at(t_s), &Entry::motion(&message))?;
-            outcome.samples += 1;
-        }
-        last = Some((t_s, k));
-    }
-    let mut summary = SummaryInput::clean("imported to the table's end");
-    // 2 mm and 0.1°: the default tolerance of a rig; a table comes without one.
-    summary
-        .more
-        .extend(still.metadata([0.002, 0.1f64.to_radians()]));
-    log.finish(&summary)?;
-    Ok(outcome)
+    log.finish(data.lost_rows)
 }
 
-fn motion(unix_ns: u64, value: &impl Fn(usize) -> Option<f64>, map: &Map) -> pb::VehicleMotion {
-    let mut covariance = Vec::new();
-    let channels = map.channels();
-    let sd = |c: usize| {
-        channels
+/// The same from the table itself, which is read once more.
+///
+/// # Errors
+/// [`ImportError`].
+pub fn import_table(
+    source: &(impl Source + ?Sized),
+    survey: &Survey,
+    map: &Map,
+    map_text: &str,
+    rig: Option<&Rig>,
+    out: &Path,
+    options: Options,
+) -> Result<ImportOutcome, ImportError> {
+    let mut log = Writer::create(
+        &survey.findings,
+        survey.start_ns,
+        map,
+        map_text,
+        out,
+        options,
+    )?;
+    let (mut at, mut failed) = (0, None);
+    let mut own: Option<Sample> = None;
+    let passed = pass(source, map, rig, |sample, _| {
+        let row = own.get_or_insert_with(|| sample.clone());
+        row.clone_from(sample);
+        let spoilt = survey.spoilt.clear(&mut at, row);
+        log.spoilt(spoilt, row);
+        log.row(row).map_err(|e| {
+            failed = Some(e);
+            std::io::Error::other("the log")
+        })
+    });
+    match (failed, passed) {
+        (Some(log), _) => Err(log),
+        (None, Err(table)) => Err(table.into()),
+        (None, Ok(passed)) => log.finish(passed.lost_rows),
+    }
+}
+
+/// Writes one row after the other.
+struct Writer<'a> {
+    map: &'a Map,
+    log: FileRecorder,
+    start_ns: u64,
+    /// sd of the six pose channels, where all are known.
+    covariance: Vec<f64>,
+    /// `None` = the run is too long for one at rest.
+    still: Option<StillWatch>,
+    outcome: ImportOutcome,
+    sequence: u32,
+    last_s: Option<f64>,
+    /// Last value of each command.
+    before: Vec<Option<(f64, f64)>>,
+    /// A linear command's last step, which stands when the table ends.
+    open: Vec<Option<(f64, f64)>>,
+}
+
+impl<'a> Writer<'a> {
+    fn create(
+        findings: &[Finding],
+        start_ns: u64,
+        map: &'a Map,
+        map_text: &str,
+        out: &Path,
+        options: Options,
+    ) -> Result<Self, ImportError> {
+        let faults = findings
             .iter()
-            .find(|(p, ..)| *p == c)
-            .and_then(|(_, m, _)| m.sd)
-    };
-    if (0..6).all(|c| sd(c).is_some()) {
-        covariance = vec![0.0; 36];
-        for c in 0..6 {
-            covariance[7 * c] = sd(c).unwrap_or(0.0).powi(2);
+            .filter(|f| f.severity == Severity::Fault)
+            .count();
+        if faults > 0 && !options.accept_faults {
+            return Err(ImportError::Faults { faults });
+        }
+        let mut session = MetadataMap::from([
+            ("kind".to_owned(), "import".to_owned()),
+            ("import.map".to_owned(), map_text.to_owned()),
+        ]);
+        session.insert(
+            "import.findings".to_owned(),
+            serde_json::to_string(findings).unwrap_or_default(),
+        );
+        let head = Head {
+            rig_toml: "# imported: no rig was recorded\n".to_owned(),
+            calibration_toml: None,
+            session,
+            build: options.build,
+        };
+        let mut settings = WriteSettings::offline(None);
+        settings.limits.chunk_age_ns = CHUNK_AGE_NS;
+        Ok(Writer {
+            map,
+            log: FileRecorder::create(out, false, head, settings)?,
+            start_ns,
+            covariance: covariance(map),
+            still: Some(StillWatch::default()),
+            outcome: ImportOutcome {
+                samples: 0,
+                commands: 0,
+                lost: Lost::default(),
+                findings: findings.to_vec(),
+            },
+            sequence: 0,
+            last_s: None,
+            before: vec![None; map.commands.len()],
+            open: vec![None; map.commands.len()],
+        })
+    }
+
+    fn at(&self, t_s: f64) -> u64 {
+        self.start_ns + (t_s.max(0.0) * 1e9).round() as u64
+    }
+
+    /// Values that were taken out of a row.
+    fn spoilt(&mut self, count: usize, row: &Sample) {
+        // Those of channels whose missing cells are faults are counted with the row.
+        let counted = (0..PLACES).filter(|p| self.is_lost(*p, row)).count();
+        self.outcome.lost.motion_cells += count.saturating_sub(counted);
+    }
+
+    fn is_lost(&self, place: usize, row: &Sample) -> bool {
+        self.map.missing(place) == Some(Missing::Fault) && !row.values[place].is_finite()
+    }
+
+    fn row(&mut self, row: &Sample) -> Result<(), ImportError> {
+        let t_s = row.t_s;
+        // Time that does not advance cannot be told from time that is wrong: the row is left out.
+        if self.last_s.is_some_and(|before| t_s <= before) {
+            self.outcome.lost.rows += 1;
+            return Ok(());
+        }
+        for i in 0..self.map.commands.len() {
+            self.command(i, row)?;
+        }
+        self.outcome.lost.motion_cells += (0..PLACES).filter(|p| self.is_lost(*p, row)).count();
+        if row.values.iter().any(|v| v.is_finite()) {
+            let message = self.motion(row);
+            if let Some(still) = &mut self.still {
+                still.motion(&message);
+            }
+            self.log.write(self.at(t_s), &Entry::motion(&message))?;
+            self.outcome.samples += 1;
+            if self.outcome.samples > STILL_ROWS_MAX {
+                self.still = None;
+            }
+        }
+        self.last_s = Some(t_s);
+        Ok(())
+    }
+
+    fn command(&mut self, i: usize, row: &Sample) -> Result<(), ImportError> {
+        let command = &self.map.commands[i];
+        let (t_s, value) = (row.t_s, row.commands[i]);
+        if !value.is_finite() {
+            self.outcome.lost.command_cells += usize::from(command.missing == Missing::Fault);
+            return Ok(());
+        }
+        let before = self.before[i].replace((t_s, value));
+        // A constant load is sent once.
+        if matches!(command.origin, Origin::Value(_)) && before.is_some() {
+            return Ok(());
+        }
+        if command.between == Between::Hold {
+            return self.send(i, t_s, t_s, value, row.pulses_us[i]);
+        }
+        if let Some((t0, v0)) = before {
+            // The mean of each piece at the piece's start: a held staircase with the same integral.
+            let pieces = ((t_s - t0) / LINEAR_STEP_S).ceil().clamp(1.0, 1000.0) as usize;
+            for k in 0..pieces {
+                let at_s = t0 + (t_s - t0) * k as f64 / pieces as f64;
+                let mean = v0 + (value - v0) * (k as f64 + 0.5) / pieces as f64;
+                self.send(i, at_s, t_s, mean, 0.0)?;
+            }
+        }
+        self.open[i] = Some((t_s, value));
+        Ok(())
+    }
+
+    fn send(
+        &mut self,
+        i: usize,
+        at_s: f64,
+        log_s: f64,
+        thrust_n: f64,
+        pulse_us: f64,
+    ) -> Result<(), ImportError> {
+        let message = pb::ThrusterCommand {
+            timestamp: Some(timestamp(self.at(at_s))),
+            sequence: self.sequence,
+            thruster: self.map.commands[i].thruster.clone(),
+            thrust_n,
+            pulse_us,
+            cause: "import".to_owned(),
+            ..Default::default()
+        };
+        if let Some(still) = &mut self.still {
+            still.command(&message);
+        }
+        self.log.write(self.at(log_s), &Entry::command(&message))?;
+        self.sequence = self.sequence.wrapping_add(1);
+        self.outcome.commands += 1;
+        Ok(())
+    }
+
+    fn finish(mut self, lost_rows: usize) -> Result<ImportOutcome, ImportError> {
+        for i in 0..self.open.len() {
+            // Of a table with one row too: it says what holds then.
+            if let Some((t_s, value)) = self.open[i].take() {
+                self.send(i, t_s, t_s, value, 0.0)?;
+            }
+        }
+        self.outcome.lost.rows += lost_rows;
+        let mut summary = SummaryInput::clean("imported to the table's end");
+        // 2 mm and 0.1°: the default tolerance of a rig; a table comes without one.
+        let tolerance = [0.002, 0.1f64.to_radians()];
+        if let Some(still) = &self.still {
+            summary.more.extend(still.metadata(tolerance));
+        }
+        self.log.finish(&summary)?;
+        Ok(self.outcome)
+    }
+
+    fn motion(&self, row: &Sample) -> pb::VehicleMotion {
+        let value = |c: usize| Some(row.values[c]).filter(|v| v.is_finite());
+        pb::VehicleMotion {
+            timestamp: Some(timestamp(self.at(row.t_s))),
+            x_m: value(0),
+            y_m: value(1),
+            z_m: value(2),
+            phi_rad: value(3),
+            theta_rad: value(4),
+            psi_rad: value(5),
+            u_mps: value(6),
+            v_mps: value(7),
+            w_mps: value(8),
+            p_radps: value(9),
+            q_radps: value(10),
+            r_radps: value(11),
+            covariance: self.covariance.clone(),
+            rudder_rad: value(12),
+            elevator_rad: value(13),
+            shaft_radps: value(14),
+            wave_m: value(15),
         }
     }
-    pb::VehicleMotion {
-        timestamp: Some(timestamp(unix_ns)),
-        x_m: value(0),
-        y_m: value(1),
-        z_m: value(2),
-        phi_rad: value(3),
-        theta_rad: value(4),
-        psi_rad: value(5),
-        u_mps: value(6),
-        v_mps: value(7),
-        w_mps: value(8),
-        p_radps: value(9),
-        q_radps: value(10),
-        r_radps: value(11),
-        covariance,
-        ..pb::VehicleMotion::default()
+}
+
+/// 6 x 6, where the sd of all six pose channels is known; else empty.
+fn covariance(map: &Map) -> Vec<f64> {
+    let sd = |place: usize| {
+        map.channels
+            .iter()
+            .find(|c| c.place == place)
+            .and_then(|c| c.sd)
+    };
+    let sds: Option<Vec<f64>> = (0..6).map(sd).collect();
+    let Some(sds) = sds else {
+        return Vec::new();
+    };
+    let mut covariance = vec![0.0; 36];
+    for (c, sd) in sds.iter().enumerate() {
+        covariance[7 * c] = sd.powi(2);
     }
+    covariance
 }

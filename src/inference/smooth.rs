@@ -195,12 +195,12 @@ impl<'a> Series<'a> {
                         p[i][j] -= g * v;
                     }
                 }
-                for i in 0..3 {
-                    for j in 0..i {
-                        let mean = 0.5 * (p[i][j] + p[j][i]);
-                        (p[i][j], p[j][i]) = (mean, mean);
-                    }
-                    p[i][i] = p[i][i].max(0.0);
+                for (i, j) in [(1, 0), (2, 0), (2, 1)] {
+                    let mean = 0.5 * (p[i][j] + p[j][i]);
+                    (p[i][j], p[j][i]) = (mean, mean);
+                }
+                for (i, row) in p.iter_mut().enumerate() {
+                    row[i] = row[i].max(0.0);
                 }
                 ln += total.ln();
                 energy += innovation * innovation / total;

@@ -194,7 +194,7 @@ fn choices(words: &[WordInfo], ground: &Ground<'_>) -> Vec<Vec<usize>> {
             ground.dofs.contains(&d)
         } else if let Some(d) = RATES.iter().position(|r| *r == word) {
             ground.dofs.contains(&d) || ground.given.contains(&d)
-        } else if let Some(c) = COMPANIONS.iter().position(|c| companion(&c)) {
+        } else if let Some(c) = COMPANIONS.iter().position(companion) {
             ground.companions[c]
         } else {
             true

@@ -7,7 +7,7 @@ use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Engine, Source, diagnose, diagnose_beside};
-use hydroline::identify::data::{Command, Companions, Run, Sample};
+use hydroline::identify::data::{Command, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
 use hydroline_sim::given::Curve;

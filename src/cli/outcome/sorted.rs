@@ -256,6 +256,7 @@ impl Sorted for ImportError {
     fn is_input(&self) -> bool {
         match self {
             Self::Faults { .. } => true,
+            Self::Table(_) => false,
             Self::Log(error) => error.is_input(),
         }
     }

@@ -2,9 +2,10 @@
 
 use hydroline_rigs::{Dof, Rig};
 
-use super::super::map::Map;
-use super::super::table::Imported;
 use super::Finding;
+use super::channel::Extent;
+use crate::map::{CommandMap, Map, Origin};
+use crate::table::Imported;
 use hydroline_identify::data::capacity;
 
 /// A thrust this many times the thruster's largest is another unit, not a strong thruster.
@@ -12,38 +13,82 @@ const ABSURD: f64 = 20.0;
 /// The same of a component `surge` .. `yaw` against what all thrusters make together.
 const ABSURD_TOGETHER: f64 = 5.0;
 
-/// Adds what commands show by themselves and, with a rig, against it.
-pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
-    for (i, c) in map.commands.iter().enumerate() {
-        if map.commands[..i].iter().any(|o| o.thruster == c.thruster) {
-            findings.push(Finding::fault(
-                "duplicate_thruster",
-                None,
-                format!(
-                    "command {}: more than one column is mapped to it; the last would overrule the others at every stamp",
-                    c.thruster
-                ),
+/// What each command reached so far.
+#[derive(Debug)]
+pub(super) struct Loads {
+    extents: Vec<Extent>,
+    /// Largest size and its line.
+    largest: Vec<(f64, Option<u64>)>,
+    rows: usize,
+}
+
+impl Loads {
+    pub fn new(map: &Map) -> Self {
+        Loads {
+            extents: vec![Extent::default(); map.commands.len()],
+            largest: vec![(0.0, None); map.commands.len()],
+            rows: 0,
+        }
+    }
+
+    /// The rows of a stretch from `fresh` on.
+    pub fn stretch(&mut self, data: &Imported, fresh: usize) {
+        self.rows += data.times_s.len() - fresh;
+        for (i, values) in data.commands.iter().enumerate() {
+            self.extents[i].add(&values[fresh..]);
+            for (k, v) in values.iter().enumerate().skip(fresh) {
+                if v.abs() > self.largest[i].0 {
+                    self.largest[i] = (v.abs(), data.lines.get(k).copied());
+                }
+            }
+        }
+    }
+
+    /// Adds what commands show by themselves and, with a rig, against it.
+    pub fn report(&self, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
+        for (i, c) in map.commands.iter().enumerate() {
+            if map.commands[..i].iter().any(|o| o.thruster == c.thruster) {
+                findings.push(Finding::fault(
+                    "duplicate_thruster",
+                    None,
+                    format!(
+                        "command {}: more than one column is mapped to it; the last would overrule the others at every stamp",
+                        c.thruster
+                    ),
+                ));
+            }
+            self.alone(i, c, findings);
+            if let Some(rig) = rig {
+                self.against(i, c, rig, findings);
+            }
+        }
+        if rig.is_none() && !map.commands.is_empty() {
+            findings.push(Finding::info(
+                "commands_unchecked",
+                "names and sizes of the commands were not held against a rig; give --rig"
+                    .to_owned(),
             ));
         }
     }
-    for (c, values) in map.commands.iter().zip(&data.commands) {
-        let present = || values.iter().copied().filter(|v| v.is_finite());
-        let (low, high) = present().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
-        if low == high && values.len() >= 4 {
-            let words = if low == 0.0 {
-                "always 0: a run at rest or a decay, or a dead column".to_owned()
-            } else {
-                format!("always {low}, also in the first row: a constant load, or a dead column")
-            };
-            findings.push(Finding::warning(
-                "dead_command",
-                None,
-                format!("command {} (column '{}'): {words}", c.thruster, c.column),
-            ));
+
+    fn alone(&self, i: usize, c: &CommandMap, findings: &mut Vec<Finding>) {
+        let Extent { count, low, high } = self.extents[i];
+        if count == 0 || low != high || self.rows < 4 || matches!(c.origin, Origin::Value(_)) {
+            return;
         }
-        let Some(rig) = rig else { continue };
+        let words = if low == 0.0 {
+            "always 0: a run at rest or a decay, or a dead column".to_owned()
+        } else {
+            format!("always {low}, also in the first row: a constant load, or a dead column")
+        };
+        findings.push(Finding::warning(
+            "dead_command",
+            None,
+            format!("command {} ({}): {words}", c.thruster, c.origin.words()),
+        ));
+    }
+
+    fn against(&self, i: usize, c: &CommandMap, rig: &Rig, findings: &mut Vec<Finding>) {
         let Some(limit) = capacity(rig, &c.thruster) else {
             let known: Vec<&str> = rig
                 .thrusters
@@ -62,29 +107,21 @@ pub(super) fn check(data: &Imported, map: &Map, rig: Option<&Rig>, findings: &mu
                     known.join(", ")
                 ),
             ));
-            continue;
+            return;
         };
-        let (largest, row) = values.iter().enumerate().fold((0.0_f64, 0), |m, (k, v)| {
-            if v.abs() > m.0 { (v.abs(), k) } else { m }
-        });
+        let (largest, line) = self.largest[i];
         let component = Dof::ALL.iter().any(|d| d.name() == c.thruster);
         let absurd = if component { ABSURD_TOGETHER } else { ABSURD };
         if limit > 0.0 && largest >= absurd * limit {
             findings.push(Finding::fault(
                 "command_size",
-                data.lines.get(row).copied(),
+                line,
                 format!(
-                    "command {}: reaches {largest:.4}, {:.0} times the most the rig can make ({limit:.4}): millinewtons or pulses mapped as newtons? scale of the map",
+                    "command {}: reaches {largest:.4}, {:.0} times the most the rig can make ({limit:.4}): millinewtons or pulses mapped as newtons? unit of the map",
                     c.thruster,
                     largest / limit
                 ),
             ));
         }
-    }
-    if rig.is_none() && !map.commands.is_empty() {
-        findings.push(Finding::info(
-            "commands_unchecked",
-            "names and sizes of the commands were not held against a rig; give --rig".to_owned(),
-        ));
     }
 }

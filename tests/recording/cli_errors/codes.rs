@@ -126,6 +126,7 @@ const INPUTS: &[&str] = &[
     "extract BAD --csv",
     "extract BAD --json",
     "import BAD --map MAP --out OUTi.mcap",
+    "import --guess BAD",
     "import DATA --map BAD --out OUTi.mcap",
     "import DATA --map MAP --rig BAD --out OUTi.mcap",
     "identify BAD --rig lshpi",
@@ -211,6 +212,7 @@ const VALUES: &[(&str, &[&str])] = &[
         &["good.mcap", "/none", "no images at all"],
     ),
     ("import DATA --out OUTi.mcap", &["--map"]),
+    ("import --guess DATA --out OUTi.mcap", &["--guess", "--out"]),
     (
         "identify LOG --rig lshpi --model surg",
         &["--model", "surge"],

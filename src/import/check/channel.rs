@@ -1,0 +1,158 @@
+//! Findings about one channel by itself: empty, dead, stuck, beyond what a vehicle does.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::{Finding, STUCK_ROWS, name, quantile};
+use crate::table::Imported;
+
+/// Faster than any vehicle of this kind: another unit \[m/s\].
+pub(super) const SPEED_MAX_MPS: f64 = 15.0;
+/// The same of a turn \[rad/s\].
+pub(super) const RATE_MAX_RADPS: f64 = 12.0;
+
+/// Between which values a channel lies.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extent {
+    pub count: usize,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Extent {
+            count: 0,
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+        }
+    }
+}
+
+impl Extent {
+    pub fn add(&mut self, values: &[f64]) {
+        for v in values.iter().filter(|v| v.is_finite()) {
+            self.count += 1;
+            self.low = self.low.min(*v);
+            self.high = self.high.max(*v);
+        }
+    }
+
+    /// Whether there is nothing more to look at: no value, or always the same.
+    pub fn report(&self, place: usize, findings: &mut Vec<Finding>) -> bool {
+        let name = name(place);
+        if self.count == 0 {
+            findings.push(Finding::fault(
+                "empty_channel",
+                None,
+                format!("{name}: no usable value"),
+            ));
+            return true;
+        }
+        if self.low == self.high {
+            findings.push(Finding::warning(
+                "dead_channel",
+                None,
+                format!(
+                    "{name}: always {}; a dead channel? Leave it out of the map if so",
+                    self.low
+                ),
+            ));
+            return true;
+        }
+        false
+    }
+}
+
+pub(super) fn check(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Finding>) {
+    let mut extent = Extent::default();
+    extent.add(values);
+    if extent.count == 0 || extent.low == extent.high {
+        return;
+    }
+    stuck(place, values, data, findings);
+    if let Some(words) = beyond(place, extent, values, data) {
+        findings.push(Finding::fault("units", None, words));
+    } else if place < 3 && extent.high - extent.low < 1e-5 {
+        findings.push(Finding::warning(
+            "units",
+            None,
+            format!(
+                "{}: moves by {:.1e} m in all: metres mapped as mm?",
+                name(place),
+                extent.high - extent.low
+            ),
+        ));
+    }
+}
+
+/// The same value for a second and so many rows in a channel that else changes with nearly every row.
+fn stuck(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Finding>) {
+    let changes = values.windows(2).filter(|w| w[0] != w[1]).count() as f64 / values.len() as f64;
+    let (mut longest, mut run, mut at) = (0, 0, 0);
+    for i in 1..values.len() {
+        run = if values[i] == values[i - 1] {
+            run + 1
+        } else {
+            0
+        };
+        if run > longest {
+            (longest, at) = (run, i - run);
+        }
+    }
+    if longest >= STUCK_ROWS && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0
+    {
+        findings.push(Finding::warning(
+            "stuck_channel",
+            data.lines.get(at).copied(),
+            format!(
+                "{}: stands at {} for {} rows from line {}",
+                name(place),
+                values[at],
+                longest + 1,
+                data.lines[at]
+            ),
+        ));
+    }
+}
+
+/// Words for values that no vehicle has.
+fn beyond(place: usize, extent: Extent, values: &[f64], data: &Imported) -> Option<String> {
+    let Extent { low, high, .. } = extent;
+    let (name, largest) = (name(place), high.abs().max(low.abs()));
+    match place {
+        3 | 4 if largest > 1.2 * FRAC_PI_2 => Some(format!(
+            "{name}: reaches {largest:.2} rad ({:.0} deg), beyond any roll or pitch of a hull: degrees mapped as rad? Of a quaternion: is its order right?",
+            largest.to_degrees()
+        )),
+        5 if high - low > 8.0 * PI => Some(format!(
+            "{name}: turns by {:.1} rad: degrees mapped as rad?",
+            high - low
+        )),
+        0..3 => {
+            let speed = largest_speed(&data.times_s, values);
+            // However far: a long track at the speed of a vehicle is one.
+            (speed > SPEED_MAX_MPS).then(|| {
+                format!(
+                    "{name}: covers {:.1} m at up to {speed:.1} m/s: millimetres mapped as m?",
+                    high - low
+                )
+            })
+        }
+        6..9 if largest > SPEED_MAX_MPS => Some(format!(
+            "{name}: reaches {largest:.1} m/s: mm/s mapped as m/s?"
+        )),
+        9..12 if largest > RATE_MAX_RADPS => Some(format!(
+            "{name}: reaches {largest:.1} rad/s: deg/s mapped as rad/s?"
+        )),
+        _ => None,
+    }
+}
+
+/// Largest speed held over ten rows: single outliers do not count.
+fn largest_speed(times_s: &[f64], values: &[f64]) -> f64 {
+    let span = 10.min(times_s.len() - 1);
+    let speeds = (0..times_s.len() - span)
+        .map(|i| ((values[i + span] - values[i]) / (times_s[i + span] - times_s[i])).abs());
+    let mut speeds: Vec<f64> = speeds.filter(|s| s.is_finite()).collect();
+    quantile(&mut speeds, 0.95).unwrap_or(0.0)
+}

@@ -1,0 +1,58 @@
+//! What was found.
+
+/// How bad.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Good to know.
+    Info,
+    /// Looks wrong; nothing is lost.
+    Warning,
+    /// Is wrong, or would lose data: stops the import unless accepted.
+    Fault,
+}
+
+/// One finding.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Finding {
+    /// How bad.
+    pub severity: Severity,
+    /// Stable machine word.
+    pub kind: &'static str,
+    /// First line of the file it concerns, as an editor counts them.
+    pub line: Option<u64>,
+    /// For a person: what, where, what to do.
+    pub message: String,
+}
+
+impl Finding {
+    pub(crate) fn fault(kind: &'static str, line: Option<u64>, message: String) -> Self {
+        Finding {
+            severity: Severity::Fault,
+            kind,
+            line,
+            message,
+        }
+    }
+    pub(crate) fn warning(kind: &'static str, line: Option<u64>, message: String) -> Self {
+        Finding {
+            severity: Severity::Warning,
+            kind,
+            line,
+            message,
+        }
+    }
+    pub(crate) fn info(kind: &'static str, message: String) -> Self {
+        Finding {
+            severity: Severity::Info,
+            kind,
+            line: None,
+            message,
+        }
+    }
+
+    /// What it is about: the words before the first colon, or none.
+    pub(super) fn subject(&self) -> &str {
+        self.message.split_once(':').map_or("", |(s, _)| s)
+    }
+}

@@ -1,0 +1,339 @@
+//! The time of a row.
+
+use crate::cells::Cells;
+use crate::check::Finding;
+use crate::layout::Layout;
+use crate::map::{Column, Map, TimeMap, TimeSource};
+use crate::number::{BadCells, exact, nanoseconds, number};
+use crate::stamp::{self, Pattern, SECOND_NS, Stamp};
+use crate::unit::{self, Dimension};
+
+mod even;
+pub(crate) use even::{EvenRows, granularity};
+
+const DAY_NS: i128 = 86_400 * SECOND_NS;
+
+/// How a row's time is read, with the columns' places.
+enum Reading {
+    Rows,
+    Frames(usize),
+    Numbers(Vec<(usize, i128)>),
+    Iso(Vec<usize>),
+    Pattern(Vec<usize>, Pattern),
+}
+
+/// Reads the time of one row after the other.
+pub(crate) struct Clock {
+    reading: Reading,
+    decimal: char,
+    period_ns: f64,
+    epoch_ns: i128,
+    unwrap_bits: Option<u32>,
+    /// Rows so far, broken ones included.
+    rows: i128,
+    last_count: Option<f64>,
+    turns: i128,
+    midnights: i128,
+    last_of_day: i128,
+    beyond_bits: Option<u64>,
+    pub zones: Vec<(stamp::Zone, u64)>,
+    even: Option<EvenRows>,
+}
+
+impl Clock {
+    /// `None` = a column is missing, which has been said.
+    pub fn new(map: &Map, layout: &Layout, findings: &mut Vec<Finding>) -> Option<Clock> {
+        let time = &map.time;
+        let mut place = |c: &Column| layout.place(c, "time.column", findings);
+        let mut places = |columns: &[Column]| -> Option<Vec<usize>> {
+            // All of them, so that every one that is missing is said.
+            let found: Vec<Option<usize>> = columns.iter().map(&mut place).collect();
+            found.into_iter().collect()
+        };
+        let reading = match &time.source {
+            TimeSource::Rows => Reading::Rows,
+            TimeSource::Frames(column) => Reading::Frames(places(std::slice::from_ref(column))?[0]),
+            TimeSource::Numbers(columns) => {
+                let (names, units): (Vec<Column>, Vec<i128>) = columns.iter().cloned().unzip();
+                Reading::Numbers(places(&names)?.into_iter().zip(units).collect())
+            }
+            TimeSource::Iso(columns) => Reading::Iso(places(columns)?),
+            TimeSource::Pattern(columns, format) => {
+                // A decimal comma of the file is one of its stamps too.
+                let format = if map.file.decimal == ',' {
+                    format.replace(',', ".")
+                } else {
+                    format.clone()
+                };
+                Reading::Pattern(places(columns)?, Pattern::new(&format)?)
+            }
+        };
+        Some(Clock {
+            reading,
+            decimal: map.file.decimal,
+            period_ns: 1e9 / time.rate_hz.unwrap_or(1.0),
+            epoch_ns: time.epoch_ns,
+            unwrap_bits: time.unwrap_bits,
+            rows: -1,
+            last_count: None,
+            turns: 0,
+            midnights: 0,
+            last_of_day: 0,
+            beyond_bits: None,
+            zones: Vec::new(),
+            even: None,
+        })
+    }
+
+    /// Puts rounded stamps back to the map's rate from now on.
+    pub fn make_even(&mut self, time: &TimeMap, granularity_ns: i128) {
+        let stamps = !matches!(self.reading, Reading::Rows | Reading::Frames(_));
+        self.even = time
+            .rate_hz
+            .filter(|_| stamps)
+            .map(|rate_hz| EvenRows::new(rate_hz, granularity_ns));
+    }
+
+    /// A row that could not be split: time goes on where rows are all there is.
+    pub fn skip(&mut self) {
+        self.rows += 1;
+    }
+
+    /// Time of a row \[ns\]; `None` = it cannot be read, which is noted.
+    pub fn read(&mut self, cells: Cells<'_>, line: u64, bad: &mut BadCells) -> Option<i128> {
+        self.rows += 1;
+        let ns = self.stamp(cells, line);
+        if ns.is_none() {
+            let at = match &self.reading {
+                Reading::Rows => 0,
+                Reading::Frames(i) => *i,
+                Reading::Numbers(n) => n
+                    .iter()
+                    .map(|c| c.0)
+                    .find(|i| number(cells.get(*i), self.decimal).is_none())
+                    .unwrap_or(n[0].0),
+                Reading::Iso(i) | Reading::Pattern(i, _) => i[0],
+            };
+            bad.note("time", line, cells.get(at));
+        }
+        let ns = ns?;
+        Some(match &mut self.even {
+            Some(even) => even.put_back(ns, line),
+            None => ns,
+        })
+    }
+
+    fn stamp(&mut self, cells: Cells<'_>, line: u64) -> Option<i128> {
+        // UNIX times of 1 .. 4000 CE and any counter fit; what does not is no time.
+        let sane = |ns: &i128| ns.abs() < 64_000_000_000 * SECOND_NS;
+        match &self.reading {
+            Reading::Rows => Some((self.rows as f64 * self.period_ns).round() as i128),
+            Reading::Frames(column) => {
+                let frame = exact(cells.get(*column), self.decimal)?;
+                let count = number(cells.get(*column), self.decimal)?;
+                let whole = nanoseconds(frame, 1)?;
+                let frame = whole.checked_add(self.turned(count, line)?)?;
+                Some((frame as f64 * self.period_ns).round() as i128).filter(sane)
+            }
+            Reading::Numbers(columns) if self.unwrap_bits.is_some() => {
+                let (column, unit_ns) = columns[0];
+                let count = number(cells.get(column), self.decimal)?;
+                let own = nanoseconds(exact(cells.get(column), self.decimal)?, unit_ns)?;
+                let turned = self.turned(count, line)?.checked_mul(unit_ns)?;
+                own.checked_add(turned).filter(sane)
+            }
+            Reading::Numbers(columns) => {
+                let mut sum = self.epoch_ns;
+                for (column, unit_ns) in columns {
+                    let cell = bare(cells.get(*column), *unit_ns);
+                    let own = nanoseconds(exact(cell, self.decimal)?, *unit_ns)?;
+                    sum = sum.checked_add(own)?;
+                }
+                Some(sum).filter(sane)
+            }
+            Reading::Iso(columns) => {
+                let (ns, zone) = match columns.as_slice() {
+                    [one] => stamp::parse(cells.get(*one))?,
+                    several => stamp::parse(&joined(cells, several))?,
+                };
+                self.zone(zone, line);
+                Some(ns)
+            }
+            Reading::Pattern(columns, pattern) => {
+                let mut text = joined(cells, columns);
+                if self.decimal == ',' {
+                    text = text.replace(',', ".");
+                }
+                match pattern.parse(&text)? {
+                    Stamp::Date(ns, zone) => {
+                        self.zone(zone, line);
+                        Some(ns).filter(sane)
+                    }
+                    Stamp::OfDay(ns) => {
+                        // A clock of the day that goes back by half a day or more has passed midnight.
+                        if self.last_of_day - ns > DAY_NS / 2 {
+                            self.midnights += 1;
+                        }
+                        self.last_of_day = ns;
+                        Some(ns + self.midnights * DAY_NS)
+                    }
+                }
+            }
+        }
+    }
+
+    /// What the counter's turns so far add to it.
+    fn turned(&mut self, count: f64, line: u64) -> Option<i128> {
+        let Some(bits) = self.unwrap_bits else {
+            return Some(0);
+        };
+        let full = 1_i128 << bits;
+        if count >= full as f64 || count < 0.0 {
+            self.beyond_bits.get_or_insert(line);
+            return None;
+        }
+        if self
+            .last_count
+            .is_some_and(|last| last - count > full as f64 / 2.0)
+        {
+            self.turns += 1;
+        }
+        self.last_count = Some(count);
+        Some(self.turns * full)
+    }
+
+    fn zone(&mut self, zone: stamp::Zone, line: u64) {
+        if !self.zones.iter().any(|z| z.0 == zone) {
+            self.zones.push((zone, line));
+        }
+    }
+
+    /// What the clock found, `origin_ns` being the first row's time.
+    pub fn report(&self, time: &TimeMap, origin_ns: i128, findings: &mut Vec<Finding>) {
+        if let Some(line) = self.beyond_bits {
+            findings.push(Finding::fault(
+                "unwrap",
+                Some(line),
+                format!(
+                    "the counter on line {line} is none of {} bits: is time.unwrap right?",
+                    self.unwrap_bits.unwrap_or(0)
+                ),
+            ));
+        }
+        if self.turns > 0 {
+            findings.push(Finding::info(
+                "unwrapped",
+                format!(
+                    "the counter of time passed its end {} time(s) and was continued",
+                    self.turns
+                ),
+            ));
+        } else if let Some(bits) = self.unwrap_bits {
+            findings.push(Finding::info(
+                "unwrapped",
+                format!("the counter of time never passed the end of its {bits} bits"),
+            ));
+        }
+        if self.midnights > 0 {
+            findings.push(Finding::info(
+                "midnight",
+                format!(
+                    "the clock of the day passed midnight {} time(s) and was continued",
+                    self.midnights
+                ),
+            ));
+        }
+        if let Some(even) = &self.even {
+            even.report(findings);
+        }
+        self.report_zones(findings);
+        let origin_s = origin_ns as f64 * 1e-9;
+        let numbers = matches!(time.source, TimeSource::Numbers(_)) && time.epoch_ns == 0;
+        if time.unix && numbers && (0.0..UNIX_EARLIEST_S).contains(&origin_s) {
+            findings.push(Finding::fault(
+                "time_clock",
+                None,
+                format!(
+                    "time.clock is 'unix' but the first stamp is {origin_s:.3} s, in {}: is the clock 'relative', or time.unit another than '{}'?",
+                    1970 + (origin_s / 31_556_952.0) as i64,
+                    time.unit
+                ),
+            ));
+        }
+    }
+
+    fn report_zones(&self, findings: &mut Vec<Finding>) {
+        if let [(None, line)] = self.zones[..] {
+            findings.push(Finding::warning(
+                "time_zone_missing",
+                Some(line),
+                "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be told from a gap".to_owned(),
+            ));
+        }
+        if self.zones.len() > 1 {
+            let words: Vec<String> = self
+                .zones
+                .iter()
+                .map(|(z, line)| match z {
+                    Some(m) => format!("UTC{:+03}:{:02} from line {line}", m / 60, (m % 60).abs()),
+                    None => format!("no zone from line {line}"),
+                })
+                .collect();
+            findings.push(Finding::fault(
+                "mixed_time_zones",
+                self.zones.get(1).map(|z| z.1),
+                format!(
+                    "stamps are in {} time zones: {}",
+                    self.zones.len(),
+                    words.join(", ")
+                ),
+            ));
+        }
+    }
+}
+
+/// No table of motion on a UNIX clock is older \[s\]: 1980-01-01.
+const UNIX_EARLIEST_S: f64 = 315_532_800.0;
+
+/// A duration without its unit, if that is the map's: `0.01 sec`.
+fn bare(cell: &str, unit_ns: i128) -> &str {
+    let Some((value, word)) = cell.rsplit_once(' ') else {
+        return cell;
+    };
+    match unit::find(Dimension::Time, word) {
+        Some(u) if (u.factor * 1e9).round() as i128 == unit_ns => value.trim_end(),
+        _ => cell,
+    }
+}
+
+/// Cells joined by a blank.
+fn joined(cells: Cells<'_>, columns: &[usize]) -> String {
+    let words: Vec<&str> = columns.iter().map(|c| cells.get(*c)).collect();
+    words.join(" ")
+}
+
+/// UNIX time of the first row \[ns\] and whether it is a possible one.
+pub(crate) fn start_ns(time: &TimeMap, origin_ns: i128, findings: &mut Vec<Finding>) -> u64 {
+    let unix_ns = if time.unix {
+        origin_ns
+    } else {
+        let start_s = time
+            .start_unix_s
+            .unwrap_or(hydroline_core::clock::SIMULATION_START_UNIX_S as f64);
+        (start_s * 1e9).round() as i128
+    };
+    // 1970 .. 2096.
+    let range = 0..=4_000_000_000 * SECOND_NS;
+    if !range.contains(&unix_ns) {
+        findings.push(Finding::fault(
+            "time_unit",
+            None,
+            format!(
+                "the first stamp is UNIX {:.3e} s, outside 1970 .. 2096: is time.unit '{}' right?",
+                unix_ns as f64 * 1e-9,
+                time.unit
+            ),
+        ));
+    }
+    u64::try_from(unix_ns.clamp(*range.start(), *range.end())).unwrap_or(0)
+}

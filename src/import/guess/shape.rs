@@ -1,0 +1,332 @@
+//! Where names, units and data stand in a table of no known kind.
+
+use super::head::Head;
+use super::stats::Stats;
+use crate::cells::Splitter;
+use crate::map::{FileMap, Separator};
+use crate::number::number;
+use crate::unit::{self, UNITS};
+
+/// What lines of notes begin with.
+const COMMENTS: [&str; 4] = ["#", "%", "//", ";"];
+/// Rows of data that tell the separator.
+const ROWS_JUDGED: usize = 200;
+
+/// One column of the table.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Named {
+    /// As the header has it; empty = none.
+    pub name: String,
+    /// What stands above it: a marker, a body, a kind of value.
+    pub group: String,
+    /// Its unit, as the file writes it.
+    pub unit: Option<String>,
+}
+
+/// A table's form.
+#[derive(Debug, Clone)]
+pub(super) struct Shape {
+    pub kind: &'static str,
+    pub file: FileMap,
+    pub columns: Vec<Named>,
+    /// Names in the file are no keys (none, or others than the columns): columns go by number.
+    pub by_number: bool,
+    /// Rows per second, where the file states it.
+    pub rate_hz: Option<f64>,
+    /// Units that the kind of file has where it writes none.
+    pub units: Defaults,
+    pub remarks: Vec<String>,
+}
+
+/// What a kind of file is measured in where it does not say.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Defaults {
+    /// For lengths and speeds.
+    pub length: Option<&'static str>,
+    /// For angles and rates.
+    pub angle: Option<&'static str>,
+    /// y stands up.
+    pub y_up: bool,
+    /// The length's unit stands in the file.
+    pub stated: bool,
+}
+
+impl Shape {
+    pub fn title(&self) -> String {
+        format!("map guessed by hydroline from {}", self.kind)
+    }
+
+    /// As many columns as rows have cells.
+    pub fn complete(&mut self, stats: &Stats) {
+        self.columns.resize(
+            stats.columns.len().max(self.columns.len()),
+            Named::default(),
+        );
+        let empty = stats.columns.len();
+        self.columns.truncate(empty);
+    }
+
+    /// A column as the map names it.
+    pub fn key(&self, index: usize) -> String {
+        let own = &self.columns[index].name;
+        let same: Vec<usize> = (0..self.columns.len())
+            .filter(|i| self.columns[*i].name == *own)
+            .collect();
+        if self.by_number || own.is_empty() {
+            return format!("column = {}", index + 1);
+        }
+        let name = super::file::quoted(own);
+        match same.iter().position(|i| *i == index) {
+            Some(place) if same.len() > 1 => format!("column = {name}\nnth = {}", place + 1),
+            _ => format!("column = {name}"),
+        }
+    }
+
+    /// A column as people are told of it.
+    pub fn words(&self, index: usize) -> String {
+        let Named { name, group, .. } = &self.columns[index];
+        match (group.is_empty(), name.is_empty()) {
+            (true, true) => format!("column {}", index + 1),
+            (true, false) => format!("column '{name}'"),
+            (false, _) => format!("column '{name}' of '{group}'"),
+        }
+    }
+}
+
+pub(super) fn file(head: &Head, separator: Separator, decimal: char) -> FileMap {
+    FileMap {
+        separator: Some(separator),
+        decimal,
+        encoding: head.encoding,
+        comment: None,
+        header: true,
+        header_line: None,
+        units_line: None,
+        first_line: None,
+        last_line: None,
+    }
+}
+
+pub(super) fn cells(separator: Separator, line: &str) -> Vec<String> {
+    Splitter::new(separator)
+        .split(line)
+        .iter()
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Numbers, words, and empty cells of a line.
+fn count(cells: &[String], decimal: char) -> (usize, usize) {
+    let numbers = cells
+        .iter()
+        .filter(|c| number(c, decimal).is_some())
+        .count();
+    let words = cells
+        .iter()
+        .filter(|c| {
+            !c.is_empty()
+                && number(c, decimal).is_none()
+                && !is_stamp(c)
+                && !c.eq_ignore_ascii_case("nan")
+        })
+        .count();
+    (numbers, words)
+}
+
+/// Digits with signs between them, as dates and clocks have.
+fn is_stamp(cell: &str) -> bool {
+    cell.contains([':', '/', '-'])
+        && cell.starts_with(|c: char| c.is_ascii_digit())
+        && cell.chars().filter(char::is_ascii_digit).count() >= 4
+}
+
+fn is_note(line: &str) -> bool {
+    line.trim().is_empty() || COMMENTS.iter().any(|c| line.trim_start().starts_with(c))
+}
+
+/// Separator and decimal sign under which most cells are numbers.
+fn separator(lines: &[(u64, String)]) -> Option<(Separator, char)> {
+    let data: Vec<&str> = lines
+        .iter()
+        .rev()
+        .map(|l| l.1.as_str())
+        .filter(|l| !is_note(l))
+        .take(ROWS_JUDGED)
+        .collect();
+    let mut best: Option<(f64, Separator, char)> = None;
+    for byte in [b',', b';', b'\t', b'|', b' '] {
+        for decimal in ['.', ','] {
+            if byte == decimal as u8 {
+                continue;
+            }
+            let separator = if byte == b' ' {
+                Separator::Blanks
+            } else {
+                Separator::Byte(byte)
+            };
+            let rows: Vec<Vec<String>> = data.iter().map(|l| cells(separator, l)).collect();
+            let mut widths: Vec<usize> = rows.iter().map(Vec::len).collect();
+            widths.sort_unstable();
+            let usual = widths.get(widths.len() / 2).copied().unwrap_or(0);
+            let score: f64 = rows
+                .iter()
+                .map(|r| {
+                    let (numbers, words) = count(r, decimal);
+                    let even = if r.len() == usual { 1.0 } else { -1.0 };
+                    even * (numbers as f64 - 0.5 * words as f64)
+                })
+                .sum();
+            // A decimal comma must be seen to be one.
+            let shown = decimal == '.' || data.iter().any(|l| l.contains(','));
+            if shown && usual >= 2 && score > best.map_or(0.0, |b| b.0 * 1.001) {
+                best = Some((score, separator, decimal));
+            }
+        }
+    }
+    best.map(|(_, separator, decimal)| (separator, decimal))
+}
+
+/// A table of names, perhaps units, and rows.
+pub(super) fn plain(head: &Head) -> Option<Shape> {
+    let (separator, decimal) = separator(&head.lines)?;
+    let mut file = file(head, separator, decimal);
+    let rows: Vec<(u64, Vec<String>, bool)> = head
+        .lines
+        .iter()
+        .map(|(n, l)| (*n, cells(separator, l), is_note(l)))
+        .collect();
+    let like_data = |row: &[String]| {
+        let (numbers, words) = count(row, decimal);
+        let stamps = row.iter().any(|c| is_stamp(c));
+        numbers + usize::from(stamps) >= 1 && 2 * numbers + usize::from(stamps) > words
+    };
+    // Data reach to the end: their first row is after the last line that is none.
+    let mut widths: Vec<usize> = rows
+        .iter()
+        .rev()
+        .filter(|r| !r.2)
+        .take(ROWS_JUDGED)
+        .map(|r| r.1.len())
+        .collect();
+    widths.sort_unstable();
+    let width = *widths.get(widths.len() / 2)?;
+    let fits = |row: &[String]| row.len() + 1 >= width && like_data(row);
+    let first = rows.iter().position(|r| {
+        !r.2 && fits(&r.1) && {
+            // One row of numbers in a head is not yet data.
+            let after = rows
+                .iter()
+                .skip_while(|o| o.0 <= r.0)
+                .filter(|o| !o.2)
+                .take(8);
+            after.clone().count() == 0
+                || 4 * after.clone().filter(|o| fits(&o.1)).count() > 3 * after.count()
+        }
+    })?;
+    let before: Vec<&(u64, Vec<String>, bool)> = rows[..first].iter().collect();
+    let text = |row: &[String]| row.iter().filter(|c| !c.is_empty()).count();
+    let full = |r: &&&(u64, Vec<String>, bool)| !r.2 && 2 * text(&r.1) >= width.min(4);
+    let mut above = before.iter().rev().filter(full);
+    let is_units = |row: &[String]| {
+        let named: Vec<&String> = row.iter().filter(|c| !c.is_empty()).collect();
+        !named.is_empty() && 2 * named.iter().filter(|c| is_unit(c)).count() > named.len()
+    };
+    let (mut names, mut units) = (above.next().copied(), None);
+    if let Some(u) = names.filter(|u| is_units(&u.1))
+        && let Some(n) = above.next().copied()
+    {
+        (names, units) = (Some(n), Some(u));
+    }
+    // Names may stand in the last line of notes.
+    let mut by_number = false;
+    let mut columns: Vec<Named> = Vec::new();
+    let note = before
+        .iter()
+        .rev()
+        .find(|r| r.2 && !head.line(r.0).trim().is_empty());
+    if names.is_none()
+        && let Some(note) = note
+    {
+        let bare = bare_note(head.line(note.0));
+        let own = cells(separator, bare);
+        if own.len() + 1 >= width && own.len() <= width + 1 && text(&own) == own.len() {
+            if note.1.len() == own.len() && separator != Separator::Blanks {
+                names = Some(note);
+            } else {
+                by_number = true;
+                columns = own.iter().map(|name| named(name)).collect();
+            }
+        }
+    }
+    let comment = COMMENTS.iter().find(|c| {
+        let begins = |r: &(u64, Vec<String>, bool)| head.line(r.0).trim_start().starts_with(*c);
+        rows.iter()
+            .any(|r| begins(r) && names.is_none_or(|n| n.0 != r.0))
+    });
+    file.comment = comment.map(|c| (*c).to_owned());
+    match names {
+        Some(n) => {
+            // The first line that is no note is the header anyway.
+            let plain_first = rows
+                .iter()
+                .find(|r| !r.2 && !is_separator_line(&head.line(r.0).to_lowercase()));
+            file.header_line = (plain_first.map(|r| r.0) != Some(n.0)).then_some(n.0);
+            columns = n.1.iter().map(|name| named(name)).collect();
+        }
+        None => {
+            file.header = false;
+            let start = rows[first].0;
+            let skipped = rows[..first].iter().any(|r| !r.2);
+            file.first_line = skipped.then_some(start);
+        }
+    }
+    if let Some(u) = units {
+        file.units_line = Some(u.0);
+        for (column, unit) in columns.iter_mut().zip(&u.1) {
+            let own = unit::written(unit).unwrap_or(unit);
+            column.unit = Some(own.to_owned()).filter(|u| !u.is_empty());
+        }
+    }
+    // `sep=` is obeyed by the reader; it needs no key.
+    Some(Shape {
+        kind: "a plain table",
+        by_number: by_number || !file.header,
+        file,
+        columns,
+        rate_hz: None,
+        units: Defaults::default(),
+        remarks: Vec::new(),
+    })
+}
+
+fn is_separator_line(line: &str) -> bool {
+    line.trim_matches('"').starts_with("sep=")
+}
+
+/// A line of notes without its mark.
+pub(super) fn bare_note(line: &str) -> &str {
+    let line = line.trim_start();
+    let mark = COMMENTS.iter().find(|c| line.starts_with(**c));
+    mark.map_or(line, |c| line[c.len()..].trim_start())
+}
+
+/// A name with the unit in its brackets.
+pub(super) fn named(name: &str) -> Named {
+    let unit = unit::written(name).filter(|u| is_unit(u));
+    Named {
+        name: name.to_owned(),
+        group: String::new(),
+        unit: unit.map(str::to_owned),
+    }
+}
+
+/// Whether a text is some unit, or says that there is none.
+pub(super) fn is_unit(text: &str) -> bool {
+    let bare = unit::written(text).unwrap_or(text.trim());
+    matches!(
+        bare,
+        "-" | "1" | "[]" | "V" | "A" | "W" | "Pa" | "%" | "m/s^2" | "m/s²" | "m s^-2"
+    ) || UNITS
+        .iter()
+        .any(|u| unit::find(u.dimension, bare).is_some())
+}

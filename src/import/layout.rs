@@ -1,0 +1,243 @@
+//! Where names, units and data stand in a file.
+
+use std::io::{self, Read};
+
+use crate::cells::Splitter;
+use crate::check::Finding;
+use crate::map::{Column, FileMap, Separator};
+use crate::source::Source;
+use crate::text::{Format, Lines};
+
+/// Bytes that tell the encoding.
+const HEAD_BYTES: u64 = 1 << 16;
+/// Rows that tell how many cells a row has.
+const ROWS_JUDGED: usize = 200;
+/// Lines kept for hints where a column is not found.
+const LINES_KEPT: usize = 100;
+
+/// Where names, units and data stand.
+#[derive(Debug, Clone)]
+pub(crate) struct Layout {
+    pub format: Format,
+    pub separator: Separator,
+    /// Names of the columns; their numbers where the file has none.
+    pub header: Vec<String>,
+    /// Units of the columns; empty = no line of them.
+    pub units: Vec<String>,
+    /// Data stand from here on.
+    pub first_line: u64,
+    /// Cells that most rows have.
+    pub usual: usize,
+    /// The first lines: (number, text).
+    head: Vec<(u64, String)>,
+    decimal: char,
+}
+
+/// What a first line `sep=;` of a spreadsheet says.
+fn separator_line(number: u64, line: &str) -> Option<Separator> {
+    let word = line.trim_matches(|c| c == '"' || c == ' ');
+    let rest = word.get(..4).filter(|w| w.eq_ignore_ascii_case("sep="))?;
+    match word.as_bytes()[rest.len()..] {
+        [b] if number == 1 => Some(Separator::Byte(b)),
+        [] if number == 1 => Some(Separator::Byte(b'\t')),
+        _ => None,
+    }
+}
+
+/// Whether a line holds nothing of the table.
+pub(crate) fn is_aside(file: &FileMap, line: &str) -> bool {
+    let comment = file.comment.as_deref();
+    line.trim().is_empty() || comment.is_some_and(|c| line.trim_start().starts_with(c))
+}
+
+impl Layout {
+    /// Looks at the beginning of a file.
+    pub fn find(source: &(impl Source + ?Sized), file: &FileMap) -> io::Result<Layout> {
+        let mut head = Vec::new();
+        source.open()?.take(HEAD_BYTES).read_to_end(&mut head)?;
+        let format = Format::of(&head, file.encoding);
+        let mut lines = Lines::new(source.open()?, format)?;
+        let mut layout = Layout {
+            format,
+            separator: file.separator.unwrap_or(Separator::Byte(b',')),
+            header: Vec::new(),
+            units: Vec::new(),
+            first_line: file.first_line.unwrap_or(1),
+            usual: 0,
+            head: Vec::new(),
+            decimal: file.decimal,
+        };
+        let mut splitter = Splitter::new(layout.separator);
+        let (mut named, mut counts) = (!file.header, Vec::<usize>::new());
+        while let Some((number, line)) = lines.next_line()? {
+            if layout.head.len() < LINES_KEPT {
+                layout
+                    .head
+                    .push((number, line.chars().take(2000).collect()));
+            }
+            if let Some(separator) = separator_line(number, line) {
+                layout.separator = file.separator.unwrap_or(separator);
+                splitter = Splitter::new(layout.separator);
+                layout.first_line = layout.first_line.max(number + 1);
+                continue;
+            }
+            let cells = splitter.split(line);
+            let own = || cells.iter().map(str::to_owned).collect();
+            // A line that the map names is taken even if it begins like a comment.
+            let is_header = match file.header_line {
+                Some(stated) => number == stated,
+                None => !named && !is_aside(file, line),
+            };
+            if file.header && is_header {
+                layout.header = own();
+                named = true;
+                layout.first_line = layout.first_line.max(number + 1);
+            } else if file.units_line == Some(number) {
+                layout.units = own();
+                layout.first_line = layout.first_line.max(number + 1);
+            } else if named
+                && number >= layout.first_line.max(file.units_line.unwrap_or(0))
+                && !is_aside(file, line)
+            {
+                counts.push(cells.len());
+                if counts.len() == ROWS_JUDGED {
+                    break;
+                }
+            }
+        }
+        counts.sort_unstable();
+        let runs = counts.chunk_by(|a, b| a == b);
+        layout.usual = runs.max_by_key(|r| r.len()).map_or(0, |r| r[0]);
+        if !file.header {
+            layout.header = (1..=layout.usual).map(|n| n.to_string()).collect();
+        }
+        Ok(layout)
+    }
+
+    /// Cells beyond this one belong to no column.
+    pub fn width(&self) -> usize {
+        self.header.len()
+    }
+
+    /// What is to be said of columns that are dropped.
+    pub fn notes(&self) -> Vec<Finding> {
+        let mut notes = Vec::new();
+        let width = self.width();
+        if self.usual > width && width > 0 {
+            notes.push(Finding::info(
+                "empty_columns",
+                format!(
+                    "rows have {} cells, the header {width}: those beyond it are empty and dropped",
+                    self.usual
+                ),
+            ));
+        } else if self.usual < width && self.usual > 0 {
+            let named: Vec<&str> = self.header[self.usual..]
+                .iter()
+                .map(String::as_str)
+                .filter(|n| !n.is_empty())
+                .collect();
+            let words = if named.is_empty() {
+                "the header ends in names that are empty".to_owned()
+            } else {
+                format!("'{}' stands in no row", named.join("', '"))
+            };
+            notes.push(Finding::info(
+                "empty_columns",
+                format!(
+                    "the header has {width} names, rows {} cells: {words}, dropped",
+                    self.usual
+                ),
+            ));
+        }
+        notes
+    }
+
+    /// The place of a column from 0; a finding where it is not there or not one.
+    pub fn place(&self, column: &Column, key: &str, findings: &mut Vec<Finding>) -> Option<usize> {
+        let (name, nth) = match column {
+            Column::Number(n) => {
+                let there = self.width().max(self.usual);
+                if *n > there {
+                    findings.push(Finding::fault(
+                        "column_missing",
+                        None,
+                        format!(
+                            "{key}: no column {n}, there are {there}; separator '{}'",
+                            self.separator
+                        ),
+                    ));
+                    return None;
+                }
+                return Some(n - 1);
+            }
+            Column::Name { name, nth } => (name, nth),
+        };
+        let places: Vec<usize> = (0..self.width())
+            .filter(|i| self.header[*i] == *name)
+            .collect();
+        match (places.as_slice(), nth) {
+            ([one], None) => Some(*one),
+            (several, Some(n)) if (1..=several.len()).contains(n) => several.get(n - 1).copied(),
+            ([], _) => {
+                findings.push(Finding::fault(
+                    "column_missing",
+                    None,
+                    format!(
+                        "{key}: no column '{name}' in the header ({}); separator '{}'{}",
+                        self.header.join(" | "),
+                        self.separator,
+                        self.hint(name)
+                    ),
+                ));
+                None
+            }
+            (several, Some(n)) => {
+                findings.push(Finding::fault(
+                    "column_missing",
+                    None,
+                    format!(
+                        "{key}: nth = {n}, but the header has {} columns '{name}'",
+                        several.len()
+                    ),
+                ));
+                None
+            }
+            (several, None) => {
+                let numbers: Vec<String> = several.iter().map(|i| (i + 1).to_string()).collect();
+                findings.push(Finding::fault(
+                    "column_twice",
+                    None,
+                    format!(
+                        "{key}: the header has {} columns '{name}' (numbers {}); say which with nth = 1 .. {}, or give the number as column",
+                        several.len(),
+                        numbers.join(", "),
+                        several.len()
+                    ),
+                ));
+                None
+            }
+        }
+    }
+
+    /// Where the name stands, if not in the header.
+    fn hint(&self, name: &str) -> String {
+        let separators = [b',', b';', b'\t']
+            .map(Separator::Byte)
+            .into_iter()
+            .chain([Separator::Blanks])
+            .filter(|s| *s != Separator::Byte(self.decimal as u8));
+        for separator in [self.separator].into_iter().chain(separators) {
+            let mut splitter = Splitter::new(separator);
+            let holds = |l: &&(u64, String)| splitter.split(&l.1).iter().any(|c| c == name);
+            if let Some((number, _)) = self.head.iter().find(holds) {
+                return if separator == self.separator {
+                    format!("; line {number} has it: [file] header_line = {number}?")
+                } else {
+                    format!("; with separator = \"{separator}\" line {number} has it")
+                };
+            }
+        }
+        "; `hydroline import --guess FILE` proposes a map".to_owned()
+    }
+}

@@ -1,0 +1,189 @@
+//! Numbers in cells, and what stands there instead.
+
+use super::check::Finding;
+use super::map::Map;
+
+/// A finite number with the file's decimal sign.
+pub(crate) fn number(cell: &str, decimal: char) -> Option<f64> {
+    let value: Option<f64> = if decimal == ',' {
+        // A point in a file of decimal commas would be a thousands separator: not guessed.
+        if cell.contains('.') {
+            None
+        } else {
+            cell.replace(',', ".").parse().ok()
+        }
+    } else {
+        cell.parse().ok()
+    };
+    value.filter(|v| v.is_finite())
+}
+
+/// A decimal number as mantissa and power of ten, exactly; `None` beyond 30 digits or for anything else.
+pub(crate) fn exact(cell: &str, decimal: char) -> Option<(i128, i32)> {
+    let (negative, digits) = match cell.as_bytes() {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        rest => (false, rest),
+    };
+    let (mut mantissa, mut power, mut seen, mut point) = (0_i128, 0_i32, 0, false);
+    for (i, b) in digits.iter().enumerate() {
+        match b {
+            b'0'..=b'9' => {
+                mantissa = mantissa * 10 + i128::from(b - b'0');
+                seen += 1;
+                power -= i32::from(point);
+            }
+            _ if *b == decimal as u8 && !point => point = true,
+            b'e' | b'E' if seen > 0 => {
+                let exponent: i32 = std::str::from_utf8(&digits[i + 1..]).ok()?.parse().ok()?;
+                power = power.checked_add(exponent)?;
+                return finish(negative, mantissa, power, seen);
+            }
+            _ => return None,
+        }
+        if seen > 30 {
+            return None;
+        }
+    }
+    finish(negative, mantissa, power, seen)
+}
+
+fn finish(negative: bool, mantissa: i128, power: i32, seen: usize) -> Option<(i128, i32)> {
+    (seen > 0 && power.abs() <= 60).then_some((if negative { -mantissa } else { mantissa }, power))
+}
+
+/// An exact number times nanoseconds per unit, rounded to whole nanoseconds.
+pub(crate) fn nanoseconds((mantissa, power): (i128, i32), unit_ns: i128) -> Option<i128> {
+    let product = mantissa.checked_mul(unit_ns)?;
+    let ten = 10_i128.checked_pow(power.unsigned_abs())?;
+    if power >= 0 {
+        return product.checked_mul(ten);
+    }
+    let half = ten / 2 * product.signum();
+    Some((product + half) / ten)
+}
+
+/// Whether a cell says that there is nothing: empty, or a word for it.
+pub(crate) fn says_nothing(cell: &str) -> bool {
+    const WORDS: [&str; 9] = ["nan", "na", "n/a", "null", "none", "-nan", "nat", "-", "--"];
+    cell.is_empty()
+        || (cell.len() <= 6
+            && WORDS
+                .iter()
+                .chain(&["#n/a", "-nan(i", "<na>"])
+                .any(|w| cell.eq_ignore_ascii_case(w)))
+}
+
+/// Cells that are no numbers, by kind.
+#[derive(Default)]
+pub(crate) struct BadCells {
+    /// (kind, column, first line, first cell, count)
+    seen: Vec<(&'static str, String, u64, String, usize)>,
+}
+
+impl BadCells {
+    pub fn note(&mut self, column: &str, line: u64, cell: &str) {
+        let lower = cell.to_ascii_lowercase();
+        let kind = if cell.is_empty() {
+            "empty_cells"
+        } else if says_nothing(cell) || lower.contains("nan") || lower.contains("inf") {
+            "nan"
+        } else if cell.replace(',', ".").parse::<f64>().is_ok()
+            || cell.replace(['.', ','], "").parse::<f64>().is_ok()
+        {
+            "decimal_separator"
+        } else {
+            "not_a_number"
+        };
+        match self.seen.iter_mut().find(|s| s.0 == kind && s.1 == column) {
+            Some(s) => s.4 += 1,
+            None => self.seen.push((
+                kind,
+                column.to_owned(),
+                line,
+                cell.chars().take(40).collect(),
+                1,
+            )),
+        }
+    }
+
+    pub fn report(&self, map: &Map, findings: &mut Vec<Finding>) {
+        let missing = "; where that is no loss, the map says missing = \"skip\" or \"hold\" there";
+        for (kind, column, line, cell, count) in &self.seen {
+            let words = match *kind {
+                "empty_cells" => format!(
+                    "column '{column}': {count} empty cell(s), the first on line {line}{}",
+                    if column == "time" { "" } else { missing }
+                ),
+                "nan" => format!(
+                    "column '{column}': {count} cell(s) hold '{cell}' or the like, the first on line {line}"
+                ),
+                "decimal_separator" => format!(
+                    "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export",
+                    map.file.decimal
+                ),
+                _ => format!(
+                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'"
+                ),
+            };
+            findings.push(Finding::fault(kind, Some(*line), words));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn times_are_exact() {
+        let ns = |cell: &str, unit_ns| nanoseconds(exact(cell, '.')?, unit_ns);
+        assert_eq!(
+            ns("1709633472.123456789", 1_000_000_000),
+            Some(1_709_633_472_123_456_789)
+        );
+        assert_eq!(
+            ns("1.709633472123456789e9", 1_000_000_000),
+            Some(1_709_633_472_123_456_789)
+        );
+        assert_eq!(
+            ns("1709633472123456789", 1),
+            Some(1_709_633_472_123_456_789)
+        );
+        assert_eq!(ns("-0.0005", 1_000_000), Some(-500));
+        assert_eq!(ns("1e-30", 1), Some(0));
+        assert_eq!(nanoseconds(exact("0,25", ',').unwrap(), 4), Some(1));
+        for bad in [
+            "",
+            "-",
+            "e5",
+            "1e",
+            "1.2.3",
+            "0x10",
+            "1 2",
+            "nan",
+            "1e99999999999",
+        ] {
+            assert_eq!(exact(bad, '.'), None, "{bad}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn an_exact_number_is_the_float(value in -1e9..1e9_f64) {
+            let text = format!("{value:.6}");
+            let (m, p) = exact(&text, '.').unwrap();
+            let back = m as f64 * 10f64.powi(p);
+            prop_assert!((back - value).abs() <= 1e-6);
+        }
+
+        #[test]
+        fn any_cell_is_a_number_or_not(cell in "\\PC{0,40}") {
+            if let Some(e) = exact(&cell, '.') {
+                let _ = nanoseconds(e, 86_400_000_000_000);
+                prop_assert!(number(&cell, '.').is_some() || cell.contains(['e', 'E']), "{}", cell);
+            }
+        }
+    }
+}

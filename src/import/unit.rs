@@ -1,0 +1,310 @@
+//! Units of the field, their factor to SI and the names that instruments write for them.
+
+use std::f64::consts::{PI, TAU};
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// \[m\]
+    Length,
+    /// \[rad\]
+    Angle,
+    /// \[m/s\]
+    Speed,
+    /// \[rad/s\]
+    Rate,
+    /// \[N\]
+    Force,
+    /// \[N m\]
+    Moment,
+    /// \[s\]
+    Time,
+    /// Width of a servo pulse \[us\].
+    Pulse,
+}
+
+use Dimension::{Angle, Force, Length, Moment, Pulse, Rate, Speed, Time};
+
+/// One unit.
+#[derive(Debug)]
+pub struct Unit {
+    /// What it measures.
+    pub dimension: Dimension,
+    /// As a map says it.
+    pub name: &'static str,
+    /// SI per unit.
+    pub factor: f64,
+    /// Other spellings, compared without regard to case.
+    others: &'static [&'static str],
+}
+
+const fn unit(
+    dimension: Dimension,
+    name: &'static str,
+    factor: f64,
+    others: &'static [&'static str],
+) -> Unit {
+    Unit {
+        dimension,
+        name,
+        factor,
+        others,
+    }
+}
+
+const DEG: f64 = PI / 180.0;
+/// International foot \[m\] (1959).
+const FOOT_M: f64 = 0.3048;
+/// Knot: 1852 m in an hour \[m/s\].
+const KNOT_MPS: f64 = 1852.0 / 3600.0;
+/// Standard gravity \[m/s²\] (CGPM 1901).
+const GRAVITY: f64 = 9.806_65;
+/// Avoirdupois pound \[kg\] (1959).
+const POUND_KG: f64 = 0.453_592_37;
+
+/// In the order in which messages list them.
+pub static UNITS: &[Unit] = &[
+    unit(Length, "m", 1.0, &["meter", "meters", "metre", "metres"]),
+    unit(
+        Length,
+        "cm",
+        0.01,
+        &["centimeter", "centimeters", "centimetres"],
+    ),
+    unit(
+        Length,
+        "mm",
+        0.001,
+        &["millimeter", "millimeters", "millimetres"],
+    ),
+    unit(
+        Length,
+        "um",
+        1e-6,
+        &["µm", "μm", "micrometer", "micrometers"],
+    ),
+    unit(
+        Length,
+        "km",
+        1e3,
+        &["kilometer", "kilometers", "kilometres"],
+    ),
+    unit(Length, "ft", FOOT_M, &["foot", "feet"]),
+    unit(Length, "in", FOOT_M / 12.0, &["inch", "inches"]),
+    unit(Length, "nmi", 1852.0, &["nautical mile", "nautical miles"]),
+    unit(Angle, "rad", 1.0, &["radian", "radians"]),
+    unit(Angle, "deg", DEG, &["°", "degree", "degrees", "degs"]),
+    unit(Angle, "mrad", 1e-3, &["milliradian", "milliradians"]),
+    unit(
+        Angle,
+        "cdeg",
+        0.01 * DEG,
+        &["centidegree", "centidegrees", "centideg"],
+    ),
+    unit(
+        Angle,
+        "arcmin",
+        DEG / 60.0,
+        &["arcminute", "arcminutes", "minutes of arc"],
+    ),
+    unit(
+        Angle,
+        "rev",
+        TAU,
+        &["revolution", "revolutions", "turn", "turns"],
+    ),
+    unit(
+        Speed,
+        "m/s",
+        1.0,
+        &[
+            "mps",
+            "m s-1",
+            "m·s-1",
+            "m s^-1",
+            "m*s^-1",
+            "ms-1",
+            "meters per second",
+        ],
+    ),
+    unit(Speed, "cm/s", 0.01, &["cm s-1", "cmps"]),
+    unit(Speed, "mm/s", 0.001, &["mm s-1", "mmps"]),
+    unit(Speed, "km/h", 1.0 / 3.6, &["kph", "kmh", "km/hr"]),
+    unit(Speed, "kn", KNOT_MPS, &["kt", "kts", "knot", "knots"]),
+    unit(Speed, "ft/s", FOOT_M, &["fps", "ft s-1", "feet per second"]),
+    unit(Speed, "in/s", FOOT_M / 12.0, &["ips"]),
+    unit(
+        Rate,
+        "rad/s",
+        1.0,
+        &[
+            "rad s-1",
+            "rad·s-1",
+            "rad s^-1",
+            "radps",
+            "rad/sec",
+            "radians per second",
+        ],
+    ),
+    unit(
+        Rate,
+        "deg/s",
+        DEG,
+        &[
+            "°/s",
+            "dps",
+            "deg s-1",
+            "deg/sec",
+            "°/sec",
+            "degrees/s",
+            "degrees per second",
+        ],
+    ),
+    unit(Rate, "mrad/s", 1e-3, &["mrad s-1"]),
+    unit(Rate, "cdeg/s", 0.01 * DEG, &["cdps", "centidegrees/s"]),
+    unit(Rate, "deg/min", DEG / 60.0, &["°/min", "dpm"]),
+    unit(Rate, "deg/h", DEG / 3600.0, &["°/h", "deg/hr", "dph"]),
+    unit(
+        Rate,
+        "rpm",
+        TAU / 60.0,
+        &["r/min", "rev/min", "1/min", "min-1", "u/min"],
+    ),
+    unit(Rate, "rps", TAU, &["rev/s", "1/s", "hz", "s-1"]),
+    unit(Force, "N", 1.0, &["newton", "newtons"]),
+    unit(Force, "mN", 1e-3, &["millinewton", "millinewtons"]),
+    unit(Force, "kN", 1e3, &["kilonewton", "kilonewtons"]),
+    unit(Force, "gf", 1e-3 * GRAVITY, &["gram-force"]),
+    unit(Force, "kgf", GRAVITY, &["kp", "kg-force", "kilogram-force"]),
+    unit(Force, "lbf", POUND_KG * GRAVITY, &["lbs", "pound-force"]),
+    unit(Force, "ozf", POUND_KG * GRAVITY / 16.0, &["ounce-force"]),
+    unit(
+        Moment,
+        "N m",
+        1.0,
+        &["nm", "n·m", "n*m", "n-m", "newton metres", "newton meters"],
+    ),
+    unit(Moment, "mN m", 1e-3, &["n mm", "n·mm", "nmm", "mnm"]),
+    unit(Moment, "N cm", 1e-2, &["ncm", "n·cm"]),
+    unit(Moment, "kN m", 1e3, &["knm", "kn·m"]),
+    unit(Moment, "kgf m", GRAVITY, &["kgf·m", "kgfm"]),
+    unit(
+        Moment,
+        "lbf ft",
+        POUND_KG * GRAVITY * FOOT_M,
+        &["ft lbf", "ft-lbf", "lb-ft", "ft-lb"],
+    ),
+    unit(
+        Moment,
+        "lbf in",
+        POUND_KG * GRAVITY * FOOT_M / 12.0,
+        &["in lbf", "in-lbf", "lb-in", "in-lb"],
+    ),
+    unit(Time, "s", 1.0, &["sec", "secs", "second", "seconds"]),
+    unit(
+        Time,
+        "ms",
+        1e-3,
+        &["msec", "millis", "millisecond", "milliseconds"],
+    ),
+    unit(
+        Time,
+        "us",
+        1e-6,
+        &["µs", "μs", "usec", "micros", "microsecond", "microseconds"],
+    ),
+    unit(
+        Time,
+        "ns",
+        1e-9,
+        &["nsec", "nanos", "nanosecond", "nanoseconds"],
+    ),
+    unit(Time, "min", 60.0, &["minute", "minutes"]),
+    unit(Time, "h", 3600.0, &["hr", "hour", "hours"]),
+    unit(Time, "d", 86_400.0, &["day", "days"]),
+    unit(
+        Pulse,
+        "us",
+        1.0,
+        &["µs", "μs", "pwm", "usec", "microseconds"],
+    ),
+    unit(Pulse, "ms", 1e3, &["msec", "milliseconds"]),
+    // Pololu's Maestro counts quarters.
+    unit(Pulse, "us/4", 0.25, &["qus", "quarter microseconds"]),
+];
+
+/// A unit of a dimension by its name or another spelling of it.
+pub fn find(dimension: Dimension, text: &str) -> Option<&'static Unit> {
+    let text = text.trim();
+    let of = || UNITS.iter().filter(|u| u.dimension == dimension);
+    // Case tells units apart only among the shortest (mN and MN, kn and kN).
+    let spelt = |u: &&Unit| {
+        let long = u.name.len() > 2 && u.name.eq_ignore_ascii_case(text);
+        long || u
+            .others
+            .iter()
+            .any(|o| *o == text || o.to_lowercase() == text.to_lowercase())
+    };
+    of().find(|u| u.name == text).or_else(|| of().find(spelt))
+}
+
+/// Names of all units of a dimension.
+pub fn names(dimension: Dimension) -> String {
+    let names: Vec<&str> = UNITS
+        .iter()
+        .filter(|u| u.dimension == dimension)
+        .map(|u| u.name)
+        .collect();
+    names.join(" ")
+}
+
+/// The unit that stands in a header cell: `x [mm]`, `Roll (deg)`, `Force, N`, `yaw / °`, or the whole cell.
+pub fn written(cell: &str) -> Option<&str> {
+    let cell = cell.trim();
+    for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
+        if let Some((_, rest)) = cell.rsplit_once(open)
+            && let Some((inside, _)) = rest.split_once(close)
+        {
+            return Some(inside.trim());
+        }
+    }
+    [", ", " / "]
+        .iter()
+        .find_map(|mark| cell.rsplit_once(mark))
+        .map(|(_, unit)| unit.trim())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_have_their_factors_and_other_spellings() {
+        let factor = |d, name: &str| find(d, name).map(|u| u.factor);
+        assert_eq!(factor(Speed, "knots"), Some(1852.0 / 3600.0));
+        assert_eq!(factor(Length, "ft"), Some(0.3048));
+        assert_eq!(factor(Time, "min"), Some(60.0));
+        assert!((factor(Angle, "cdeg").unwrap() - PI / 18_000.0).abs() < 1e-18);
+        assert_eq!(factor(Rate, "RPM"), Some(TAU / 60.0));
+        assert_eq!(factor(Angle, "°"), factor(Angle, "Degrees"));
+        assert_eq!(factor(Length, "deg"), None);
+        // Case counts where it tells units apart.
+        assert_eq!(factor(Force, "mN"), Some(1e-3));
+        assert_eq!(factor(Length, "M"), None);
+    }
+
+    #[test]
+    fn units_in_headers_are_found() {
+        for (cell, unit) in [
+            ("x [mm]", Some("mm")),
+            ("Roll (deg)", Some("deg")),
+            ("p_RS_R_x [m]", Some("m")),
+            ("Force, N", Some("N")),
+            ("Winkel / °", Some("°")),
+            ("x", None),
+            ("/odom/pose/x", None),
+        ] {
+            assert_eq!(written(cell), unit, "{cell}");
+        }
+    }
+}
