@@ -108,6 +108,7 @@ impl Problem {
                 first,
                 unit,
                 median,
+                centred: matches!(self.body.candidates[*t].kind, Kind::Trend { .. }),
             })
         });
         Belief {

@@ -27,6 +27,8 @@ pub struct Options {
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
     pub tables: usize,
+    /// Known laws fitted, as nearly right, in the place of a force without a name.
+    pub laws: usize,
     /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
     /// effects.
     pub cost: usize,
@@ -51,6 +53,7 @@ impl Default for Options {
             additions: 5,
             exchanges: 2,
             tables: 2,
+            laws: 3,
             cost: 150,
             rescored: 24,
             least_gain: 3.0,
@@ -247,6 +250,34 @@ impl Search<'_> {
                 };
                 let (terms, point) = self.problem.with(&smaller, p.candidate, &p.numbers);
                 add((terms, point, fit.cells.clone()));
+            }
+            // A force along a covariate may be a known law that is only nearly the library's: both at once, for the law
+            // alone may be worse by far than the force.
+            let mut laws = self.problem.nearly(fit.terms[member]);
+            laws.retain(|(effect, _)| !fit.terms.contains(effect));
+            let place = |effect: &usize| {
+                let mut of = promises.iter().filter(|p| p.instead == Some(member));
+                of.position(|p| p.candidate == *effect)
+            };
+            laws.sort_by_key(|(effect, _)| place(effect).unwrap_or(usize::MAX));
+            for (effect, trend) in laws.into_iter().take(self.options.laws) {
+                let promised = promises
+                    .iter()
+                    .find(|p| p.instead == Some(member) && p.candidate == effect);
+                let start = self.problem.body.candidates[effect].starts.first();
+                let Some(numbers) = promised.map(|p| &p.numbers).or(start) else {
+                    continue;
+                };
+                let mut made = Fit {
+                    terms: terms.clone(),
+                    point: point.clone(),
+                    ..fit.clone()
+                };
+                let nothing = vec![0.0; self.problem.body.candidates[trend].scales.len()];
+                for (candidate, numbers) in [(effect, numbers), (trend, &nothing)] {
+                    (made.terms, made.point) = self.problem.with(&made, candidate, numbers);
+                }
+                add((made.terms, made.point, fit.cells.clone()));
             }
         }
         self.fit(jobs, Effort::default());

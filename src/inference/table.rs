@@ -64,9 +64,17 @@ struct Kernel {
     ln_determinant: f64,
 }
 
-fn kernels() -> &'static [Kernel; LENGTHS.len()] {
-    static MADE: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
-    MADE.get_or_init(|| {
+/// Information of the mean of a table that is to have none, over that of its size.
+const NO_MEAN: f64 = 1e4;
+
+/// Kernels of any function, and of functions without a mean.
+fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
+    static PLAIN: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
+    static CENTRED: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
+    if centred {
+        return CENTRED.get_or_init(|| std::array::from_fn(|l| without_mean(&kernels(false)[l])));
+    }
+    PLAIN.get_or_init(|| {
         LENGTHS.map(|length| {
             let last = (POINTS - 1) as f64;
             let k = DMatrix::from_fn(POINTS, POINTS, |i, j| {
@@ -89,6 +97,22 @@ fn kernels() -> &'static [Kernel; LENGTHS.len()] {
     })
 }
 
+/// The same kernel, of functions whose mean over the points is 0: a law's number has the mean already.
+fn without_mean(kernel: &Kernel) -> Kernel {
+    let mean = DMatrix::from_element(POINTS, POINTS, NO_MEAN / POINTS as f64);
+    let precision = &kernel.precision + mean;
+    match Cholesky::new(precision.clone()) {
+        Some(root) => Kernel {
+            ln_determinant: -super::fit::ln_determinant(&root),
+            precision,
+        },
+        None => Kernel {
+            ln_determinant: kernel.ln_determinant,
+            precision: kernel.precision.clone(),
+        },
+    }
+}
+
 /// A table among the numbers of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
@@ -100,6 +124,8 @@ pub struct Block {
     pub unit: f64,
     /// Median of the size, in units.
     pub median: f64,
+    /// Its points have no mean.
+    pub centred: bool,
 }
 
 impl Block {
@@ -113,7 +139,7 @@ impl Block {
 
     /// Log density of its points.
     pub fn ln(&self, cell: TableCell, point: &[f64]) -> f64 {
-        let (kernel, scale) = (&kernels()[cell.length], self.scale(cell));
+        let (kernel, scale) = (&kernels(self.centred)[cell.length], self.scale(cell));
         let w = self.points(point);
         let square = w.dot(&(&kernel.precision * w));
         let n = POINTS as f64;
@@ -130,7 +156,7 @@ impl Block {
         information: &mut DMatrix<f64>,
         gradient: &mut DVector<f64>,
     ) {
-        let (kernel, scale) = (&kernels()[cell.length], self.scale(cell));
+        let (kernel, scale) = (&kernels(self.centred)[cell.length], self.scale(cell));
         let slope = &kernel.precision * self.points(point) * scale;
         let mut g = gradient.rows_mut(self.first, POINTS);
         g -= slope;
@@ -156,6 +182,7 @@ mod tests {
             first: 1,
             unit: 0.3,
             median: 1.0,
+            centred: true,
         };
         let cell = TableCell { size: 5, length: 2 };
         let mut point: Vec<f64> = (0..POINTS + 2).map(|k| (0.2 * k as f64).sin()).collect();
@@ -183,6 +210,7 @@ mod tests {
             first: 0,
             unit: 2.0,
             median: 1.0,
+            centred: true,
         };
         let at = |size| block.ln(TableCell { size, length: 1 }, &[0.0; POINTS]);
         let ratio = (at(4) - at(6)) / POINTS as f64;

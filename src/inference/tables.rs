@@ -4,12 +4,13 @@
 //! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random
 //! forces are, and its points integrated out.
 
+use hydroline_rigs::Dof;
 use rayon::prelude::*;
 
 use super::equations::Equations;
 use super::fit::{Fit, Problem};
 use super::hyper::{Cell, Cells, SIZES};
-use super::term::Kind;
+use super::term::{Candidate, Kind};
 
 /// A random force of at least this many tolerances says that something without a name may act.
 const LEFT: f64 = 0.3;
@@ -40,6 +41,24 @@ impl Problem {
             large.map(|(_, p)| p).sum::<f64>() >= ASKED
         });
         some.map(|(d, _)| *d).collect()
+    }
+
+    /// Known laws that the force of a table may be, nearly: (effect, how it varies) of those that are a function of the same
+    /// covariate in the same DOF.
+    pub(super) fn nearly(&self, table: usize) -> Vec<(usize, usize)> {
+        let all = &self.body.candidates;
+        let (Kind::Force { dof }, Some((along, _))) = (all[table].kind, all[table].along) else {
+            return Vec::new();
+        };
+        let here = |c: &Candidate| {
+            let named = c.word("dof").or_else(|| c.word("axis"));
+            named.is_some_and(|w| w == Dof::ALL[dof].name())
+        };
+        let each = all.iter().enumerate().filter_map(|(k, c)| match c.kind {
+            Kind::Trend { of } if c.whole && c.along?.0 == along && here(c) => Some((of, k)),
+            _ => None,
+        });
+        each.collect()
     }
 
     /// Tables beside a model, best first.

@@ -59,6 +59,8 @@ pub struct Candidate {
     pub fixed: Vec<f64>,
     /// Of a table: its covariate ([`COVARIATES`]) and that at both ends.
     pub along: Option<(usize, (f64, f64))>,
+    /// Of a trend: the law is a function of that covariate alone, so that together they are any such function.
+    pub whole: bool,
     /// Scale and prior per number that is searched.
     pub scales: Vec<Scale>,
     /// Points to begin from, natural numbers.
@@ -239,6 +241,57 @@ fn covariates(dof: usize, ground: &Ground<'_>, ranges: &Ranges) -> Vec<(usize, (
     each.filter_map(|c| Some((c, ranges[c]?))).collect()
 }
 
+/// Whether an effect's force in a DOF is a function of one covariate, whatever else moves; asked of its law.
+fn is_function_of(
+    effect: &Candidate,
+    dof: usize,
+    (covariate, (from, to)): (usize, (f64, f64)),
+    ground: &Ground<'_>,
+) -> bool {
+    let Some(numbers) = effect.starts.first() else {
+        return false;
+    };
+    let on = [effect.checked(numbers)];
+    let force = |value: f64, others: f64| -> Option<f64> {
+        let rate = |on: &[CheckedEffect]| -> Option<f64> {
+            let model = Model {
+                hydrodynamics: Hydrodynamics::new(ground.vehicle),
+                effects: EffectStack::assemble(on, |_, _, v| v).ok()?,
+            };
+            let mut state = ModelState::at_rest([0.3, -0.2, -0.8, 0.1, -0.07, 0.4]);
+            state.vehicle.eta[dof] += 0.05 * others;
+            for (d, nu) in state.vehicle.nu.iter_mut().enumerate() {
+                *nu = others * (0.02 + 0.005 * d as f64);
+            }
+            state.own.fill(0.1 * others);
+            let (mut t_s, mut wrench) = (3.0 + others, [0.4 * others; 6]);
+            match covariate {
+                0..6 => state.vehicle.eta[covariate] = value,
+                6..12 => state.vehicle.nu[covariate - 6] = value,
+                12 => t_s = value,
+                _ => wrench[dof] = value,
+            }
+            Some(model.rate(t_s, t_s, &state, &wrench).vehicle.nu[dof])
+        };
+        Some(rate(&on)? - rate(&[])?)
+    };
+    let at = |share: f64| from + (to - from) * share;
+    let asked = || -> Option<bool> {
+        // What rounding of the whole motion leaves.
+        let equal = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
+        let (mut same, mut varies) = (true, false);
+        let first = force(at(0.12), 1.0)?;
+        for share in [0.12, 0.4, 0.88] {
+            let (a, b) = (force(at(share), 1.0)?, force(at(share), -1.7)?);
+            same &= equal(a, b);
+            varies |= !equal(a, first);
+        }
+        // A constant that varies with it would be any function, and no known law.
+        Some(same && varies)
+    };
+    asked().unwrap_or(false)
+}
+
 /// Forces without a name in these DOFs, and near laws of effects: tables, whose shape is free.
 ///
 /// `effects` = candidates of the library, whose places are kept; `loads` = range of the load per DOF.
@@ -261,6 +314,7 @@ pub fn tables(
         words,
         fixed,
         along: Some(along),
+        whole: false,
         scales: vec![Scale::of_table(); POINTS],
         linear: Vec::new(),
         own: false,
@@ -292,13 +346,10 @@ pub fn tables(
             }
             seen.push(covariate);
             let words = c.words.clone();
-            made.push(table(
-                Kind::Trend { of },
-                c.info,
-                words,
-                Vec::new(),
-                (covariate, range),
-            ));
+            let along = (covariate, range);
+            let mut trend = table(Kind::Trend { of }, c.info, words, Vec::new(), along);
+            trend.whole = dof.is_some_and(|d| is_function_of(c, d, along, ground));
+            made.push(trend);
         }
     }
     made
@@ -350,6 +401,7 @@ impl Candidate {
             kind: Kind::Effect,
             fixed: Vec::new(),
             along: None,
+            whole: false,
             scales: info
                 .parameters
                 .iter()
@@ -613,6 +665,28 @@ mod tests {
         };
         assert!(has(&names(&ship), "added_mass_coupling"));
         assert!(!has(&names(&plain(&decoupled)), "added_mass_coupling"));
+    }
+
+    #[test]
+    fn laws_say_themselves_of_what_they_are_a_function() {
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let ground = Ground {
+            dofs: &[0, 3],
+            ..plain(&vehicle)
+        };
+        let all = candidates(&ground, &[]);
+        let of = |name: &str, dof: usize, covariate: &str, range| {
+            let effect = all.iter().find(|c| c.name() == name).unwrap();
+            let covariate = COVARIATES.iter().position(|c| *c == covariate).unwrap();
+            is_function_of(effect, dof, (covariate, range), &ground)
+        };
+        let (rate, angle, load) = ((-0.3, 0.3), (-0.2, 0.2), (-8.0, 8.0));
+        assert!(of("nonlinear_restoring roll", 3, "phi", angle));
+        assert!(of("coulomb_friction surge", 0, "u", rate));
+        assert!(of("thruster_deadband surge", 0, "load", load));
+        assert!(!of("cubic_damping surge", 0, "load", load));
+        assert!(!of("thruster_lag surge", 0, "load", load));
+        assert!(!of("constant_force surge", 0, "u", rate));
     }
 
     #[test]

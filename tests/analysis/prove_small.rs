@@ -62,12 +62,8 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
     let all = judged(1, &["paper-0"]);
     assert_eq!(all[0].word, Word::Ambiguous, "{}", all[0].sentence);
     let set = |id: &str| all[0].equivalent.iter().any(|s| s.iter().any(|e| e == id));
-    for id in [
-        "thruster_deadband",
-        "current",
-        "constant_force",
-        "coulomb_friction",
-    ] {
+    // A current would have to be so strong that it stands below a twentieth of the likeliest.
+    for id in ["thruster_deadband", "constant_force", "coulomb_friction"] {
         assert!(set(id), "{id}: {:?}", all[0].equivalent);
     }
     assert_eq!(passed(&all, "paper_split"), 1, "{}", all[0].sentence);
@@ -78,7 +74,12 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
 fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
     let all = judged(1, &["paper-0"]);
     let paper = all[0].paper.as_ref().unwrap();
-    assert!(paper.right_set, "lacking {:?}", paper.lacking);
+    let limit = |id: &String| id.as_str() == "thruster_saturation";
+    assert!(
+        !paper.lacking.iter().any(limit),
+        "lacking {:?}",
+        paper.lacking
+    );
 }
 
 /// Surge, sway and yaw at once gave no verdict in ten minutes.

@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn half_a_trend_is_an_error_that_says_what_is_missing() {
         let entry = with_word(entry("coulomb_friction", &[("f_n", 0.2)]), "f_n_along", "u");
-        let said = check(&[entry.clone()]).unwrap_err().to_string();
+        let said = check(std::slice::from_ref(&entry)).unwrap_err().to_string();
         assert!(said.contains("f_n_from"), "{said}");
         let mut wrong = entry;
         wrong.parameters[1].1 = ParameterValue::Word("speed".to_owned());

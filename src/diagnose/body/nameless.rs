@@ -89,16 +89,26 @@ impl Judged<'_> {
     fn how_it_varies(&self, trend: usize) -> Option<String> {
         let c = self.candidate(trend);
         let (fit, member) = self.holding(trend)?;
-        let at = self.found.problem.body.places(&fit.terms)[member];
+        let body = &self.found.problem.body;
+        let places = body.places(&fit.terms);
+        let at = places[member];
         let shares = &fit.point[at..at + c.scales.len()];
         let low = shares.iter().copied().fold(f64::INFINITY, f64::min);
         let high = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let Kind::Trend { of } = c.kind else {
+            return None;
+        };
+        let own = fit.terms.iter().position(|t| *t == of)?;
+        let (value, _) = body.natural(&fit.terms, &fit.point)[places[own]];
+        let nothing = self.candidate(of).nothing;
+        let at = |share: f64| value + (value - nothing) * share;
+        let (_, (from, to)) = c.along?;
         Some(format!(
-            "{} varies with {} by {:+.0} to {:+.0} %",
+            "{} lies between {:.4} and {:.4} as {} goes from {from:.3} to {to:.3}",
             c.info.parameters.first()?.name,
+            at(low),
+            at(high),
             c.covariate()?,
-            100.0 * low,
-            100.0 * high
         ))
     }
 
