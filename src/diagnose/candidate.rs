@@ -268,11 +268,12 @@ mod tests {
             .filter(|i| !all.iter().any(|c| c.info.id == i.id))
             .map(|i| i.id)
             .collect();
-        // The first has no parameter to find, the others show in images alone.
+        // The first has no parameter to find, the second is a table, the others show in images alone.
         assert_eq!(
             left_out,
             [
                 "added_mass_coupling",
+                "free_force",
                 "refraction",
                 "lens_distortion",
                 "camera_shift",

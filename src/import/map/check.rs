@@ -59,7 +59,7 @@ impl Checker<'_> {
                 "motion",
                 "",
                 format!(
-                    "map at least one channel: [motion.x_m] .. of {}, or a [[command]]; hydroline import --help shows a map",
+                    "name at least one channel: [motion.x_m] .. of {}, or a [[command]]; hydroline import --help shows a map",
                     CHANNELS.join(" ")
                 ),
             );

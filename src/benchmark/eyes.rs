@@ -1,0 +1,76 @@
+//! Cases for eyes: `SEED=77 CATEGORY=unnamed COUNT=8 cargo test -p hydroline-benchmark --lib -- --ignored --nocapture of_cases`,
+//! or `ONLY="unnamed-2 single-3"`.
+use super::{Category, case, catalogue, make};
+
+#[test]
+#[ignore = "for eyes"]
+fn of_cases() {
+    let var = |n: &str| std::env::var(n).ok();
+    let seed: u64 = var("SEED").map_or(1, |s| s.parse().unwrap());
+    let ids: Vec<(Category, usize)> = match var("ONLY") {
+        Some(only) => only
+            .split_whitespace()
+            .map(|id| case::parse(id).unwrap())
+            .collect(),
+        None => {
+            let named = |n: String| Category::ALL.into_iter().find(|c| c.name() == n).unwrap();
+            let count: usize = var("COUNT").map_or(8, |s| s.parse().unwrap());
+            let from: usize = var("FROM").map_or(0, |s| s.parse().unwrap());
+            let ids = catalogue(from + count, var("CATEGORY").map(named));
+            ids.into_iter().filter(|i| i.1 >= from).collect()
+        }
+    };
+    for (category, index) in ids {
+        let made = make(seed, category, index).unwrap();
+        let begun = std::time::Instant::now();
+        let v = hydroline_diagnose::diagnose_by(
+            hydroline_diagnose::Engine::Body,
+            &made.sealed.sources,
+            &made.sealed.held,
+            &made.sealed.rig,
+            &|what| {
+                if std::env::var("TELL").is_ok() {
+                    println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
+                }
+            },
+        )
+        .unwrap()
+        .verdict;
+        let seconds = begun.elapsed().as_secs_f64();
+        let truth: Vec<String> = made
+            .key
+            .truth
+            .iter()
+            .filter(|t| t.weight_m > 2e-4)
+            .map(|t| {
+                let near = if t.exact { "" } else { "~" };
+                format!("{}{near} {:.2}", t.effect, t.weight_m * 1e3)
+            })
+            .collect();
+        println!(
+            "== {}-{index} {seconds:.1} s {} fits | there: {} {:?}\n   {:?}: {}",
+            category.name(),
+            v.sets_looked_at,
+            truth.join(", "),
+            made.key.tank.strange,
+            v.verdict,
+            v.sentence
+        );
+        for e in &v.effects {
+            println!(
+                "   {} p {:.3} {:?} {:?} exact {:?} {:?}",
+                e.effect, e.probability, e.words, e.weight, e.law_exact_probability, e.law_note
+            );
+        }
+        for a in v.alternatives.iter().take(4) {
+            println!(
+                "   {:.3} {:.1} {:?} {:?}",
+                a.probability, a.log_evidence, a.effects, a.train
+            );
+        }
+        println!(
+            "   unnamed {:?} noise {:?} held out {:?}",
+            v.unnamed, v.noise, v.fit.held_out
+        );
+    }
+}
