@@ -388,10 +388,13 @@ fn rolling(stem: &str, u_mps: f64, window_s: (f64, f64), every: usize) -> Option
         name: format!("{stem}@{}", window_s.0),
         ..Run::default()
     };
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let phi = names.iter().position(|n| n.trim() == "phi").unwrap();
     for line in text.lines().skip(1).step_by(every) {
-        let row: Vec<f64> = line.split(',').filter_map(|w| w.parse().ok()).collect();
+        let cell = |w: &str| w.trim().parse().unwrap_or(f64::NAN);
+        let row: Vec<f64> = line.split(',').map(cell).collect();
         let mut values = [f64::NAN; 12];
-        (values[3], values[6]) = (row[4], u_mps);
+        (values[3], values[6]) = (row[phi], u_mps);
         if (window_s.0..window_s.1).contains(&row[0]) {
             run.samples.push(Sample {
                 t_s: row[0],
