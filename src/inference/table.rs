@@ -36,22 +36,6 @@ impl TableCell {
             .flat_map(|size| (0..LENGTHS.len()).map(move |length| TableCell { size, length }))
     }
 
-    /// Those beside it.
-    pub fn neighbours(self) -> Vec<TableCell> {
-        let TableCell { size, length } = self;
-        let around = [
-            (size + 1, length),
-            (size.wrapping_sub(1), length),
-            (size, length + 1),
-            (size, length.wrapping_sub(1)),
-        ];
-        around
-            .into_iter()
-            .filter(|(s, l)| *s < SIZES.len() && *l < LENGTHS.len())
-            .map(|(size, length)| TableCell { size, length })
-            .collect()
-    }
-
     /// Log prior probability: half-Cauchy sizes about a median \[units\], every length alike.
     pub fn ln_prior(self, median: f64) -> f64 {
         super::hyper::ln_half_cauchy(&SIZES, self.size, median) - (LENGTHS.len() as f64).ln()

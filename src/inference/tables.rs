@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::equations::Equations;
 use super::fit::{Fit, Problem};
 use super::hyper::{Cell, Cells, SIZES};
-use super::term::{Candidate, Kind};
+use super::term::{Kind, is_function_of};
 
 /// A random force of at least this many tolerances says that something without a name may act.
 const LEFT: f64 = 0.3;
@@ -50,13 +50,13 @@ impl Problem {
         let (Kind::Force { dof }, Some((along, _))) = (all[table].kind, all[table].along) else {
             return Vec::new();
         };
-        let here = |c: &Candidate| {
-            let named = c.word("dof").or_else(|| c.word("axis"));
-            named.is_some_and(|w| w == Dof::ALL[dof].name())
-        };
-        let each = all.iter().enumerate().filter_map(|(k, c)| match c.kind {
-            Kind::Trend { of } if c.whole && c.along?.0 == along && here(c) => Some((of, k)),
-            _ => None,
+        let here = Some(Dof::ALL[dof].name());
+        let each = all.iter().enumerate().filter_map(|(k, c)| {
+            let (Kind::Trend { of }, Some(varies)) = (c.kind, c.along) else {
+                return None;
+            };
+            let same = varies.0 == along && c.place() == here;
+            (same && is_function_of(&all[of], dof, varies, &self.body.vehicle)).then_some((of, k))
         });
         each.collect()
     }

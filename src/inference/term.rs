@@ -59,8 +59,6 @@ pub struct Candidate {
     pub fixed: Vec<f64>,
     /// Of a table: its covariate ([`COVARIATES`]) and that at both ends.
     pub along: Option<(usize, (f64, f64))>,
-    /// Of a trend: the law is a function of that covariate alone, so that together they are any such function.
-    pub whole: bool,
     /// Scale and prior per number that is searched.
     pub scales: Vec<Scale>,
     /// Points to begin from, natural numbers.
@@ -102,6 +100,11 @@ impl Candidate {
     pub fn word(&self, name: &str) -> Option<&'static str> {
         let at = self.info.words.iter().position(|w| w.name == name)?;
         self.info.words[at].allowed.get(self.words[at]).copied()
+    }
+
+    /// The DOF or axis that its words name.
+    pub fn place(&self) -> Option<&'static str> {
+        self.word("dof").or_else(|| self.word("axis"))
     }
 
     /// As the simulator takes it; numbers are filled in by whoever runs it.
@@ -242,11 +245,11 @@ fn covariates(dof: usize, ground: &Ground<'_>, ranges: &Ranges) -> Vec<(usize, (
 }
 
 /// Whether an effect's force in a DOF is a function of one covariate, whatever else moves; asked of its law.
-fn is_function_of(
+pub(super) fn is_function_of(
     effect: &Candidate,
     dof: usize,
     (covariate, (from, to)): (usize, (f64, f64)),
-    ground: &Ground<'_>,
+    vehicle: &Vehicle,
 ) -> bool {
     let Some(numbers) = effect.starts.first() else {
         return false;
@@ -255,7 +258,7 @@ fn is_function_of(
     let force = |value: f64, others: f64| -> Option<f64> {
         let rate = |on: &[CheckedEffect]| -> Option<f64> {
             let model = Model {
-                hydrodynamics: Hydrodynamics::new(ground.vehicle),
+                hydrodynamics: Hydrodynamics::new(vehicle),
                 effects: EffectStack::assemble(on, |_, _, v| v).ok()?,
             };
             let mut state = ModelState::at_rest([0.3, -0.2, -0.8, 0.1, -0.07, 0.4]);
@@ -314,7 +317,6 @@ pub fn tables(
         words,
         fixed,
         along: Some(along),
-        whole: false,
         scales: vec![Scale::of_table(); POINTS],
         linear: Vec::new(),
         own: false,
@@ -336,8 +338,9 @@ pub fn tables(
         if !in_motion || c.scales.is_empty() {
             continue;
         }
-        let named = c.word("dof").or_else(|| c.word("axis"));
-        let dof = named.and_then(|w| Dof::ALL.into_iter().position(|d| d.name() == w));
+        let dof = c
+            .place()
+            .and_then(|w| Dof::ALL.into_iter().position(|d| d.name() == w));
         let places: Vec<usize> = dof.map_or_else(|| ground.dofs.to_vec(), |d| vec![d]);
         let mut seen = Vec::new();
         for (covariate, range) in places.into_iter().flat_map(along) {
@@ -347,9 +350,7 @@ pub fn tables(
             seen.push(covariate);
             let words = c.words.clone();
             let along = (covariate, range);
-            let mut trend = table(Kind::Trend { of }, c.info, words, Vec::new(), along);
-            trend.whole = dof.is_some_and(|d| is_function_of(c, d, along, ground));
-            made.push(trend);
+            made.push(table(Kind::Trend { of }, c.info, words, Vec::new(), along));
         }
     }
     made
@@ -401,7 +402,6 @@ impl Candidate {
             kind: Kind::Effect,
             fixed: Vec::new(),
             along: None,
-            whole: false,
             scales: info
                 .parameters
                 .iter()
@@ -678,7 +678,7 @@ mod tests {
         let of = |name: &str, dof: usize, covariate: &str, range| {
             let effect = all.iter().find(|c| c.name() == name).unwrap();
             let covariate = COVARIATES.iter().position(|c| *c == covariate).unwrap();
-            is_function_of(effect, dof, (covariate, range), &ground)
+            is_function_of(effect, dof, (covariate, range), &vehicle)
         };
         let (rate, angle, load) = ((-0.3, 0.3), (-0.2, 0.2), (-8.0, 8.0));
         assert!(of("nonlinear_restoring roll", 3, "phi", angle));

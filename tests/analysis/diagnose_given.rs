@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use crate::diagnose_real::ship;
 use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
@@ -366,18 +367,6 @@ fn the_tanker_beside_its_measured_sway_and_yaw() {
         "{}",
         v.sentence
     );
-}
-
-/// KVLCC2 at 1:68, as in `diagnose_real`.
-fn ship() -> Rig {
-    let mut rig = Rig::builtin("lshpi").unwrap();
-    rig.vehicle.mass_kg = 993.42;
-    rig.vehicle.inertia_kgm2[0] = 993.42 * 0.341_f64.powi(2);
-    rig.vehicle.r_bz_m = -5.73 / 68.0;
-    rig.vehicle.coefficients[3].added = -15.0;
-    rig.vehicle.coefficients[3].linear = -3.0;
-    rig.vehicle.coefficients[3].quadratic = 0.0;
-    rig
 }
 
 /// Time and roll of a table, within a window, with the speed of the carriage.

@@ -65,7 +65,7 @@ fn swings(all: &Source, thin: usize) -> ([Source; 2], [Source; 2]) {
 
 /// KVLCC2 at 1:68 from `model_test_parameters.csv` and `fnpf_parameters.csv`: displacement 0.993 m³,
 /// GM 5.73 m / 68, k_xx 0.341 m. Linear damping, no other term.
-fn ship() -> Rig {
+pub fn ship() -> Rig {
     let mut rig = Rig::builtin("lshpi").unwrap();
     rig.vehicle.mass_kg = 993.42;
     rig.vehicle.inertia_kgm2[0] = 993.42 * 0.341_f64.powi(2);

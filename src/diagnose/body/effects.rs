@@ -78,8 +78,7 @@ fn words(c: &Candidate) -> BTreeMap<String, String> {
 
 /// The DOF that an effect's words name.
 fn place(c: &Candidate) -> Option<String> {
-    let named = c.word("dof").or_else(|| c.word("axis"));
-    named.map(str::to_owned)
+    c.place().map(str::to_owned)
 }
 
 impl Judged<'_> {

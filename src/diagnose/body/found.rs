@@ -82,16 +82,14 @@ impl<'a> Judged<'a> {
         let alone = found.models.get(&Vec::new())?;
         let problem = &found.problem;
         let mut weights = BTreeMap::new();
-        let mut groups: Vec<(BTreeSet<usize>, f64)> = Vec::new();
         for (terms, _) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
             let fit = found.models.get(terms)?;
             weights.insert(terms.clone(), problem.weights(fit));
         }
-        groups_of(found, posterior, &weights, false, &mut groups);
+        let mut groups = groups_of(found, posterior, &weights, false);
         // Something matters: whether what may stand in its place matters as well is asked with its sd.
         if groups.first().is_some_and(|g| !g.0.is_empty()) {
-            groups.clear();
-            groups_of(found, posterior, &weights, true, &mut groups);
+            groups = groups_of(found, posterior, &weights, true);
         }
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
@@ -224,8 +222,8 @@ fn groups_of(
     posterior: &Posterior,
     weights: &BTreeMap<Vec<usize>, Vec<Rms>>,
     may: bool,
-    groups: &mut Vec<(BTreeSet<usize>, f64)>,
-) {
+) -> Vec<(BTreeSet<usize>, f64)> {
+    let mut groups: Vec<(BTreeSet<usize>, f64)> = Vec::new();
     let body = &found.problem.body;
     for (terms, p) in &posterior.models {
         let (Some(fit), Some(w)) = (found.models.get(terms), weights.get(terms)) else {
@@ -251,6 +249,7 @@ fn groups_of(
         }
     }
     groups.sort_by(|a, b| b.1.total_cmp(&a.1));
+    groups
 }
 
 /// Largest weight over the tolerance of its channel.
