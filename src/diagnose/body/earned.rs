@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
-use hydroline_inference::summary::Rms;
+use hydroline_inference::foretell::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 use hydroline_rigs::Dof;
 
@@ -184,25 +184,27 @@ impl Judged<'_> {
         (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]))
     }
 
-    /// Whether runs left out are foretold worse than by the vehicle alone.
+    /// Whether runs left out are foretold worse than by the vehicle alone: each error in units of noise, tolerance and of what
+    /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
     pub fn foretells_worse(&self) -> bool {
-        let Some((before, after)) = self.one_run_out.as_ref().map(|f| &f.rms) else {
+        let Some(foretold) = &self.one_run_out else {
             return false;
         };
-        let size = |rms: &Rms| -> f64 {
-            let each = self.found.problem.noises.channels.iter().enumerate();
-            each.filter_map(|(c, noise)| {
-                let least = noise
-                    .as_ref()?
-                    .total_sd()
-                    .max(self.found.problem.body.tolerance[c]);
-                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
-            })
-            .sum()
+        let problem = &self.found.problem;
+        let size = |of: &Prediction| -> f64 {
+            let left = problem.left_by_run(&of.values);
+            let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
+                let channels = problem.noises.channels.iter().enumerate();
+                channels.filter_map(|(c, noise)| {
+                    let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
+                    Some(rms[c].powi(2) / (least.powi(2) + sd[c].powi(2))).filter(|v| v.is_finite())
+                })
+            });
+            each.sum::<f64>() / left.len().max(1) as f64
         };
-        let (before, after) = (size(before), size(after));
+        let (before, after) = (size(&foretold.before), size(&foretold.after));
         // Within noise and tolerance nobody is worse.
-        let channels = self.found.problem.noises.channels.iter().flatten().count() as f64;
+        let channels = problem.noises.channels.iter().flatten().count() as f64;
         after > channels && after > (1.0 + WORSE) * before
     }
 }
