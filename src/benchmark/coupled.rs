@@ -11,8 +11,8 @@ pub use make::{CoupledCase, There, make};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Effect, Verdict, Word};
-use hydroline_diagnose::{Engine, diagnose_by};
 
 use super::error::ProveError;
 use super::keep::Kept;
@@ -56,7 +56,6 @@ pub struct CoupledJudged {
 pub fn run(
     seed: u64,
     indices: &[usize],
-    engine: Engine,
     kept: Option<&Kept>,
     done: &(dyn Fn(&CoupledJudged) + Sync),
 ) -> Result<Vec<CoupledJudged>, ProveError> {
@@ -66,7 +65,7 @@ pub fn run(
         let judged = match known {
             Some(judged) => judged,
             None => {
-                let (judged, _) = judge(&make(seed, *index)?, engine)?;
+                let (judged, _) = judge(&make(seed, *index)?)?;
                 if let Some(kept) = kept {
                     kept.write_other(&id, &judged)?;
                 }
@@ -94,9 +93,9 @@ fn name(effect: &Effect) -> String {
 ///
 /// # Errors
 /// [`ProveError`].
-pub fn judge(case: &CoupledCase, engine: Engine) -> Result<(CoupledJudged, Verdict), ProveError> {
+pub fn judge(case: &CoupledCase) -> Result<(CoupledJudged, Verdict), ProveError> {
     let began = std::time::Instant::now();
-    let verdict = diagnose_by(engine, &case.sources, &[], &case.rig, &|_| {})
+    let verdict = diagnose(&case.sources, &[], &case.rig, &|_| {})
         .map_err(|source| ProveError::Diagnose {
             id: format!("coupled-{}", case.index),
             source,

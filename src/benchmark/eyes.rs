@@ -23,8 +23,7 @@ fn of_cases() {
     for (category, index) in ids {
         let made = make(seed, category, index).unwrap();
         let begun = std::time::Instant::now();
-        let v = hydroline_diagnose::diagnose_by(
-            hydroline_diagnose::Engine::Body,
+        let v = hydroline_diagnose::diagnose(
             &made.sealed.sources,
             &made.sealed.held,
             &made.sealed.rig,

@@ -17,8 +17,8 @@ use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
 use super::{paper, plans};
+use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Law, Verdict, Word};
-use hydroline_diagnose::{Engine, diagnose_by};
 
 /// Normal quantile of a 95 % interval.
 const Z95: f64 = 1.959_964;
@@ -131,8 +131,6 @@ impl Judged {
 pub struct How {
     /// With the ideal observer.
     pub observe: bool,
-    /// Engine that is asked.
-    pub engine: Engine,
 }
 
 /// Diagnoses a case blind and opens the key.
@@ -146,15 +144,9 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
     };
     let sealed = &case.sealed;
     let began = std::time::Instant::now();
-    let verdict = diagnose_by(
-        how.engine,
-        &sealed.sources,
-        &sealed.held,
-        &sealed.rig,
-        &|_| {},
-    )
-    .map_err(wrong)?
-    .verdict;
+    let verdict = diagnose(&sealed.sources, &sealed.held, &sealed.rig, &|_| {})
+        .map_err(wrong)?
+        .verdict;
     let seconds = began.elapsed().as_secs_f64();
     // From here on with the key.
     let truth = case.key.truth.clone();
@@ -187,7 +179,7 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             }
         }
         Category::Paper => {
-            let outcome = two_runs(case, &verdict, &judged, how.engine)?;
+            let outcome = two_runs(case, &verdict, &judged)?;
             judged.passed.push(("paper_set".into(), outcome.right_set));
             judged.passed.push(("paper_split".into(), outcome.split));
             judged.paper = Some(outcome);
@@ -291,7 +283,7 @@ fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
 
 /// The observer of a case and its choice.
 fn asked(case: &Case) -> Option<(Ideal, Vec<(String, f64)>)> {
-    let mut ideal = Ideal::new(case)?;
+    let ideal = Ideal::new(case)?;
     let choice = ideal.choice();
     Some((ideal, choice))
 }
@@ -356,12 +348,7 @@ fn intervals(case: &Case, verdict: &Verdict, truth: &[Truth]) -> Vec<Interval> {
     made
 }
 
-fn two_runs(
-    case: &Case,
-    verdict: &Verdict,
-    judged: &Judged,
-    engine: Engine,
-) -> Result<PaperOutcome, ProveError> {
+fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutcome, ProveError> {
     let wrong = |source| ProveError::Diagnose {
         id: case.id.clone(),
         source,
@@ -413,7 +400,7 @@ fn two_runs(
     )?;
     let mut sources = case.sealed.sources.clone();
     sources.push(third.source(&case.sealed.rig)?);
-    let after = diagnose_by(engine, &sources, &[], &case.sealed.rig, &|_| {})
+    let after = diagnose(&sources, &[], &case.sealed.rig, &|_| {})
         .map_err(wrong)?
         .verdict;
     let heavy: Vec<&str> = after

@@ -11,12 +11,11 @@ use super::error::ProveError;
 use super::motion::Mover;
 use super::strange::Strange;
 use hydroline_diagnose::Source;
-use hydroline_diagnose::bank::{basis, outside};
 use hydroline_diagnose::faults::{Records, faults};
-use hydroline_diagnose::weight::rms;
 use hydroline_identify::data::load_messages;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_log::messages::{pb, timestamp, unix_ns};
+use hydroline_numerics::span::{basis, outside, rms};
 use hydroline_plan::setpoint::setpoint;
 
 /// UNIX time of t = 0 \[ns\].

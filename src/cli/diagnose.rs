@@ -1,14 +1,13 @@
 //! `hydroline diagnose`: which physics the rig's model left out, from logs.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_diagnose::profiles::{Findings, level};
-use hydroline_diagnose::verdict::{Rung, Verdict, Word};
-use hydroline_diagnose::{Diagnosis, Engine, Part, Source, diagnose_beside, read, report};
+use hydroline_diagnose::verdict::{Verdict, Word};
+use hydroline_diagnose::{Diagnosis, Part, Source, diagnose_beside, read, report};
 use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
 use hydroline_rigs::Dof;
@@ -19,8 +18,8 @@ Logs need /vehicle/motion (hydroline replay makes it from images, hydroline impo
 stripes say what of camera, sheet, target and water the rig leaves out. The verdict is one of none, named, ambiguous, \
 unknown, data_fault. Angles of rudder and elevator and steady speeds that a log holds are inputs, and so is a DOF that moves \
 though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
-thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely; given alone, its \
-second and third quarter are held out.
+thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely. A log given alone is cut into \
+four runs, each foretold by the others.
 
 Examples:
   hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
@@ -62,29 +61,8 @@ pub struct Args {
     /// Writes the rig with refitted coefficients and the [[physics]] that were left out
     #[arg(long, value_name = "RIG")]
     write_rig: Option<PathBuf>,
-    /// Engine: body (one likelihood over all DOFs), or staged (one DOF after the other: the one before)
-    #[arg(long, hide = true, value_enum, default_value_t = EngineName::Body)]
-    engine: EngineName,
     #[command(flatten)]
     output: Output,
-}
-
-/// Engines by name, until one is left.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum EngineName {
-    /// One DOF after the other, in stages
-    Staged,
-    /// One likelihood over all DOFs
-    Body,
-}
-
-impl From<EngineName> for Engine {
-    fn from(name: EngineName) -> Engine {
-        match name {
-            EngineName::Staged => Engine::Staged,
-            EngineName::Body => Engine::Body,
-        }
-    }
 }
 
 fn dof(name: &str) -> Result<Dof, String> {
@@ -154,14 +132,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let found = match &images {
         Some(images) if sources.is_empty() => images.alone(&rig),
         _ => {
-            let mut found = diagnose_beside(
-                args.engine.into(),
-                &sources,
-                &held,
-                &rig,
-                &args.given,
-                &tell,
-            )?;
+            let mut found = diagnose_beside(&sources, &held, &rig, &args.given, &tell)?;
             if let Some(images) = &images {
                 images.join(&mut found.verdict);
                 found.rig.physics.extend(images.entries.iter().cloned());
@@ -234,31 +205,6 @@ fn command() -> String {
     format!("hydroline {}", words.join(" "))
 }
 
-/// What a rung is judged by.
-fn rms_of(rung: &Rung) -> &BTreeMap<String, f64> {
-    if !rung.held_out_in_windows.is_empty() {
-        &rung.held_out_in_windows
-    } else if rung.held_out.is_empty() {
-        &rung.train
-    } else {
-        &rung.held_out
-    }
-}
-
-/// What else gains in a rung's place.
-fn instead(rung: &Rung) -> String {
-    let mut others: Vec<(&String, &f64)> = rung.instead.iter().collect();
-    others.sort_by(|a, b| a.1.total_cmp(b.1));
-    let others: Vec<String> = others
-        .iter()
-        .map(|(id, rms)| format!("{id} {rms:.3e}"))
-        .collect();
-    match others.is_empty() {
-        true => String::new(),
-        false => format!("; in its place {}", others.join(", ")),
-    }
-}
-
 fn print(v: &Verdict) {
     outln!("{}", v.sentence);
     for e in &v.effects {
@@ -324,17 +270,11 @@ fn print(v: &Verdict) {
         );
     }
     for pair in v.ladder.windows(2) {
-        for (channel, after) in rms_of(&pair[1]) {
-            let before = rms_of(&pair[0]).get(channel).copied().unwrap_or(f64::NAN);
+        for (channel, after) in &pair[1].held_out {
+            let before = pair[0].held_out.get(channel).copied().unwrap_or(f64::NAN);
             outln!(
-                "  + {}: {channel} {before:.3e} -> {after:.3e}{}{}",
-                pair[1].effect,
-                if pair[1].held_out_in_windows.is_empty() {
-                    ""
-                } else {
-                    " (in windows)"
-                },
-                instead(&pair[1])
+                "  + {}: {channel} {before:.3e} -> {after:.3e}",
+                pair[1].effect
             );
         }
     }

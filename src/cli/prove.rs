@@ -53,9 +53,6 @@ pub struct Args {
     /// Without the ideal observer: faster, and sets that the data cannot split count as errors
     #[arg(long)]
     no_ideal: bool,
-    /// Engine that is proved
-    #[arg(long, hide = true, value_enum, default_value_t = super::diagnose::EngineName::Body)]
-    engine: super::diagnose::EngineName,
     /// Prints one JSON object: score and every case
     #[arg(long)]
     json: bool,
@@ -117,7 +114,6 @@ fn kept(args: &Args) -> Result<Option<Kept>, CliError> {
 fn how(args: &Args) -> How {
     How {
         observe: !args.no_ideal,
-        engine: args.engine.into(),
     }
 }
 
@@ -151,13 +147,7 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
         bar.inc(1);
     };
     let kept = kept(args)?;
-    let judged = coupled::run(
-        args.seed,
-        &indices,
-        args.engine.into(),
-        kept.as_ref(),
-        &done,
-    )?;
+    let judged = coupled::run(args.seed, &indices, kept.as_ref(), &done)?;
     bar.finish_and_clear();
     if args.json {
         let object = serde_json::json!({ "seed": args.seed, "coupled": judged });
@@ -170,7 +160,7 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
 
 fn only_coupled(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = coupled::make(args.seed, index)?;
-    let (judged, verdict) = coupled::judge(&case, args.engine.into())?;
+    let (judged, verdict) = coupled::judge(&case)?;
     let object = serde_json::json!({
         "id": format!("coupled-{index}"),
         "seed": args.seed,

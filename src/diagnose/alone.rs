@@ -1,18 +1,14 @@
 //! One recording by itself: the stretches it is made of.
 //!
-//! What is fitted to all of a recording has nothing left to foretell. So a decay is cut into four stretches of which two
-//! are only predicted, and so is a driven run in which no law reaches the noise: there likelihoods compare
-//! the errors of laws, and prediction has to choose.
+//! What is fitted to all of a recording has nothing left to foretell. So it is cut into four stretches, each a run of its
+//! own, and each is foretold by the others.
 
 use hydroline_rigs::{Dof, Rig};
 
-use super::conclude::{DiagnoseError, Diagnosis, active, explained};
-use super::search::Search;
-use super::setting::Setting;
 use super::source::Source;
 use hydroline_identify::data::{CHANNELS, Run};
 
-/// Stretches of a recording: two to fit, two to predict, of which the first helps to choose and the second only tells.
+/// Stretches of a recording.
 const STRETCHES: usize = 4;
 /// Shortest of them \[s\], and its fewest samples.
 const SHORTEST_S: f64 = 5.0;
@@ -21,54 +17,9 @@ const FEWEST: usize = 100;
 /// Swing of a decay over the tolerance below which it is not looked for where it was let go.
 const SWINGS: f64 = 5.0;
 
-/// Diagnoses logs against a rig; `held` are predicted only. One log and nothing held out: see the module.
-///
-/// # Errors
-/// [`DiagnoseError`].
-pub fn diagnose(
-    sources: &[Source],
-    held: &[Source],
-    rig: &Rig,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Diagnosis, DiagnoseError> {
-    let parts = match (sources, held) {
-        ([one], []) if one.faults.iter().all(|f| !f.fatal) => stretches(one),
-        _ => None,
-    };
-    let Some([first, second, third, fourth]) = parts else {
-        return explained(sources, held, rig, progress);
-    };
-    if !is_decay(&sources[0].run) && !no_law_is_exact(&sources[0].run, rig, progress) {
-        return explained(sources, held, rig, progress);
-    }
-    // What is predicted lies between what is fitted: a decay grows smaller.
-    let mut made = explained(&[first, fourth], &[second, third], rig, progress)?;
-    made.verdict.notes.push(format!(
-        "{} alone was given: its first and last quarter are fitted, the others predicted (LOG@FROM..TO and --hold-out choose others)",
-        sources[0].run.name
-    ));
-    Ok(made)
-}
-
 /// A run without any load.
 fn is_decay(run: &Run) -> bool {
     run.largest_wrench().iter().all(|w| *w == 0.0)
-}
-
-/// Whether no law reaches the noise in some DOF that moves.
-fn no_law_is_exact(run: &Run, rig: &Rig, progress: &(dyn Fn(&str) + Sync)) -> bool {
-    let runs = std::slice::from_ref(run);
-    active(runs, rig).into_iter().any(|dof| {
-        Setting::new(runs, rig, dof).is_ok_and(|setting| {
-            let mut search = Search::new(&setting, progress);
-            search.nothing();
-            if search.best().is_none() {
-                return false;
-            }
-            search.prepare();
-            search.no_law_is_exact()
-        })
-    })
 }
 
 /// A recording in equal stretches; `None` where they are too short to say anything.

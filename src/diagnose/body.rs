@@ -8,6 +8,7 @@ mod effects;
 mod found;
 mod giving;
 mod inputs;
+mod ladder;
 mod nameless;
 mod next;
 mod place;
@@ -102,6 +103,7 @@ pub fn diagnose(
     verdict.rig_factors = judged.far_off();
     verdict.at_limit = verdict.rig_factors.keys().cloned().collect();
     verdict.leave_one_run_out = judged.leave_one_run_out();
+    verdict.ladder = judged.ladder();
     verdict.verdict = judged.word();
     verdict.place = judged.place();
     verdict.test = judged.test();

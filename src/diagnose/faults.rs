@@ -1,19 +1,21 @@
 //! Faults of the data, ruled out before physics is blamed (physics.md).
 
+mod apart;
 mod kinematics;
 
+use hydroline_inference::body::Body;
+use hydroline_inference::recording::Recording;
 use hydroline_rigs::{Dof, Rig};
-use hydroline_sim::effect::check;
 use rayon::prelude::*;
 
-use super::setting::{Setting, Track};
 use super::verdict::DataFault;
-use super::weights::Weights;
 use hydroline_identify::data::{CHANNELS, Command, Run};
 use hydroline_import::check::{STUCK_ROWS, check_motion};
 use hydroline_import::{Imported, Severity};
 use hydroline_log::messages::pb;
 
+/// Fewest samples of a channel from which anything is said of it.
+const SAMPLES_LEAST: usize = 8;
 /// Share of samples apart from their neighbours above which a channel is no measurement.
 const OUTLIERS_MAX: f64 = 0.05;
 /// Share that is worth a line.
@@ -60,7 +62,7 @@ impl Records {
 pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let mut found = table(run, records);
     found.extend(against_model(run, rig));
-    found.extend(outliers(run));
+    found.extend(outliers(run, rig));
     found.extend(kinematics::kinematics(run, rig));
     found.extend(clocks(run, records, rig));
     found
@@ -190,9 +192,6 @@ const UNITS: [(f64, &str); 6] = [
 /// percent, these by factors.
 fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let mut found = Vec::new();
-    let Ok(base) = check(&rig.physics) else {
-        return found;
-    };
     let largest = run.largest_wrench();
     for dof in Dof::ALL {
         let i = dof.index();
@@ -201,28 +200,19 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
         } else {
             rig.tolerance.attitude_rad
         };
-        let Some(track) = Track::of(run, dof) else {
-            continue;
-        };
         if largest[i] == 0.0 {
             continue;
         }
-        let setting = Setting {
-            dof,
-            vehicle: rig.vehicle.clone(),
-            base: base.clone(),
-            tracks: vec![track.clone()],
-            vocabulary: Vec::new(),
-            tolerance,
+        let Some((predicted, measured)) = by_the_rig(run, rig, i) else {
+            continue;
         };
-        let predicted = setting.values(0, &[], &setting.coefficients(), (track.measured[0], 0.0));
         let expected = span(&predicted);
         if !(expected.is_finite() && expected > 20.0 * tolerance) {
             continue;
         }
         let channel = CHANNELS[i];
-        let (g, r) = gain(&predicted, &track.measured);
-        let moved = span(&track.measured);
+        let (g, r) = gain(&predicted, &measured);
+        let moved = span(&measured);
         if r < -0.8 && g < -0.2 {
             found.push(fault(run, "sign", channel, format!("{channel} follows the commands with the opposite sign: {g:.2} times what the rig's model makes of them (correlation {r:.3})"), true));
         } else if let Some((factor, words)) = UNITS
@@ -251,6 +241,20 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
     found
 }
 
+/// Along a DOF what the rig's own model makes of a run, and what was measured; `None` where too little was.
+fn by_the_rig(run: &Run, rig: &Rig, dof: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let recording = Recording::new(std::slice::from_ref(run), rig.tank.start_pose[5]);
+    let body = Body::plain(recording, rig, &[dof]).ok()?;
+    let predicted = body.values(0, &[], &body.begin());
+    let run = body.recording.runs.first()?;
+    let both = predicted.iter().enumerate();
+    let both: (Vec<f64>, Vec<f64>) = both
+        .map(|(k, p)| (p[dof], run.measured(k)[dof]))
+        .filter(|(_, m)| m.is_finite())
+        .unzip();
+    (both.0.len() >= SAMPLES_LEAST).then_some(both)
+}
+
 fn raw_channel(run: &Run, channel: usize) -> Vec<f64> {
     run.samples
         .iter()
@@ -259,14 +263,23 @@ fn raw_channel(run: &Run, channel: usize) -> Vec<f64> {
         .collect()
 }
 
-fn outliers(run: &Run) -> Vec<DataFault> {
+fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
+    let mut recording = Recording::new(std::slice::from_ref(run), rig.tank.start_pose[5]);
+    recording.hold_heading();
+    let Some(r) = recording.runs.first() else {
+        return Vec::new();
+    };
     Dof::ALL
         .into_par_iter()
         .filter_map(|dof| {
-            let track = Track::of(run, dof)?;
-            let n = track.measured.len();
-            let weights = Weights::first(std::slice::from_ref(&track));
-            let share = weights.outliers();
+            let each = r.times_s.iter().enumerate();
+            let (times_s, measured): (Vec<f64>, Vec<f64>) = each
+                .map(|(k, t_s)| (*t_s, r.measured(k)[dof.index()]))
+                .filter(|(_, m)| m.is_finite())
+                .unzip();
+            let n = measured.len();
+            let used = apart::not_apart(&times_s, &measured);
+            let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
             (share > OUTLIERS_SOME && n > 50).then(|| {
                 let channel = CHANNELS[dof.index()];
                 fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)

@@ -15,7 +15,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
 use super::Diagnosis;
 use super::verdict::{Verdict, Word};
-pub use traces::{Explained, Regime, Shown, Trace};
+pub use traces::{Shown, Trace};
 
 /// What `diagnose --report` writes.
 #[derive(Debug, Clone)]
@@ -33,8 +33,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
         format!("hydroline diagnose: {}", word(v.verdict)),
         format!("Diagnosis: {}", word(v.verdict)),
     );
-    let mut shown: Vec<Shown> = found.explained.iter().map(|e| e.shown()).collect();
-    shown.extend(found.shown.iter().cloned());
+    let shown = &found.shown[..];
     let b = &mut page.body;
     b.lead(&v.sentence);
     b.paragraph(Inline::new().code(command));
@@ -42,11 +41,11 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     if v.verdict == Word::DataFault {
         tables::faults(b, v);
     } else {
-        before_after_svg = before_after(b, found, &shown);
+        before_after_svg = before_after(b, found, shown);
         tables::fit(b, v);
         tables::effects(b, v);
         written(b, found);
-        place(b, found, &shown);
+        place(b, found, shown);
         tables::unexplained(b, v);
         tables::ladder(b, v);
         tables::alternatives(b, v);
@@ -144,17 +143,12 @@ fn place(b: &mut Body, found: &Diagnosis, shown: &[Shown]) {
         b.paragraph("What the vehicle alone, refitted, leaves of the runs fitted.");
     }
     for channel in shown {
-        for (run, trace) in channel.fitted.iter().enumerate() {
-            let more = place.windows.get(&trace.name);
-            let strong = channel
-                .regime
-                .as_ref()
-                .map_or(Vec::new(), |r| r.windows(run, trace));
-            let more = more.cloned().unwrap_or_default();
-            b.figure(&figures::misses(channel, trace, more, strong), "");
-        }
-        if let Some(r) = &channel.regime {
-            b.figure(&figures::free_force(channel, r), "");
+        for trace in &channel.fitted {
+            let more = place.windows.get(&trace.name).cloned();
+            b.figure(
+                &figures::misses(channel, trace, more.unwrap_or_default()),
+                "",
+            );
         }
     }
 }

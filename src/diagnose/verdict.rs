@@ -167,32 +167,6 @@ pub struct Parameters {
     /// The same for the effects' own parameters, by effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub written_effects: BTreeMap<String, BTreeMap<String, Value>>,
-    /// Exponents of laws that are powers of a rate, and which of them these data leave open.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub exponents: Vec<Exponent>,
-}
-
-/// The power of the rate with which an effect's force grows, freed.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Exponent {
-    /// Effect.
-    pub effect: String,
-    /// Channel it was asked in.
-    pub channel: String,
-    /// Power of its law.
-    pub law: f64,
-    /// Powers tried, everything else refitted beside each.
-    pub tried: Vec<f64>,
-    /// Log-likelihood of each below the best one's.
-    pub log_likelihood: Vec<f64>,
-    /// rms of the runs held out with each \[SI\]; `None` = not predicted.
-    pub held_out: Vec<Option<f64>>,
-    /// Powers within a likelihood ratio of chi-square 3.84 of the best.
-    pub likelihood_95: [f64; 2],
-    /// Powers that predict the runs held out as well as the best one, by what the two errors' difference varies.
-    pub open: [f64; 2],
-    /// Both in words.
-    pub told: String,
 }
 
 /// Noise of a channel.
@@ -250,15 +224,6 @@ pub struct Rung {
     pub train: BTreeMap<String, f64>,
     /// The same on runs held out \[SI\].
     pub held_out: BTreeMap<String, f64>,
-    /// The same on these cut into tenths, each from a state of its own \[SI\]: what a law misses there and then, without
-    /// what has added up since the start. Only where no law is exact and nothing holds the vehicle in its place; there
-    /// it orders the rungs.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub held_out_in_windows: BTreeMap<String, f64>,
-    /// What else gains in this place, with the rms that orders the rungs \[SI\]: it may do nothing beside the effect that
-    /// stands here.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub instead: BTreeMap<String, f64>,
 }
 
 /// A force or change that nothing in the vocabulary explains.

@@ -206,17 +206,57 @@ fn acts_on(h: &Hydrodynamics<f64>, dof: usize, simulated: &[usize], driving: &[u
     simulated.iter().any(|d| with[*d] != without[*d])
 }
 
+/// What a body is asked for.
+#[derive(Debug, Clone, Copy)]
+enum Asked<'a> {
+    /// Everything that may have been left out.
+    All,
+    /// What another body was asked for.
+    As(&'a Body),
+    /// Nothing: the rig's own model.
+    Nothing,
+}
+
 impl Body {
     /// The body of a rig under a recording; `given` DOFs move as they were measured.
     ///
     /// # Errors
     /// [`EffectError`] for a bad `[[physics]]` entry.
     pub fn new(
+        recording: Recording,
+        rig: &Rig,
+        dofs: &[usize],
+        given_dofs: &[usize],
+        prior: PriorTable,
+    ) -> Result<Body, EffectError> {
+        Body::asked(recording, rig, dofs, given_dofs, prior, Asked::All)
+    }
+
+    /// The same body and candidates under another recording.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry.
+    pub fn over(&self, recording: Recording, rig: &Rig) -> Result<Body, EffectError> {
+        let Body { dofs, given, .. } = self;
+        Body::asked(recording, rig, dofs, given, self.prior, Asked::As(self))
+    }
+
+    /// The rig's own model alone, without candidates.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry.
+    pub fn plain(recording: Recording, rig: &Rig, dofs: &[usize]) -> Result<Body, EffectError> {
+        let prior = PriorTable::default();
+        Body::asked(recording, rig, dofs, &[], prior, Asked::Nothing)
+    }
+
+    fn asked(
         mut recording: Recording,
         rig: &Rig,
         dofs: &[usize],
         given_dofs: &[usize],
         prior: PriorTable,
+        asked: Asked<'_>,
     ) -> Result<Body, EffectError> {
         let base = check(&rig.physics)?;
         if !dofs.contains(&5) && !given_dofs.contains(&5) {
@@ -355,9 +395,16 @@ impl Body {
             size: Size::of(&recording, &h, &largest, &fastest),
             vehicle: &rig.vehicle,
         };
-        let mut candidates = candidates(&ground, &base);
-        let (ranges, loads) = (ranges(&recording), loads(&recording));
-        candidates.extend(tables(&candidates, &ground, &ranges, &loads));
+        let candidates = match asked {
+            Asked::All => {
+                let mut all = candidates(&ground, &base);
+                let (ranges, loads) = (ranges(&recording), loads(&recording));
+                all.extend(tables(&all, &ground, &ranges, &loads));
+                all
+            }
+            Asked::As(body) => body.candidates.clone(),
+            Asked::Nothing => Vec::new(),
+        };
         // Of a given DOF only its added mass is asked for, where Eq. 1 lets it act on others.
         let on = base
             .iter()
@@ -375,6 +422,9 @@ impl Body {
             .flat_map(added)
             .filter(|c| c.term == CoefficientTerm::Added);
         own.extend(added.map(coefficient));
+        if let Asked::As(body) = asked {
+            own.clone_from(&body.own);
+        }
         Ok(Body {
             candidates,
             given: given_dofs.to_vec(),

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
-use super::filter::Filter;
-use super::hyper::{Cell, Cells, Noises, Worth, filters};
+use super::filter::{Filter, Force};
+use super::hyper::{Cell, Cells, Noises, Worth, filters, with_force};
 use super::noise::estimate;
 use super::prior::PriorTable;
 use super::recording::Recording;
@@ -95,6 +95,22 @@ pub struct Fit {
     pub cost: f64,
     /// Probabilities of the random force's sizes per DOF.
     pub sizes: Vec<(usize, Vec<f64>)>,
+}
+
+impl Fit {
+    /// The vehicle alone at a point: where fits begin, of which nothing is known yet.
+    pub fn begin(point: Point, cells: Cells) -> Fit {
+        Fit {
+            terms: Vec::new(),
+            covariance: DMatrix::zeros(point.len(), point.len()),
+            point,
+            cells,
+            ln_evidence: f64::NEG_INFINITY,
+            ln_score: f64::NEG_INFINITY,
+            cost: f64::INFINITY,
+            sizes: Vec::new(),
+        }
+    }
 }
 
 impl Problem {
@@ -278,6 +294,18 @@ impl Problem {
             }
         }
         made
+    }
+
+    /// Minus the log likelihood of a motion as the instruments saw it, under their noise alone, without the constant.
+    ///
+    /// `values` = channels per run and sample, turned as measured ones are.
+    pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
+        let of = |d: &usize| (*d, with_force(&self.body, &self.noises, *d, none));
+        self.cost(values, &self.body.dofs.iter().map(of).collect())
     }
 
     /// Cost alone.

@@ -408,6 +408,26 @@ pub fn search(
     })
 }
 
+/// Searches about a model that is known: the noise stays as it is, and nothing else is asked first.
+pub fn about(problem: Problem, from: &Fit, options: Options) -> Found {
+    let mut search = Search {
+        problem,
+        models: BTreeMap::from([(from.terms.clone(), from.clone())]),
+        expanded: BTreeSet::new(),
+        fits: 0,
+        cost: 0,
+        options,
+        progress: &|_| {},
+    };
+    search.run();
+    Found {
+        given_up: Vec::new(),
+        problem: search.problem,
+        models: search.models,
+        fits: search.fits,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

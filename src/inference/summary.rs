@@ -232,10 +232,7 @@ impl Problem {
     /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
     pub fn over(&self, runs: &[Run], rig: &Rig) -> Result<Problem, EffectError> {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
-        let Body { dofs, given, .. } = &self.body;
-        let mut body = Body::new(recording, rig, dofs, given, self.body.prior)?;
-        body.candidates.clone_from(&self.body.candidates);
-        body.own.clone_from(&self.body.own);
+        let body = self.body.over(recording, rig)?;
         let used = body
             .recording
             .runs

@@ -151,7 +151,11 @@ pub fn in_images_only(info: &'static EffectInfo) -> bool {
 /// Every effect at every place where it may act, but those that are switched on already.
 pub fn candidates(ground: &Ground<'_>, on: &[CheckedEffect]) -> Vec<Candidate> {
     let mut all = Vec::new();
-    for info in ALL.iter().filter(|i| !i.is_a_table() && !in_images_only(i)) {
+    // Without a command there is one clock, and nothing to be late against.
+    let commanded = ground.largest.iter().any(|load| *load > 0.0);
+    let asked = |i: &&&EffectInfo| commanded || i.stage != Stage::Timing;
+    let moves = ALL.iter().filter(|i| !i.is_a_table() && !in_images_only(i));
+    for info in moves.filter(asked) {
         for words in choices(info.words, ground) {
             if is_own_square(info.words, &words) || is_lift(info, &words, ground) {
                 continue;

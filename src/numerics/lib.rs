@@ -20,4 +20,5 @@ pub mod cholesky;
 pub mod information;
 pub mod least_squares;
 pub mod noise;
+pub mod span;
 pub mod statistics;

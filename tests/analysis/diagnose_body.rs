@@ -1,9 +1,9 @@
-//! The engine of one likelihood: what does not change its verdict, and what does.
+//! The verdict by one likelihood: what does not change its verdict, and what does.
 #![allow(clippy::unwrap_used)] // a test
 
 use crate::diagnose_motion::{clean, simulated};
 use hydroline::diagnose::verdict::{Verdict, Word};
-use hydroline::diagnose::{Engine, Source, diagnose_by};
+use hydroline::diagnose::{Source, diagnose};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 
 fn water() -> Rig {
@@ -33,7 +33,7 @@ fn runs(water: &Rig) -> Vec<Source> {
 }
 
 fn asked(sources: &[Source], held: &[Source], rig: &Rig) -> Verdict {
-    let found = diagnose_by(Engine::Body, sources, held, rig, &|_| {}).unwrap();
+    let found = diagnose(sources, held, rig, &|_| {}).unwrap();
     println!("{:?}: {}", found.verdict.verdict, found.verdict.sentence);
     found.verdict
 }

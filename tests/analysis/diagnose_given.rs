@@ -7,7 +7,7 @@ use crate::diagnose_real::ship;
 use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
-use hydroline::diagnose::{Engine, Source, diagnose, diagnose_beside};
+use hydroline::diagnose::{Source, diagnose, diagnose_beside};
 use hydroline::identify::data::{Command, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
@@ -132,14 +132,7 @@ fn yaw_that_nobody_commanded_is_said_and_surge_is_explained_beside_it() {
         .unwrap();
     assert!((lag.parameters["lag_s"].value - 0.3).abs() < 0.03);
     // Said to be an input, nothing is left to explain.
-    let v = diagnose_beside(
-        Engine::default(),
-        &runs,
-        &[],
-        &rig,
-        &[Dof::Yaw, Dof::Sway],
-        &|_| {},
-    );
+    let v = diagnose_beside(&runs, &[], &rig, &[Dof::Yaw, Dof::Sway], &|_| {});
     let v = v.unwrap().verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
     assert_eq!(v.given, ["sway", "yaw"]);
@@ -300,7 +293,7 @@ fn zigzags(model: VehicleModel, every: usize, asked: &[Dof]) -> Option<Verdict> 
     let held = [of("Z_15_05")?, of("Z_20_10_S")?];
     let rig = tanker(model);
     let begun = std::time::Instant::now();
-    let found = diagnose_beside(Engine::default(), &fitted, &held, &rig, asked, &|what| {
+    let found = diagnose_beside(&fitted, &held, &rig, asked, &|what| {
         println!("  {:.0} s {what}", begun.elapsed().as_secs_f64());
     });
     let v = found.unwrap().verdict;

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
-use hydroline::diagnose::Engine;
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::case::parse;
 use hydroline::prove::coupled;
@@ -85,7 +84,7 @@ fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
 /// Surge, sway and yaw at once gave no verdict in ten minutes.
 #[test]
 fn coupled_cases_are_named_with_their_dof_and_nothing_is_none() {
-    let judged = coupled::run(11, &[1, 2], Engine::Body, None, &|_| {}).unwrap();
+    let judged = coupled::run(11, &[1, 2], None, &|_| {}).unwrap();
     for j in &judged {
         assert!(j.right, "{:?}", coupled::complaint(j));
         assert!(j.fits <= 300, "{}", j.fits);
@@ -97,7 +96,7 @@ fn coupled_cases_are_named_with_their_dof_and_nothing_is_none() {
 #[ignore = "six minutes of two processors: tests/nightly"]
 fn twenty_four_coupled_cases() {
     let indices: Vec<usize> = (0..24).collect();
-    let judged = coupled::run(12, &indices, Engine::Body, None, &|j| {
+    let judged = coupled::run(12, &indices, None, &|j| {
         coupled::complaint(j).iter().for_each(|c| println!("{c}"));
     })
     .unwrap();

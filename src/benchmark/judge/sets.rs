@@ -9,7 +9,7 @@ use super::thresholds::{SCORED_M, SPLIT};
 use crate::case::{Case, Truth};
 use crate::error::ProveError;
 use crate::observer::Ideal;
-use hydroline_diagnose::weight::rms;
+use hydroline_numerics::span::rms;
 
 /// Cosine of what two effects leave in the motion from which on one moves as the other.
 const ALIKE: f64 = 0.9;

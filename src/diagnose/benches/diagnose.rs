@@ -1,12 +1,10 @@
-//! Cost of a diagnosis: growth with the number of runs, of effects looked at and of effects at work.
+//! Cost of a diagnosis: growth with the number of runs and of effects at work.
 
 #![allow(clippy::unwrap_used)]
 
-use hydroline_diagnose::search::Search;
-use hydroline_diagnose::setting::Setting;
 use hydroline_diagnose::{Source, diagnose};
 use hydroline_identify::data::{Command, Run, Sample};
-use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
 
@@ -74,16 +72,6 @@ fn at_work(rig: &Rig, effects: usize) -> Rig {
     made
 }
 
-/// Singles, pairs, the beam and exchange over four runs, by number of effects at work.
-#[divan::bench(args = [0, 1, 2, 4], sample_count = 1, sample_size = 1)]
-fn search_by_effects_at_work(effects: usize) -> usize {
-    let rig = Rig::builtin("lshpi").unwrap();
-    let tank = at_work(&rig, effects);
-    let runs: Vec<Run> = (0..4).map(|k| run(&tank, k)).collect();
-    let setting = Setting::new(&runs, &rig, Dof::Surge).unwrap();
-    searched(&setting)
-}
-
 /// The whole diagnosis of one DOF, three runs and one held out, by number of effects at work.
 #[divan::bench(args = [0, 1, 2, 4], sample_count = 1, sample_size = 1)]
 fn diagnosis_by_effects_at_work(effects: usize) -> usize {
@@ -99,29 +87,16 @@ fn diagnosis_by_effects_at_work(effects: usize) -> usize {
     made.verdict.sets_looked_at
 }
 
-/// All singles and pairs and the beam, by number of runs.
-#[divan::bench(args = [1, 2, 4], sample_count = 1, sample_size = 1)]
-fn search_by_runs(runs: usize) -> usize {
+/// The same with nothing at work, by number of runs.
+#[divan::bench(args = [2, 4, 8], sample_count = 1, sample_size = 1)]
+fn diagnosis_by_runs(runs: usize) -> usize {
     let rig = Rig::builtin("lshpi").unwrap();
-    let runs: Vec<Run> = (0..runs).map(|k| run(&rig, k)).collect();
-    let setting = Setting::new(&runs, &rig, Dof::Surge).unwrap();
-    searched(&setting)
-}
-
-/// The same over four runs, by number of candidates.
-#[divan::bench(args = [6, 12, 30], sample_count = 1, sample_size = 1)]
-fn search_by_effects(effects: usize) -> usize {
-    let rig = Rig::builtin("lshpi").unwrap();
-    let runs: Vec<Run> = (0..4).map(|k| run(&rig, k)).collect();
-    let mut setting = Setting::new(&runs, &rig, Dof::Surge).unwrap();
-    setting.vocabulary.truncate(effects);
-    searched(&setting)
-}
-
-fn searched(setting: &Setting) -> usize {
-    let mut search = Search::new(setting, &|_| {});
-    search.nothing();
-    search.prepare();
-    search.run();
-    search.looked
+    let sources: Vec<Source> = (0..runs)
+        .map(|k| Source {
+            run: run(&rig, k % 4),
+            faults: Vec::new(),
+        })
+        .collect();
+    let made = diagnose(&sources, &[], &rig, &|_| {}).unwrap();
+    made.verdict.sets_looked_at
 }

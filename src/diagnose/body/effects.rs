@@ -246,7 +246,6 @@ impl Judged<'_> {
             after: mixed(&all.collect::<Vec<_>>()),
             written: own(self.best),
             written_effects: effects.collect(),
-            exponents: Vec::new(),
         }
     }
 

@@ -9,7 +9,7 @@ use hydroline_sim::Allocation;
 use rayon::prelude::*;
 
 use super::found::{Judged, LISTED};
-use crate::next::{library, run_of};
+use crate::plans::{library, run_of};
 use crate::verdict::NextExperiment;
 
 /// Shares of the largest load of the runs at hand.

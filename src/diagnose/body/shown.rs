@@ -30,7 +30,6 @@ impl Judged<'_> {
                     (None, None) => Vec::new(),
                 },
                 fitted: traces(problem, c, &before, &after),
-                regime: None,
             })
             .collect()
     }

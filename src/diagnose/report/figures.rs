@@ -1,12 +1,10 @@
-//! The report's figures: runs without and with what was left out, where the model misses, the free force.
+//! The report's figures: runs without and with what was left out, where the model misses.
 
-use super::{Regime, Shown, Trace};
-use crate::family::Variable;
+use super::{Shown, Trace};
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 const BEFORE: Colour = Colour::VERMILLION;
 const AFTER: Colour = Colour::BLUE;
-const STRONG: Colour = Colour::GREEN;
 /// Half width of the drawn noise floor, in standard deviations.
 const FLOOR_SD: f64 = 2.0;
 /// Command edges are marks only where they can be told apart.
@@ -83,12 +81,7 @@ pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
 
 /// What the model without effects leaves of a run: `more` = windows with more than noise,
 /// `strong` = windows in which the free force is strong \[s\].
-pub(super) fn misses(
-    shown: &Shown,
-    trace: &Trace,
-    more: Vec<[f64; 2]>,
-    strong: Vec<[f64; 2]>,
-) -> Figure {
+pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figure {
     let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);
     let title = format!("{}: {channel}, measured - model", trace.name);
@@ -96,70 +89,7 @@ pub(super) fn misses(
     let panel = residuals(title.clone(), &quantity, shown.noise_sd)
         .height(120.0)
         .windows("more than noise", BEFORE, more)
-        .windows("free force strong", STRONG, strong)
         .marks("commands", marks(trace))
         .line("without effects", BEFORE, points(&trace.times_s, &residual));
-    Figure::stack(title, vec![panel])
-}
-
-/// Unit of what a free force depends on.
-fn unit(variable: Variable, linear: bool) -> &'static str {
-    match (variable, linear) {
-        (Variable::Place | Variable::PlaceAgainst, true) => "m",
-        (Variable::Place | Variable::PlaceAgainst, false) => "rad",
-        (
-            Variable::Rate | Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst,
-            true,
-        ) => "m/s",
-        (
-            Variable::Rate | Variable::Speed | Variable::SpeedRatio | Variable::SpeedAgainst,
-            false,
-        ) => "rad/s",
-        (Variable::Load | Variable::LoadSize | Variable::LoadRatio, true) => "N",
-        (Variable::Load | Variable::LoadSize | Variable::LoadRatio, false) => "N m",
-        (
-            Variable::Time
-            | Variable::SinceEdge
-            | Variable::AfterEdge
-            | Variable::TimeIn(_)
-            | Variable::TimeEach,
-            _,
-        ) => "s",
-    }
-}
-
-/// The force that explains most of what the model without effects misses, over its variable.
-pub(super) fn free_force(shown: &Shown, regime: &Regime) -> Figure {
-    let f = &regime.found;
-    let linear = shown.channel.ends_with("_m");
-    let load = if linear { "force [N]" } else { "moment [N m]" };
-    let knots: Vec<f64> = f.family.knots.iter().map(|k| f.family.shown(*k)).collect();
-    let within_sd = knots
-        .iter()
-        .zip(f.amplitudes.iter().zip(&f.sds))
-        .map(|(x, (a, sd))| [*x, a - sd, a + sd])
-        .collect();
-    let title = format!(
-        "free force over {} (log Bayes factor {:.1})",
-        f.family.variable.name(),
-        f.gain
-    );
-    let panel = Panel::new(
-        title.clone(),
-        Axis::new(format!(
-            "{} [{}]",
-            f.family.variable.name(),
-            unit(f.family.variable, linear)
-        )),
-        Axis::new(load),
-    )
-    .height(120.0)
-    .windows(
-        "strong",
-        STRONG,
-        vec![regime.range.map(|v| f.family.shown(v))],
-    )
-    .ribbon("one sd", Colour::GREY, within_sd)
-    .line("free force", STRONG, points(&knots, &f.amplitudes));
     Figure::stack(title, vec![panel])
 }

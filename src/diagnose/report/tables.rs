@@ -196,36 +196,14 @@ pub(super) fn ladder(b: &mut Body, v: &Verdict) {
     }
     b.section("What each effect gains");
     b.paragraph("One after the other, each time the one that improves the prediction most, all refitted together.");
-    let windows = v.ladder.iter().any(|r| !r.held_out_in_windows.is_empty());
-    let others = v.ladder.iter().any(|r| !r.instead.is_empty());
-    let mut head = vec!["", "fitted rms", "held-out rms"];
-    if windows {
-        head.push("held-out rms in windows, a tenth of a run each");
-    }
-    if others {
-        head.push("in its place");
-    }
-    let mut table = Table::new(head);
+    let mut table = Table::new(["", "fitted rms", "held-out rms"]);
     for rung in &v.ladder {
         let name = if rung.effect.is_empty() {
             "the vehicle alone".to_owned()
         } else {
             format!("+ {}", rung.effect)
         };
-        let mut row = Row::new([name, amounts(&rung.train), amounts(&rung.held_out)]);
-        if windows {
-            row = row.cell(amounts(&rung.held_out_in_windows));
-        }
-        if others {
-            let channel = rung.train.keys().next().map_or("", String::as_str);
-            let instead: Vec<String> = rung
-                .instead
-                .iter()
-                .map(|(id, rms)| format!("{id} {}", amount(channel, *rms)))
-                .collect();
-            row = row.cell(Cell::from(instead.join(", ")).prose());
-        }
-        table.push(row);
+        table.row([name, amounts(&rung.train), amounts(&rung.held_out)]);
     }
     b.table(table);
 }
@@ -279,7 +257,7 @@ fn why(
 
 pub(super) fn coefficients(b: &mut Body, v: &Verdict) {
     if v.parameters.before.is_empty() {
-        return exponents(b, v);
+        return;
     }
     b.section("The vehicle's own coefficients");
     let mut table = Table::new(["", "without effects", "with them", "change", "unit"]);
@@ -300,28 +278,6 @@ pub(super) fn coefficients(b: &mut Body, v: &Verdict) {
     b.paragraph(
         "A coefficient that changes by more than its sd was doing the work of what was left out.",
     );
-    exponents(b, v);
-}
-
-/// What powers of the rate the data leave open.
-fn exponents(b: &mut Body, v: &Verdict) {
-    for e in &v.parameters.exponents {
-        b.section(format!("Exponent of {}", e.effect));
-        b.paragraph(&e.told);
-        let mut table = Table::new([
-            "power of the rate",
-            "log-likelihood below the best",
-            "held-out rms",
-        ]);
-        for ((power, below), held) in e.tried.iter().zip(&e.log_likelihood).zip(&e.held_out) {
-            table.row([
-                power.to_string(),
-                format!("{below:.1}"),
-                held.map_or("-".to_owned(), |h| amount(&e.channel, h)),
-            ]);
-        }
-        b.table(table);
-    }
 }
 
 pub(super) fn noise(b: &mut Body, v: &Verdict) {

@@ -123,7 +123,6 @@ impl Findings {
         Diagnosis {
             verdict: self.verdict(),
             rig,
-            explained: Vec::new(),
             shown: Vec::new(),
         }
     }

@@ -1,113 +1,6 @@
-//! How residuals are weighed: noise with its colour, the samples that count, and series laid end to end.
+//! Samples that stand apart from their neighbours: no model is asked.
 
-use nalgebra::{DMatrix, DVector};
-
-use super::descent::Effort;
-use super::rest;
-use super::setting::{Setting, Track};
-use hydroline_numerics::noise::{Noise, Series, Whitener, estimate};
-use hydroline_numerics::statistics::{difference_sd, robust_sd};
-
-/// Noise of a DOF's channel and which samples count; the same for every set that is compared.
-#[derive(Debug, Clone)]
-pub struct Weights {
-    /// The noise.
-    pub noise: Noise,
-    /// `[run][sample]`: counts.
-    pub used: Vec<Vec<bool>>,
-    /// sd of the rate at the start of a run that begins at rest \[m/s, rad/s\]; `None` = the most there is.
-    pub rest_sd: Option<f64>,
-    whiteners: Vec<Whitener>,
-}
-
-impl Weights {
-    /// Of this noise.
-    pub fn new(tracks: &[Track], noise: Noise, used: Vec<Vec<bool>>) -> Weights {
-        let whiteners = tracks
-            .iter()
-            .zip(&used)
-            .map(|(t, u)| Whitener::new(&t.times_s, noise, |k| u[k]))
-            .collect();
-        Weights {
-            noise,
-            used,
-            rest_sd: None,
-            whiteners,
-        }
-    }
-
-    /// The same for runs that begin as still as this.
-    #[must_use]
-    pub fn at_rest(self, rest_sd: Option<f64>) -> Weights {
-        Weights { rest_sd, ..self }
-    }
-
-    /// Precision of what is believed of the rate at the start of a run that begins at rest \[s^2/m^2, s^2/rad^2\].
-    pub fn rest_precision(&self, tolerance: f64) -> f64 {
-        self.rest_sd
-            .unwrap_or_else(|| rest::most(tolerance))
-            .powi(-2)
-    }
-
-    /// White noise from third differences; a sample is left out where it stands apart from the cubic
-    /// through its four neighbours: no model is asked.
-    pub fn first(tracks: &[Track]) -> Weights {
-        let sd = tracks
-            .iter()
-            .map(|t| difference_sd(&t.measured))
-            .fold(0.0, f64::max);
-        let used = tracks
-            .iter()
-            .map(|t| not_apart(&t.times_s, &t.measured))
-            .collect();
-        Weights::new(tracks, Noise::white(if sd > 0.0 { sd } else { 1e-6 }), used)
-    }
-
-    /// Whitens one run's series in place; what does not count becomes 0.
-    pub fn whiten<'a>(&self, run: usize, series: impl Iterator<Item = &'a mut f64>) {
-        self.whiteners[run].apply(series);
-    }
-
-    /// All runs' series whitened and laid end to end.
-    pub fn stack(&self, mut series: Vec<Vec<f64>>) -> DVector<f64> {
-        for (run, values) in series.iter_mut().enumerate() {
-            self.whiten(run, values.iter_mut());
-        }
-        DVector::from_vec(series.into_iter().flatten().collect())
-    }
-
-    /// A fit to a percent of what lies above the noise, however far that is.
-    pub fn to_a_percent(&self) -> Effort {
-        Effort {
-            floor: 0.5 * self.samples() as f64,
-            limit: f64::INFINITY,
-        }
-    }
-
-    /// Sum of the log variances of all samples that count, each given those before it.
-    pub fn log_variance(&self) -> f64 {
-        self.whiteners.iter().map(Whitener::log_variance).sum()
-    }
-
-    /// Samples that count.
-    pub fn samples(&self) -> usize {
-        self.used.iter().flatten().filter(|u| **u).count()
-    }
-
-    /// Share of samples left out.
-    pub fn outliers(&self) -> f64 {
-        let all: usize = self.used.iter().map(Vec::len).sum();
-        1.0 - self.samples() as f64 / all.max(1) as f64
-    }
-}
-
-/// Samples that count in both, run by run.
-pub fn in_both(a: &[Vec<bool>], b: &[Vec<bool>]) -> Vec<Vec<bool>> {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| *x && *y).collect())
-        .collect()
-}
+use hydroline_numerics::statistics::robust_sd;
 
 /// Robust sd from the cubic through its neighbours beyond which a sample may be an outlier.
 const APART_SD: f64 = 6.0;
@@ -144,7 +37,7 @@ fn apart(times_s: &[f64], values: &[f64], present: &[usize], i: usize) -> f64 {
 /// Samples that are no outliers. An outlier lies beyond six robust sd of the cubic through its
 /// neighbours AND is isolated: without it (or a pair) the neighbours fit each other. Where motion is
 /// rougher than a cubic, at a reversal under friction, they do not, and nothing is left out.
-fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
+pub fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
     let n = values.len();
     let mut used = vec![true; n];
     let mut motion = vec![false; n];
@@ -202,37 +95,6 @@ fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
         }
     }
     used
-}
-
-/// Noise of residuals from which `columns` (raw, runs end to end) have been fitted out.
-///
-/// Restricted likelihood: what the columns took of slow noise is put back.
-pub fn noise_beyond(
-    setting: &Setting,
-    residuals: &[Vec<f64>],
-    columns: &DMatrix<f64>,
-) -> Option<(Noise, Vec<Vec<bool>>)> {
-    let mut first = 0;
-    let jacobians: Vec<DMatrix<f64>> = residuals
-        .iter()
-        .map(|r| {
-            let rows = columns.rows(first, r.len()).into_owned();
-            first += r.len();
-            rows
-        })
-        .collect();
-    let series: Vec<Series<'_>> = setting
-        .tracks
-        .iter()
-        .zip(residuals)
-        .zip(&jacobians)
-        .map(|((t, r), j)| Series {
-            times_s: &t.times_s,
-            values: r,
-            jacobian: Some(j),
-        })
-        .collect();
-    estimate(&series)
 }
 
 #[cfg(test)]

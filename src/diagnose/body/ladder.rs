@@ -1,0 +1,89 @@
+//! What each effect gains: the likeliest model built up again, one effect after the other.
+
+use hydroline_inference::fit::{Effort, Fit};
+use hydroline_inference::summary::Rms;
+use hydroline_inference::term::Kind;
+
+use super::effects::table;
+use super::found::{Judged, relative};
+use crate::verdict::Rung;
+
+impl Judged<'_> {
+    /// The vehicle alone, then with each effect that matters, each time the one that foretells best; all numbers fitted
+    /// together. Empty where fewer than two matter.
+    pub fn ladder(&self) -> Vec<Rung> {
+        let heavy: Vec<usize> = self.heavy(self.best).into_iter().collect();
+        if heavy.len() < 2 {
+            return Vec::new();
+        }
+        let mut made = Vec::from_iter(self.rung(String::new(), self.alone));
+        let mut last = self.alone.clone();
+        let mut open = heavy;
+        while !open.is_empty() {
+            let tried = open.iter().enumerate().filter_map(|(place, added)| {
+                let mut with: Vec<usize> = last.terms.clone();
+                with.extend(self.with_its_own(*added));
+                let fit = self.part(&with)?;
+                let held = self.foretold_by(&fit)?;
+                Some((place, fit, self.size(&held)))
+            });
+            let Some((place, fit, _)) = tried.min_by(|a, b| a.2.total_cmp(&b.2)) else {
+                return Vec::new();
+            };
+            made.extend(self.rung(self.id(open.remove(place)), &fit));
+            last = fit;
+        }
+        made
+    }
+
+    fn rung(&self, effect: String, fit: &Fit) -> Option<Rung> {
+        Some(Rung {
+            effect,
+            train: table(&self.found.problem.left(&fit.terms, &fit.point)),
+            held_out: table(&self.foretold_by(fit)?),
+        })
+    }
+
+    /// A member of the likeliest model with what varies with it; a force stands for every table of its DOF.
+    fn with_its_own(&self, term: usize) -> Vec<usize> {
+        let kind = |t: usize| self.found.problem.body.candidates[t].kind;
+        let of = |t: &&usize| {
+            **t == term
+                || kind(**t) == Kind::Trend { of: term }
+                || matches!(kind(term), Kind::Force { .. }) && kind(**t) == kind(term)
+        };
+        self.best.terms.iter().filter(of).copied().collect()
+    }
+
+    /// The likeliest model with only these of its members, fitted.
+    fn part(&self, keep: &[usize]) -> Option<Fit> {
+        let problem = &self.found.problem;
+        let mut made = self.best.clone();
+        for member in (0..self.best.terms.len()).rev() {
+            // A trend goes with its effect.
+            let there = made.terms.get(member).copied();
+            if there.is_some_and(|t| !keep.contains(&t)) {
+                (made.terms, made.point) = problem.without(&made, member);
+            }
+        }
+        if let Some(known) = self.found.models.get(&made.terms) {
+            return Some(known.clone());
+        }
+        problem.fit(&made.terms, &made.point, made.cells, Effort::default())
+    }
+
+    /// rms of the runs held out under a model, or of each run by the others.
+    fn foretold_by(&self, fit: &Fit) -> Option<Rms> {
+        match &self.held {
+            Some((over, _)) => Some(over.left_of(&over.foretell(fit)?.values)),
+            None => {
+                let problem = &self.found.problem;
+                Some(problem.left_of(&problem.one_run_out(fit)?.values))
+            }
+        }
+    }
+
+    fn size(&self, rms: &Rms) -> f64 {
+        relative(rms, &self.found.problem.body.tolerance)
+    }
+}
