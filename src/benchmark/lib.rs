@@ -12,6 +12,7 @@ pub mod case;
 pub mod coupled;
 pub mod disturbance;
 pub mod error;
+pub mod export;
 #[cfg(test)]
 mod eyes;
 pub mod faulty;

@@ -1,14 +1,16 @@
 //! `hydroline prove`: sealed cases, diagnosed blind, scored.
 
+use std::path::Path;
+
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
 use hydroline_benchmark::case::{FULL, parse};
 use hydroline_benchmark::score::complaint;
+use hydroline_benchmark::{Case, coupled, export, images};
 use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
-use hydroline_benchmark::{coupled, images};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -24,6 +26,7 @@ Examples:
   hydroline prove --only single-7            # one case: whole verdict and key
   hydroline prove --images 70                # an effect of camera, sheet, target or water
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
+  hydroline prove --cases 46 --export cases  # tables for other tools, keys apart; nothing is diagnosed
 
 Exit codes: 0 done, whatever the score; 1 a case could not be made or diagnosed; 2 bad arguments, or --keep holds \
 other cases.")]
@@ -50,6 +53,10 @@ pub struct Args {
     /// (an old build's cases are taken too: one folder per build)
     #[arg(long, value_name = "DIR", conflicts_with_all = ["only", "images"])]
     keep: Option<std::path::PathBuf>,
+    /// Folder for the cases as tables for other tools (motion, loads, what each candidate law does along a run), their keys
+    /// apart in DIR/keys; nothing is diagnosed
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["only", "images", "keep", "json", "no_ideal"])]
+    export: Option<std::path::PathBuf>,
     /// Without the ideal observer: faster, and sets that the data cannot split count as errors
     #[arg(long)]
     no_ideal: bool,
@@ -72,6 +79,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if let Some(folder) = &args.keep {
         inputs::folder("--keep", folder)?;
+    }
+    if let Some(folder) = &args.export {
+        inputs::folder("--export", folder)?;
+        return exported(args, folder);
     }
     if let Some(count) = args.coupled {
         return coupled(args, count);
@@ -104,6 +115,38 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         );
     }
     Ok(Outcome::Done)
+}
+
+/// Cases laid down for other tools.
+fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
+    let count = args.coupled.unwrap_or(args.cases);
+    let bar = progress::bar(count as u64, "cases laid down");
+    if args.coupled.is_some() {
+        for index in 0..count {
+            export::coupled(folder, &coupled::make(args.seed, index)?)?;
+            bar.inc(1);
+        }
+    } else {
+        for (category, index) in catalogue(args.cases, args.category) {
+            let case = make(args.seed, category, index)?;
+            export::case(folder, &case, &key(&case))?;
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    errln!("{count} cases in {}", folder.display());
+    Ok(Outcome::Done)
+}
+
+/// What only the key of a case knows.
+fn key(case: &Case) -> serde_json::Value {
+    serde_json::json!({
+        "truth": case.key.truth,
+        "strange": case.key.tank.strange,
+        "vehicle": case.key.coefficients().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "disturbance": case.key.tank.disturbance,
+        "fault": case.key.fault,
+    })
 }
 
 fn kept(args: &Args) -> Result<Option<Kept>, CliError> {
@@ -204,13 +247,7 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
     let (category, index) = parse(id)?;
     let case = make(args.seed, category, index)?;
     let judged = judge(&case, how(args))?;
-    let key = serde_json::json!({
-        "truth": case.key.truth,
-        "strange": case.key.tank.strange,
-        "vehicle": case.key.coefficients().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
-        "disturbance": case.key.tank.disturbance,
-        "fault": case.key.fault,
-    });
+    let key = key(&case);
     let object = serde_json::json!({
         "id": id,
         "seed": args.seed,
