@@ -6,7 +6,7 @@
 
 mod make;
 
-pub use make::{CoupledCase, There, make};
+pub use make::{CoupledCase, Instruments, There, make};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -30,6 +30,8 @@ pub struct CoupledJudged {
     pub truth: Vec<There>,
     /// Factor on the rig's coefficients.
     pub rig_factor: f64,
+    /// What its logs hold.
+    pub instruments: Instruments,
     /// The verdict's word.
     pub word: Word,
     /// The verdict's sentence.
@@ -150,6 +152,7 @@ pub fn judge(case: &CoupledCase) -> Result<(CoupledJudged, Verdict), ProveError>
         index: case.index,
         truth: case.truth.clone(),
         rig_factor: case.rig_factor,
+        instruments: case.instruments,
         word: verdict.verdict,
         sentence: verdict.sentence.clone(),
         found: found.iter().cloned().collect(),

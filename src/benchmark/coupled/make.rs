@@ -3,6 +3,7 @@
 use hydroline_diagnose::Source;
 use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
+use hydroline_sim::VehicleState;
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
 use nalgebra::{DMatrix, DVector};
@@ -16,8 +17,14 @@ use crate::error::ProveError;
 const RUNS: usize = 4;
 /// See there.
 const RUN_S: f64 = 24.0;
-/// Poses per second.
+/// Samples per second.
 const RATE_HZ: f64 = 25.0;
+/// The same of a slow log.
+const SLOW_HZ: f64 = 5.0;
+/// sd of velocities \[m/s\]: a Doppler log in a tank.
+const SPEED_MPS: f64 = 1.5e-3;
+/// sd of turning rates \[rad/s\]: a gyroscope.
+const TURN_RADPS: f64 = 5e-4;
 /// Integration step \[s\]: not the diagnosis' own.
 const STEP_S: f64 = 0.005;
 /// sd of the attitudes \[rad\]: 0.01 deg.
@@ -49,11 +56,51 @@ impl There {
     }
 }
 
+/// What a case's log holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Instruments {
+    /// Poses.
+    Poses,
+    /// Poses, a fifth as often.
+    Slow,
+    /// Velocities and turning rates in the body frame, and no pose.
+    Velocities,
+}
+
+impl Instruments {
+    /// Of a case: of ten, two are slow and two have no poses; one of each has nothing left out.
+    fn of(index: usize) -> Instruments {
+        match index % 10 {
+            3 | 4 => Instruments::Slow,
+            7 | 8 => Instruments::Velocities,
+            _ => Instruments::Poses,
+        }
+    }
+
+    fn rate_hz(self) -> f64 {
+        match self {
+            Instruments::Slow => SLOW_HZ,
+            _ => RATE_HZ,
+        }
+    }
+
+    /// First of the six channels that it measures.
+    fn first(self) -> usize {
+        match self {
+            Instruments::Velocities => 6,
+            _ => 0,
+        }
+    }
+}
+
 /// A case.
 #[derive(Debug, Clone)]
 pub struct CoupledCase {
     /// Number.
     pub index: usize,
+    /// What the logs hold.
+    pub instruments: Instruments,
     /// Logs.
     pub sources: Vec<Source>,
     /// The rig file.
@@ -199,8 +246,8 @@ fn commands(rng: &mut StdRng) -> Vec<Command> {
     each.collect()
 }
 
-/// Pose at each stamp, as instruments without noise report it.
-fn motion(rig: &Rig, commands: &[Command], stamps_s: &[f64]) -> Option<Vec<[f64; 6]>> {
+/// Pose and rates at each stamp, as instruments without noise report them.
+fn motion(rig: &Rig, commands: &[Command], stamps_s: &[f64]) -> Option<Vec<[f64; 12]>> {
     let model = Model::from_rig(rig).ok()?;
     let start = ModelState::at_rest(rig.tank.start_pose);
     let mut path = Trajectory::new(model, start, STEP_S).ok()?;
@@ -210,32 +257,43 @@ fn motion(rig: &Rig, commands: &[Command], stamps_s: &[f64]) -> Option<Vec<[f64;
     let mut seen = Vec::with_capacity(stamps_s.len());
     for stamp_s in stamps_s {
         let t_s = path.model().effects.scene_time_s(*stamp_s, 0.0);
-        let eta = path.state_at(t_s).ok()?.vehicle.eta;
+        let VehicleState { eta, nu } = path.state_at(t_s).ok()?.vehicle;
         let effects = &path.model().effects;
-        seen.push(effects.reported_pose(t_s, effects.scene_pose(t_s, eta)));
+        let pose = effects.reported_pose(t_s, effects.scene_pose(t_s, eta));
+        seen.push(std::array::from_fn(
+            |c| if c < 6 { pose[c] } else { nu[c - 6] },
+        ));
     }
     seen.iter().flatten().all(|v| v.is_finite()).then_some(seen)
 }
 
-/// Motion of all runs in tolerances, end to end.
-fn all(rig: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<DVector<f64>> {
+/// Runs, and what is measured of them when.
+struct Runs<'a> {
+    commands: &'a [Vec<Command>],
+    stamps_s: &'a [f64],
+    /// First of the six channels measured.
+    first: usize,
+}
+
+/// What is measured of all runs in tolerances, end to end.
+fn all(rig: &Rig, runs: &Runs<'_>) -> Option<DVector<f64>> {
     let tolerance = rig.tolerance.channels();
     let mut made = Vec::new();
-    for commands in runs {
-        for pose in motion(rig, commands, stamps_s)? {
-            made.extend((0..6).map(|c| pose[c] / tolerance[c]));
+    for commands in runs.commands {
+        for seen in motion(rig, commands, runs.stamps_s)? {
+            made.extend((runs.first..runs.first + 6).map(|c| seen[c] / tolerance[c]));
         }
     }
     Some(DVector::from_vec(made))
 }
 
 /// Weight of each entry alone as interfaces.md defines it, in the channel where it is largest, over the tolerance.
-fn weights(water: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<Vec<f64>> {
+fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
     let bare = Rig {
         physics: Vec::new(),
         ..water.clone()
     };
-    let none = all(&bare, runs, stamps_s)?;
+    let none = all(&bare, runs)?;
     let mut columns = Vec::new();
     for d in 0..6 {
         for k in 0..3 {
@@ -248,7 +306,7 @@ fn weights(water: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<Vec<f
                     .nth(k)
                     .into_iter()
                     .for_each(|v| *v *= 1.0 + by);
-                all(&rig, runs, stamps_s)
+                all(&rig, runs)
             };
             let column = bent(1e-4)? - bent(-1e-4)?;
             let size = column.norm();
@@ -261,7 +319,7 @@ fn weights(water: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<Vec<f
     let each = water.physics.iter().map(|entry| {
         let mut with = bare.clone();
         with.physics.push(entry.clone());
-        let moved = all(&with, runs, stamps_s)? - &none;
+        let moved = all(&with, runs)? - &none;
         let left = &moved - &own * own.tr_mul(&moved);
         let rms = |c: usize| {
             let values = left.iter().skip(c).step_by(6);
@@ -280,8 +338,10 @@ fn weights(water: &Rig, runs: &[Vec<Command>], stamps_s: &[f64]) -> Option<Vec<f
 pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
     let mut rng = StdRng::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index as u64);
     let rig = Rig::builtin("lshpi")?;
-    let stamps_s: Vec<f64> = (0..(RUN_S * RATE_HZ) as u32)
-        .map(|k| 0.001 + f64::from(k) / RATE_HZ)
+    let instruments = Instruments::of(index);
+    let rate_hz = instruments.rate_hz();
+    let stamps_s: Vec<f64> = (0..(RUN_S * rate_hz) as u32)
+        .map(|k| 0.001 + f64::from(k) / rate_hz)
         .collect();
     let mut last = String::new();
     for _ in 0..TRIES {
@@ -304,7 +364,12 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             }
         }
         let plans: Vec<Vec<Command>> = (0..RUNS).map(|_| commands(&mut rng)).collect();
-        let Some(weights) = weights(&water, &plans, &stamps_s) else {
+        let runs = Runs {
+            commands: &plans,
+            stamps_s: &stamps_s,
+            first: instruments.first(),
+        };
+        let Some(weights) = weights(&water, &runs) else {
             last = "no finite motion".to_owned();
             continue;
         };
@@ -334,11 +399,20 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
         let sources: Option<Vec<Source>> = plans
             .into_iter()
             .enumerate()
-            .map(|(k, plan)| measured(&water, k, plan, &stamps_s, &disturbance, &mut rng))
+            .map(|(k, plan)| {
+                let log = Log {
+                    water: &water,
+                    instruments,
+                    stamps_s: &stamps_s,
+                    disturbance: &disturbance,
+                };
+                log.measured(k, plan, &mut rng)
+            })
             .collect();
         let Some(sources) = sources else { continue };
         return Ok(CoupledCase {
             index,
+            instruments,
             sources,
             rig: told,
             rig_factor,
@@ -370,51 +444,62 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     }
 }
 
-/// A run as its log holds it.
-fn measured(
-    water: &Rig,
-    run: usize,
-    commands: Vec<Command>,
-    stamps_s: &[f64],
-    disturbance: &Disturbance,
-    rng: &mut StdRng,
-) -> Option<Source> {
-    let motion = motion(water, &commands, stamps_s)?;
-    let x: Vec<f64> = motion.iter().map(|p| p[0]).collect();
-    let noise: Vec<Vec<f64>> = (0..3)
-        .map(|_| disturbance.along(stamps_s, &x, rng))
-        .collect();
-    let far = disturbance.far_off(stamps_s.len(), rng);
-    let arrives = disturbance.arrives(stamps_s, rng);
-    let mut samples = Vec::new();
-    for (k, t_s) in stamps_s.iter().enumerate() {
-        let mut values = [f64::NAN; 12];
-        for c in 0..6 {
-            let attitude: f64 = StandardNormal.sample(rng);
-            values[c] = motion[k][c]
-                + match c {
-                    0 => noise[0][k] + far[k],
-                    1 | 2 => noise[c][k],
-                    _ => ATTITUDE_RAD * attitude,
-                };
+/// What a log is made of.
+struct Log<'a> {
+    water: &'a Rig,
+    instruments: Instruments,
+    stamps_s: &'a [f64],
+    disturbance: &'a Disturbance,
+}
+
+impl Log<'_> {
+    /// A run as its log holds it.
+    fn measured(&self, run: usize, commands: Vec<Command>, rng: &mut StdRng) -> Option<Source> {
+        let Log {
+            stamps_s,
+            disturbance,
+            ..
+        } = *self;
+        let motion = motion(self.water, &commands, stamps_s)?;
+        let x: Vec<f64> = motion.iter().map(|p| p[0]).collect();
+        let noise: Vec<Vec<f64>> = (0..3)
+            .map(|_| disturbance.along(stamps_s, &x, rng))
+            .collect();
+        let far = disturbance.far_off(stamps_s.len(), rng);
+        let arrives = disturbance.arrives(stamps_s, rng);
+        let mut samples = Vec::new();
+        for (k, t_s) in stamps_s.iter().enumerate() {
+            let mut values = [f64::NAN; 12];
+            let first = self.instruments.first();
+            for c in first..first + 6 {
+                let any: f64 = StandardNormal.sample(rng);
+                values[c] = motion[k][c]
+                    + match c {
+                        0 => noise[0][k] + far[k],
+                        1 | 2 => noise[c][k],
+                        3..6 => ATTITUDE_RAD * any,
+                        6..9 => SPEED_MPS * any,
+                        _ => TURN_RADPS * any,
+                    };
+            }
+            if arrives[k] {
+                samples.push(Sample {
+                    t_s: *t_s,
+                    values,
+                    covariance: None,
+                });
+            }
         }
-        if arrives[k] {
-            samples.push(Sample {
-                t_s: *t_s,
-                values,
-                covariance: None,
-            });
-        }
+        Some(Source {
+            run: Run {
+                name: format!("run{run}"),
+                commands,
+                samples,
+                ..Run::default()
+            },
+            faults: Vec::new(),
+        })
     }
-    Some(Source {
-        run: Run {
-            name: format!("run{run}"),
-            commands,
-            samples,
-            ..Run::default()
-        },
-        faults: Vec::new(),
-    })
 }
 
 #[cfg(test)]
@@ -430,5 +515,12 @@ mod tests {
         assert!(a.truth.iter().all(There::matters));
         assert!(make(1, 2).unwrap().truth.is_empty());
         assert!((make(1, 3).unwrap().rig_factor - 1.0).abs() > 1e-6);
+        let seen = |index: usize, c: usize| {
+            let samples = make(1, index).unwrap().sources[0].run.samples.clone();
+            (samples.len(), samples[3].values[c].is_finite())
+        };
+        let (poses, slow, rates) = (seen(2, 0), seen(4, 0), seen(8, 0));
+        assert!(poses.1 && slow.1 && !rates.1 && seen(8, 6).1);
+        assert!(slow.0 * 4 < poses.0, "{slow:?} {poses:?}");
     }
 }
