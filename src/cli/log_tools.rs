@@ -3,11 +3,15 @@
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
+use hydroline_import::recorded::{Contents, Recording};
 use hydroline_log::export::ExportOptions;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+Of a log of another program (MCAP, db3, ArduPilot .bin, .tlog, PX4 .ulg) it lists topics and fields that a map of \
+`hydroline import` can name.
+
 Examples:
   hydroline info run.mcap
   hydroline info run.mcap --json
@@ -97,9 +101,36 @@ fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Res
 }
 
 pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
-    let info = hydroline_log::info::info(&args.log)?;
-    print(args.json, &info)?;
+    let recording = Recording::open(&args.log).ok().flatten();
+    // An MCAP file of anyone is a log as well; of other kinds there is only what can be imported.
+    match (hydroline_log::info::info(&args.log), &recording) {
+        (Ok(info), recording) => {
+            let importable = recording.as_ref().map(Recording::contents);
+            print(args.json, &LogInfo { info, importable })?;
+        }
+        (Err(_), Some(recording)) => print(args.json, recording.contents())?,
+        (Err(error), None) => return Err(error.into()),
+    }
     Ok(Outcome::Done)
+}
+
+/// A log, and what of it `import` can take.
+#[derive(serde::Serialize)]
+struct LogInfo<'a> {
+    #[serde(flatten)]
+    info: hydroline_log::info::Info,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    importable: Option<&'a Contents>,
+}
+
+impl std::fmt::Display for LogInfo<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.info)?;
+        match self.importable {
+            Some(contents) => write!(f, "fields that a map of `hydroline import` can name\n{contents}"),
+            None => Ok(()),
+        }
+    }
 }
 
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {

@@ -18,6 +18,7 @@ pub mod explain;
 pub mod family;
 pub mod faults;
 pub mod fit;
+mod joined;
 pub mod locate;
 pub mod next;
 pub mod posterior;
