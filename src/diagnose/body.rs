@@ -19,8 +19,8 @@ use std::ops::ControlFlow;
 use hydroline_rigs::{Dof, Rig};
 
 use super::alone::stretches;
-use super::joined;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
+use super::joined;
 use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Word};
 use found::Judged;

@@ -49,7 +49,11 @@ pub(crate) fn withhold(verdict: &mut Verdict, runs: &[Run]) -> Vec<&'static str>
         }
         withheld.push(id);
         let size = value.map_or(String::new(), |v| {
-            format!(" of {parameter} = {:.4} (sd {:.4})", v.value, v.sd.unwrap_or(0.0))
+            format!(
+                " of {parameter} = {:.4} (sd {:.4})",
+                v.value,
+                v.sd.unwrap_or(0.0)
+            )
         });
         verdict.notes.push(if is_estimated {
             format!("a difference of time{size} between commands and motion is not named {id}: the offset of the joined logs was estimated from the same motion, and it may be that; measure the offset (join --offset-s, --offset-sd-s) to tell them apart")
@@ -170,7 +174,10 @@ mod tests {
         ] {
             let mut verdict = found(0.08);
             let withheld = withhold(&mut verdict, &runs);
-            let is_named = verdict.effects.iter().any(|e| e.effect == "command_latency");
+            let is_named = verdict
+                .effects
+                .iter()
+                .any(|e| e.effect == "command_latency");
             assert_eq!(is_named, named, "{:?}", runs[0].joined);
             assert_eq!(withheld.is_empty(), named);
             // What is no difference of time stays.

@@ -88,19 +88,29 @@ pub struct Given {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum JoinError {
-    #[error("{log}: holds no motion (/vehicle/motion); name the log with the motion first, the one with the commands second")]
+    #[error(
+        "{log}: holds no motion (/vehicle/motion); name the log with the motion first, the one with the commands second"
+    )]
     NoMotion { log: String },
-    #[error("{log}: holds no commands (/thruster/command); name the log with the motion first, the one with the commands second")]
+    #[error(
+        "{log}: holds no commands (/thruster/command); name the log with the motion first, the one with the commands second"
+    )]
     NoCommands { log: String },
-    #[error("the offset cannot be found: {why}; give it with --offset-s (and --offset-sd-s, how well it is known)")]
+    #[error(
+        "the offset cannot be found: {why}; give it with --offset-s (and --offset-sd-s, how well it is known)"
+    )]
     NotFound { why: String },
-    #[error("with an offset of {offset_s} s no command falls within the motion ({motion}); the commands would stand at {commands}; check --offset-s: it is added to the stamps of the commands")]
+    #[error(
+        "with an offset of {offset_s} s no command falls within the motion ({motion}); the commands would stand at {commands}; check --offset-s: it is added to the stamps of the commands"
+    )]
     Apart {
         offset_s: f64,
         motion: String,
         commands: String,
     },
-    #[error("{log}: the command to '{thruster}' is none of surge sway heave roll pitch yaw, and no rig says what load it is; give --rig, or --offset-s")]
+    #[error(
+        "{log}: the command to '{thruster}' is none of surge sway heave roll pitch yaw, and no rig says what load it is; give --rig, or --offset-s"
+    )]
     Rig { log: String, thruster: String },
     #[error(transparent)]
     Load(#[from] hydroline_identify::data::LoadError),

@@ -216,8 +216,8 @@ impl Recording {
             &mut scratch,
         )?;
         read(self.kind, &self.files, &mut writer)?;
-        let rows = writer.rows;
-        findings.extend(writer.finish()?);
+        let (rows, found) = writer.finish()?;
+        findings.extend(found);
         self.damage(&mut findings);
         let of = if several { ", one for each stamp" } else { "" };
         findings.push(Finding::info(
@@ -246,7 +246,11 @@ impl Recording {
                     0 => String::new(),
                     n => format!("; {n} bytes belong to no record"),
                 };
-                Finding::fault("damaged_records", None, format!("{words}{bytes}; import what is sound with --accept-faults"))
+                Finding::fault(
+                    "damaged_records",
+                    None,
+                    format!("{words}{bytes}; import what is sound with --accept-faults"),
+                )
             } else if u.what.starts_with("gaps") {
                 Finding::warning("dropouts", None, words)
             } else {

@@ -149,9 +149,16 @@ fn autopilot(topic: &TopicContents, path: &str) -> Option<What> {
 
 fn is_wish(topic: &str) -> bool {
     let small = topic.to_lowercase();
-    ["setpoint", "desired", "target", "reference", "cmd_vel", "goal"]
-        .iter()
-        .any(|w| small.contains(w))
+    [
+        "setpoint",
+        "desired",
+        "target",
+        "reference",
+        "cmd_vel",
+        "goal",
+    ]
+    .iter()
+    .any(|w| small.contains(w))
 }
 
 /// One topic with what its fields are.
@@ -210,6 +217,7 @@ fn bundles(recording: &Recording) -> Vec<Bundle<'_>> {
 /// Unit of a field: as the log states it, or as its kind has it; and whether that was stated.
 fn unit_of(place: usize, stated: Option<&str>, recording: &Recording) -> (String, bool) {
     let dimension = dimension(place);
+    let stated = stated.map(|s| if s == "degheading" { "deg" } else { s });
     if let Some(u) = stated.and_then(|s| unit::find(dimension, s)) {
         return (u.name.to_owned(), true);
     }
@@ -301,8 +309,7 @@ impl<'a> Plan<'a> {
 
     /// Frame of velocities, where their topic leaves it open.
     fn frame_open(&self) -> bool {
-        self.fields(2)
-            .any(|f| matches!(f.0, Channel(_, _, None)))
+        self.fields(2).any(|f| matches!(f.0, Channel(_, _, None)))
     }
 
     fn write(&self, open: Open) -> Draft {
@@ -385,7 +392,7 @@ impl<'a> Plan<'a> {
 
     fn write_axes(&self, draft: &mut Draft) {
         if is_ros(self.recording) {
-            draft.doubt("axes: x forward, y to port, z up, as REP 103 has them and the log does not say: turned to y to starboard, z down");
+            draft.doubt("axes: x forward, y to port, z up, and metres, radians, seconds, as REP 103 has them and the log does not say: turned to y to starboard, z down");
         } else {
             draft.doubt("axes: x forward (north), y to starboard (east), z down, as the autopilot has them: those of the tank are turned by its heading");
         }
@@ -420,13 +427,11 @@ impl<'a> Plan<'a> {
             let (unit, is_stated) = unit_of(place, stated, self.recording);
             draft.line(format!("[motion.{}]", place_name(place)));
             draft.line(format!("column = {}", quoted(&column)));
-            if !is_stated {
+            if !is_stated && !is_ros(self.recording) {
                 let kind = self.recording.contents().kind;
-                let words = format!("unit of {column}: {unit}, as {kind} has it; the log does not say");
-                draft.toml.push(format!("# {words}"));
-                if !is_ros(self.recording) {
-                    draft.remarks.push(words);
-                }
+                let words =
+                    format!("unit of {column}: {unit}, as {kind} has it; the log does not say");
+                draft.doubt(words);
             }
             draft.line(format!("unit = \"{unit}\""));
             if turned {
@@ -451,7 +456,9 @@ impl<'a> Plan<'a> {
                 "us\"   # a pulse, by the rig's curve: import --rig RIG"
             };
             draft.toml.push("# [[command]]".to_owned());
-            draft.toml.push("# thruster = \"NAME IN THE RIG\"".to_owned());
+            draft
+                .toml
+                .push("# thruster = \"NAME IN THE RIG\"".to_owned());
             draft.toml.push(format!("# column = {}", quoted(column)));
             draft.toml.push(format!("# unit = \"{unit}"));
         }
@@ -486,9 +493,7 @@ impl<'a> Plan<'a> {
 ///
 /// # Errors
 /// Those of its files.
-pub fn guess_recording(
-    recording: &Recording,
-) -> Result<Result<Guess, GuessError>, RecordedError> {
+pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError>, RecordedError> {
     let plan = Plan::of(recording);
     if plan.is_empty() {
         let topics = recording.contents().topics.iter();

@@ -133,9 +133,8 @@ impl Pair {
             return Ok(rig.clone());
         }
         if let Some(rig) = self.rig_toml() {
-            return Rig::from_toml(rig, "the log's rig", None).map_err(|e| JoinError::NotFound {
-                why: e.to_string(),
-            });
+            return Rig::from_toml(rig, "the log's rig", None)
+                .map_err(|e| JoinError::NotFound { why: e.to_string() });
         }
         let foreign = self
             .commands
@@ -158,8 +157,7 @@ impl Pair {
         let commands = load_messages(&self.command_name, &self.commands, &[], &rig)?;
         let problem = Problem::new(&motion, &commands);
         // Between the two zeros, as the stamps have it.
-        let nominal_s =
-            (i128::from(commands.start_ns) - i128::from(motion.start_ns)) as f64 * 1e-9;
+        let nominal_s = (i128::from(commands.start_ns) - i128::from(motion.start_ns)) as f64 * 1e-9;
         let drift = given.drift_ppm.map(|d| d * 1e-6);
         let found =
             align(&problem, drift, given.search_s).map_err(|why| JoinError::NotFound { why })?;
@@ -227,7 +225,11 @@ fn ways(run: &Run) -> [Vec<f64>; 3] {
     let mut before: Option<([f64; 3], f64)> = None;
     for s in &run.samples {
         let place = [s.values[0], s.values[1], s.values[2]];
-        let psi = if s.values[5].is_finite() { s.values[5] } else { 0.0 };
+        let psi = if s.values[5].is_finite() {
+            s.values[5]
+        } else {
+            0.0
+        };
         // An axis that is not measured moves nothing.
         let known = place.map(|v| if v.is_finite() { v } else { 0.0 });
         if let Some((last, turn)) = before {
@@ -240,7 +242,11 @@ fn ways(run: &Run) -> [Vec<f64>; 3] {
         before = Some((known, psi));
         for (axis, values) in out.iter_mut().enumerate() {
             // Surge and sway need both coordinates unless the heading never leaves the axis.
-            values.push(if place[axis].is_finite() { way[axis] } else { f64::NAN });
+            values.push(if place[axis].is_finite() {
+                way[axis]
+            } else {
+                f64::NAN
+            });
         }
     }
     out
@@ -265,9 +271,8 @@ impl Problem {
         let mut series = Vec::new();
         let mut dofs = Vec::new();
         for d in (0..6).filter(varies) {
-            let column = |c: usize| -> Vec<f64> {
-                motion.samples.iter().map(|s| s.values[c]).collect()
-            };
+            let column =
+                |c: usize| -> Vec<f64> { motion.samples.iter().map(|s| s.values[c]).collect() };
             let before = series.len();
             for (is_way, values) in [
                 (true, if d < 3 { ways[d].clone() } else { column(d) }),
@@ -398,7 +403,11 @@ impl Problem {
             let rho = lagged / power.max(f64::MIN_POSITIVE);
             // What white noise shows by chance is none.
             let chance = 2.5 / (count as f64).sqrt();
-            s.rho = if rho.abs() > chance { rho.clamp(-0.9, 0.999) } else { 0.0 };
+            s.rho = if rho.abs() > chance {
+                rho.clamp(-0.9, 0.999)
+            } else {
+                0.0
+            };
         }
         Some(())
     }
@@ -456,7 +465,12 @@ impl LeastSquares<Dyn> for Fit<'_> {
             let (Some(up), Some(down)) = (side(1.0), side(-1.0)) else {
                 return Err("the motion runs away".to_owned());
             };
-            columns.push(up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h)).collect());
+            columns.push(
+                up.iter()
+                    .zip(&down)
+                    .map(|(u, d)| (u - d) / (2.0 * h))
+                    .collect(),
+            );
         }
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
         Ok(Normal {
@@ -560,7 +574,11 @@ fn unexplained(
     };
     let x = factor.solve(&a.tr_mul(&y));
     let rest = (&y - &a * x).norm_squared();
-    if power > 0.0 { (rest / power).min(1.0) } else { 1.0 }
+    if power > 0.0 {
+        (rest / power).min(1.0)
+    } else {
+        1.0
+    }
 }
 
 /// Where about the offset is: (offset, what is left unexplained), best first.
@@ -587,7 +605,9 @@ fn coarse(problem: &Problem, search_s: f64) -> Vec<(f64, f64)> {
                 .iter()
                 .map(|s| {
                     let own = &filtered[s.dof];
-                    unexplained(s, &picked, &problem.times_s, own, offset_s).max(1e-9).ln()
+                    unexplained(s, &picked, &problem.times_s, own, offset_s)
+                        .max(1e-9)
+                        .ln()
                 })
                 .sum();
             (offset_s, sum)
@@ -626,7 +646,12 @@ fn start(problem: &Problem, offset_s: f64, drift: f64) -> DVector<f64> {
         let Some(s) = problem.series.iter().filter(|s| s.dof == place).last() else {
             continue;
         };
-        let first = s.values.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
+        let first = s
+            .values
+            .iter()
+            .copied()
+            .find(|v| v.is_finite())
+            .unwrap_or(0.0);
         let (mut up, mut down) = (0.0, 0.0);
         for (value, state) in s.values.iter().zip(&states) {
             let own = if s.is_way { state.1 } else { state.0 };
@@ -654,7 +679,10 @@ fn start(problem: &Problem, offset_s: f64, drift: f64) -> DVector<f64> {
 /// Why it cannot be done, in words.
 pub fn align(problem: &Problem, drift: Option<f64>, search_s: f64) -> Result<Aligned, String> {
     if problem.dofs.is_empty() {
-        return Err("no degree of freedom is both commanded (with a load that changes) and measured".to_owned());
+        return Err(
+            "no degree of freedom is both commanded (with a load that changes) and measured"
+                .to_owned(),
+        );
     }
     let minima = coarse(problem, search_s);
     let Some(best) = minima.first().copied() else {
@@ -700,8 +728,7 @@ pub fn align(problem: &Problem, drift: Option<f64>, search_s: f64) -> Result<Ali
     };
     let mut normal = None;
     for _ in 0..ROUNDS {
-        own.learn_noise(&at)
-            .ok_or("the fitted motion runs away")?;
+        own.learn_noise(&at).ok_or("the fitted motion runs away")?;
         let mut fit = Fit {
             problem: &own,
             held: held.clone(),

@@ -38,9 +38,16 @@ fn pair(seed: u64, has_velocity: bool) -> Pair {
         });
         t_s += rng.random_range(2.0..7.0);
     }
-    let load_at = |t_b: f64| {
-        let after = commands.partition_point(|c| c.t_s <= t_b);
-        after.checked_sub(1).map_or(0.0, |i| commands[i].wrench[0])
+    // Impulse up to a time: the mean load of a step in which it changes is exact.
+    let impulse = |t_b: f64| -> f64 {
+        let ends = commands
+            .iter()
+            .skip(1)
+            .map(|c| c.t_s)
+            .chain([f64::INFINITY]);
+        let each = commands.iter().zip(ends);
+        each.map(|(c, end)| c.wrench[0] * (t_b.min(end) - c.t_s).max(0.0))
+            .sum()
     };
     let (mut samples, mut u, mut x) = (Vec::new(), 0.0, 0.0);
     let (place, speed) = (
@@ -63,8 +70,10 @@ fn pair(seed: u64, has_velocity: bool) -> Pair {
                 covariance: None,
             });
         }
-        let own = (t + 0.5e-3 - offset_s) / (1.0 + drift);
-        let rate = |u: f64| (load_at(own) - linear * u - quadratic * u.abs() * u) / mass;
+        let own = |t: f64| (t - offset_s) / (1.0 + drift);
+        let (from, to) = (own(t), own(t + 1e-3));
+        let load = (impulse(to) - impulse(from)) / (to - from);
+        let rate = |u: f64| (load - linear * u - quadratic * u.abs() * u) / mass;
         let middle = u + 0.5e-3 * rate(u);
         x += 1e-3 * middle;
         u += 1e-3 * rate(middle);

@@ -20,12 +20,24 @@ fn session(relation: &Relation, motion: &Path, commands: &Path) -> MetadataMap {
         ("kind".to_owned(), "join".to_owned()),
         ("join.motion".to_owned(), name(motion)),
         ("join.commands".to_owned(), name(commands)),
-        ("join.offset_from".to_owned(), relation.from.word().to_owned()),
+        (
+            "join.offset_from".to_owned(),
+            relation.from.word().to_owned(),
+        ),
         ("join.offset_s".to_owned(), relation.offset_s.to_string()),
-        ("join.offset_sd_s".to_owned(), relation.offset_sd_s.to_string()),
+        (
+            "join.offset_sd_s".to_owned(),
+            relation.offset_sd_s.to_string(),
+        ),
         ("join.drift_ppm".to_owned(), relation.drift_ppm.to_string()),
-        ("join.drift_sd_ppm".to_owned(), relation.drift_sd_ppm.to_string()),
-        ("join.reference_ns".to_owned(), relation.reference_ns.to_string()),
+        (
+            "join.drift_sd_ppm".to_owned(),
+            relation.drift_sd_ppm.to_string(),
+        ),
+        (
+            "join.reference_ns".to_owned(),
+            relation.reference_ns.to_string(),
+        ),
     ])
 }
 
@@ -58,7 +70,8 @@ pub(super) fn write(
         relation.moved(pair.commands_ns.1),
     );
     if first > pair.motion_ns.1 || last < pair.motion_ns.0 {
-        let span = |(a, b): (u64, u64)| format!("UNIX {:.3} .. {:.3} s", a as f64 * 1e-9, b as f64 * 1e-9);
+        let span =
+            |(a, b): (u64, u64)| format!("UNIX {:.3} .. {:.3} s", a as f64 * 1e-9, b as f64 * 1e-9);
         return Err(JoinError::Apart {
             offset_s: relation.offset_s,
             motion: span(pair.motion_ns),

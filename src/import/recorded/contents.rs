@@ -126,8 +126,7 @@ impl Gather {
 impl Sink for Gather {
     fn wants(&mut self, topic: &str, _: &str, bytes: usize) -> bool {
         let place = self.places.get(topic);
-        bytes <= LARGE_BYTES
-            || place.is_none_or(|p| self.topics[*p].messages < LARGE_LOOKED_AT)
+        bytes <= LARGE_BYTES || place.is_none_or(|p| self.topics[*p].messages < LARGE_LOOKED_AT)
     }
 
     fn message(&mut self, message: &Message<'_>) -> io::Result<()> {
@@ -201,10 +200,7 @@ fn together(fields: &[FieldContents]) -> Vec<String> {
 
 impl fmt::Display for Contents {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        line(
-            f,
-            format_args!("{}: {} messages", self.kind, self.messages),
-        )?;
+        line(f, format_args!("{}: {} messages", self.kind, self.messages))?;
         for t in &self.topics {
             let rate = t.rate_hz.map_or(String::new(), |r| format!(", {r:.1}/s"));
             let stamps = match (t.stamped, t.messages) {

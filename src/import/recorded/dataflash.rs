@@ -147,12 +147,19 @@ fn mark(
         if unit == b'#' {
             format.instance = Some(field.name.clone());
         }
-        let Some(word) = words.get(&unit).filter(|_| !matches!(unit, b'-' | b'?' | b'#')) else {
+        let Some(word) = words
+            .get(&unit)
+            .filter(|_| !matches!(unit, b'-' | b'?' | b'#'))
+        else {
             continue;
         };
         // What the format's letter is worth is in the value already.
         let power = power.and_then(|p| powers.get(&p)).copied().unwrap_or(0.0);
-        let own = if power > 0.0 { power / field.scale } else { 1.0 };
+        let own = if power > 0.0 {
+            power / field.scale
+        } else {
+            1.0
+        };
         field.unit = unit_word(word, own);
     }
 }
@@ -177,7 +184,8 @@ fn unit_word(word: &str, power: f64) -> String {
 fn usual_instance(format: &Format) -> Option<&str> {
     let first = format.fields.get(1)?;
     let is_count = matches!(first.kind, Kind::U8);
-    (is_count && matches!(first.name.as_str(), "I" | "C" | "Instance")).then_some(first.name.as_str())
+    (is_count && matches!(first.name.as_str(), "I" | "C" | "Instance"))
+        .then_some(first.name.as_str())
 }
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {

@@ -30,9 +30,8 @@ fn topics(bag: &Connection) -> rusqlite::Result<HashMap<i64, Topic>> {
     if let Ok(mut statement) = bag
         .prepare("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
     {
-        let rows = statement.query_map([], |r| {
-            Ok((r.get::<_, String>(0)?, (r.get(1)?, r.get(2)?)))
-        })?;
+        let rows =
+            statement.query_map([], |r| Ok((r.get::<_, String>(0)?, (r.get(1)?, r.get(2)?))))?;
         own.extend(rows.flatten());
     }
     let mut statement = bag.prepare("SELECT id, name, type, serialization_format FROM topics")?;
@@ -105,7 +104,9 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         let log_ns = Some(i128::from(log_ns));
         let data = row.get_ref(3).ok().and_then(|v| v.as_blob().ok());
         let Some(data) = data else {
-            account.note("damaged records", last, || format!("row {last} holds no bytes"));
+            account.note("damaged records", last, || {
+                format!("row {last} holds no bytes")
+            });
             continue;
         };
         if !sink.wants(&topic.name, &topic.schema, data.len()) {

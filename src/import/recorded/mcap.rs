@@ -27,7 +27,9 @@ impl Decoder {
                 .and_then(|text| Definition::parse(schema.name, text))
                 .map(Decoder::Ros),
             ("cdr", other) => ros::known(schema.name).map(Decoder::Ros).ok_or_else(|| {
-                format!("CDR with a schema in '{other}' is read for the usual messages of ROS 2 only")
+                format!(
+                    "CDR with a schema in '{other}' is read for the usual messages of ROS 2 only"
+                )
             }),
             ("protobuf", "protobuf") => {
                 protobuf::descriptor(schema.name, schema.data).map(Decoder::Protobuf)
@@ -57,8 +59,7 @@ struct Channel {
 }
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
-    let mut reader =
-        RawReader::open(path).map_err(|e| RecordedError::Container(e.to_string()))?;
+    let mut reader = RawReader::open(path).map_err(|e| RecordedError::Container(e.to_string()))?;
     let mut account = Account::default();
     let mut channels: HashMap<(u32, u16), Channel> = HashMap::new();
     let mut leaves = Leaves::default();
@@ -91,7 +92,11 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         }
         leaves.clear();
         if let Err(reason) = channel.decoder.decode(&message.data, &mut leaves) {
-            account.note(&format!("messages of {}", message.topic), message.offset, || reason);
+            account.note(
+                &format!("messages of {}", message.topic),
+                message.offset,
+                || reason,
+            );
             sink.other(&message.topic, &channel.schema, log_ns);
             continue;
         }

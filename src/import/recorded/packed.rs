@@ -55,7 +55,9 @@ impl Field {
 
 /// Of all fields.
 pub(super) fn bytes(fields: &[Field]) -> usize {
-    fields.iter().fold(0, |sum, f| sum.saturating_add(f.bytes()))
+    fields
+        .iter()
+        .fold(0, |sum, f| sum.saturating_add(f.bytes()))
 }
 
 fn fixed<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {

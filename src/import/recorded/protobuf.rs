@@ -19,8 +19,7 @@ pub(super) fn decode(
     data: &[u8],
     leaves: &mut Leaves,
 ) -> Result<(), String> {
-    let message =
-        DynamicMessage::decode(descriptor.clone(), data).map_err(|e| e.to_string())?;
+    let message = DynamicMessage::decode(descriptor.clone(), data).map_err(|e| e.to_string())?;
     fields(&message, leaves, 0);
     Ok(())
 }

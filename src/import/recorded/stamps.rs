@@ -21,7 +21,11 @@ const PLACES: [(&str, &str); 9] = [
 pub(super) fn of(leaves: &Leaves, below: &str) -> Option<i128> {
     // It stands first; only the usual places are looked at.
     let get = |name: &str| {
-        let (lead, dot) = if below.is_empty() { ("", "") } else { (below, ".") };
+        let (lead, dot) = if below.is_empty() {
+            ("", "")
+        } else {
+            (below, ".")
+        };
         leaves.numbers().take(4096).find_map(|(path, value)| {
             let own = path.strip_prefix(lead)?.strip_prefix(dot)?;
             (own == name).then_some(value)

@@ -107,10 +107,7 @@ fn resolve(
     if let Some((place, rest)) = best {
         let t = &topics[place];
         let own = [rest.to_owned(), dotted(rest)];
-        if let Some(path) = own
-            .iter()
-            .find(|p| t.fields.iter().any(|f| f.path == **p))
-        {
+        if let Some(path) = own.iter().find(|p| t.fields.iter().any(|f| f.path == **p)) {
             return Ok((place, path.clone()));
         }
         let fields: Vec<&str> = t.fields.iter().map(|f| f.path.as_str()).take(60).collect();
@@ -174,7 +171,9 @@ impl Columns {
                     findings.push(Finding::fault(
                         "column_missing",
                         None,
-                        format!("{key}: column {other}: fields of a log go by their names, TOPIC.FIELD"),
+                        format!(
+                            "{key}: column {other}: fields of a log go by their names, TOPIC.FIELD"
+                        ),
                     ));
                     continue;
                 }
@@ -288,7 +287,7 @@ pub(super) struct Writer<'a, W: Write> {
     stood_in: HashMap<usize, u64>,
     topics: &'a [TopicContents],
     cells: Vec<Option<Number>>,
-    pub rows: u64,
+    rows: u64,
 }
 
 fn quoted(cell: &str) -> String {
@@ -359,7 +358,9 @@ impl<'a, W: Write> Writer<'a, W> {
             };
             let every = self.queues.iter().all(|q| !q.is_empty());
             let front = self.queues[next].front();
-            let old = front.and_then(|r| r.log_ns).is_none_or(|ns| self.newest - ns > WINDOW_NS);
+            let old = front
+                .and_then(|r| r.log_ns)
+                .is_none_or(|ns| self.newest - ns > WINDOW_NS);
             if !(all || every || old || self.waiting > ROWS_MAX) {
                 return Ok(());
             }
@@ -408,8 +409,8 @@ impl<'a, W: Write> Writer<'a, W> {
         Ok(())
     }
 
-    /// The rest of the rows, and what was found.
-    pub fn finish(mut self) -> io::Result<Vec<Finding>> {
+    /// The rest of the rows: how many there are, and what was found.
+    pub fn finish(mut self) -> io::Result<(u64, Vec<Finding>)> {
         self.drain(true)?;
         self.out.flush()?;
         let mut findings = Vec::new();
@@ -445,7 +446,7 @@ impl<'a, W: Write> Writer<'a, W> {
                 }
             }
         }
-        Ok(findings)
+        Ok((self.rows, findings))
     }
 }
 

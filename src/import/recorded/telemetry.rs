@@ -177,9 +177,11 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         torn = false;
         let bytes = packet.bytes;
         match known.get(&packet.id) {
-            None => account.note(&format!("messages of MAVLink number {}", packet.id), at, || {
-                "it is no message of the dialects ardupilotmega and common".to_owned()
-            }),
+            None => account.note(
+                &format!("messages of MAVLink number {}", packet.id),
+                at,
+                || "it is no message of the dialects ardupilotmega and common".to_owned(),
+            ),
             Some(kind) => message(kind, &packet, &mut leaves, sink)?,
         }
         window.skip(bytes);

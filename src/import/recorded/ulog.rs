@@ -84,13 +84,18 @@ impl Learnt {
             .ok_or_else(|| format!("the log has no format '{name}'"))?;
         for (word, field) in fields {
             if out.len() > FIELDS_MAX || depth > DEPTH_MAX {
-                return Err(format!("the format '{name}' is nested too deep or too long"));
+                return Err(format!(
+                    "the format '{name}' is nested too deep or too long"
+                ));
             }
             let (base, elements) = match word.split_once('[') {
                 Some((base, count)) => {
                     let count = count.trim_end_matches(']').parse::<usize>();
                     let count = count.ok().filter(|c| *c <= usize::from(u16::MAX));
-                    (base, Some(count.ok_or_else(|| format!("'{word}' is no type"))?))
+                    (
+                        base,
+                        Some(count.ok_or_else(|| format!("'{word}' is no type"))?),
+                    )
                 }
                 None => (word.as_str(), None),
             };
@@ -129,7 +134,8 @@ impl Learnt {
         else {
             return Err("a subscription is cut".to_owned());
         };
-        let schema = std::str::from_utf8(name).map_err(|_| "a topic's name is no text".to_owned())?;
+        let schema =
+            std::str::from_utf8(name).map_err(|_| "a topic's name is no text".to_owned())?;
         let mut fields = Vec::new();
         self.flat(schema, "", 0, &mut fields)?;
         // Padding at the end is not written.
@@ -145,7 +151,8 @@ impl Learnt {
             schema: schema.to_owned(),
             fields,
         };
-        self.topics.insert(u16::from_le_bytes([id[0], id[1]]), topic);
+        self.topics
+            .insert(u16::from_le_bytes([id[0], id[1]]), topic);
         Ok(())
     }
 }
@@ -220,9 +227,13 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             b'F' => learnt.format(body),
             b'A' => learnt.subscribe(body),
             b'O' => {
-                let lost_ms = body.get(..2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]));
+                let lost_ms = body
+                    .get(..2)
+                    .map_or(0, |b| u16::from_le_bytes([b[0], b[1]]));
                 account.note("gaps that the logger reports (dropouts)", at, || {
-                    format!("the first is {lost_ms} ms long: the logger could not write fast enough")
+                    format!(
+                        "the first is {lost_ms} ms long: the logger could not write fast enough"
+                    )
                 });
                 Ok(())
             }
@@ -253,7 +264,9 @@ fn data(
     };
     let id = u16::from_le_bytes([id[0], id[1]]);
     let Some(topic) = learnt.topics.get(&id) else {
-        return Ok(Err(format!("data of topic number {id}, which is not declared")));
+        return Ok(Err(format!(
+            "data of topic number {id}, which is not declared"
+        )));
     };
     if !sink.wants(&topic.name, &topic.schema, body.len()) {
         sink.other(&topic.name, &topic.schema, None);

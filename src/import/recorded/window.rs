@@ -31,7 +31,11 @@ impl<R: Read> Window<R> {
             self.at = 0;
             let had = self.bytes.len();
             let more = READ_BYTES.max(count) as u64;
-            let read = self.source.by_ref().take(more).read_to_end(&mut self.bytes)?;
+            let read = self
+                .source
+                .by_ref()
+                .take(more)
+                .read_to_end(&mut self.bytes)?;
             self.ended = read == 0 || self.bytes.len() - had < more as usize;
         }
         let end = self.bytes.len().min(self.at.saturating_add(count));

@@ -16,12 +16,23 @@ N = 150
 random.seed(39)
 
 
+def pose(t):
+    return (0.2 * t + 0.05 * math.sin(t), 0.1 * math.sin(0.3 * t), -0.8 + 0.02 * math.cos(t),
+            0.05 * math.sin(1.1 * t), 0.03 * math.cos(0.9 * t), 0.6 * math.sin(0.2 * t))
+
+
 def motion(k):
-    """A vehicle that surges and turns, SI, z down."""
-    t = 0.05 * k
-    psi = 0.6 * math.sin(0.2 * t)
-    return t, (0.2 * t + 0.05 * math.sin(t), 0.1 * math.sin(0.3 * t), -0.8 + 0.02 * math.cos(t)), \
-        (0.05 * math.sin(1.1 * t), 0.03 * math.cos(0.9 * t), psi)
+    """A vehicle that surges and turns, SI, z down: time, place, angles, velocity in the tank and in the body, rates."""
+    t, h = 0.05 * k, 1e-5
+    own = pose(t)
+    dot = [(a - b) / (2 * h) for a, b in zip(pose(t + h), pose(t - h))]
+    (phi, theta, psi), tank = own[3:], dot[:3]
+    cf, sf, ct, st, cp, sp = (f(a) for a in (phi, theta, psi) for f in (math.cos, math.sin))
+    turn = [[cp * ct, cp * st * sf - sp * cf, cp * st * cf + sp * sf],
+            [sp * ct, sp * st * sf + cp * cf, sp * st * cf - cp * sf], [-st, ct * sf, ct * cf]]
+    body = [sum(turn[i][j] * tank[i] for i in range(3)) for j in range(3)]
+    rates = [dot[3] - st * dot[5], cf * dot[4] + sf * ct * dot[5], -sf * dot[4] + cf * ct * dot[5]]
+    return t, own[:3], own[3:], tank, body, rates
 
 
 def quaternion(roll, pitch, yaw):
@@ -77,11 +88,11 @@ def ros2(folder):
     messages = []
     start = 1_700_000_000 * 10**9
     for k in range(N):
-        t, p, rpy = motion(k)
+        t, p, rpy, tank, body, rates = motion(k)
         ns = start + int(t * 1e9) + random.randrange(1000)
         late = ns + random.randrange(200_000, 4_000_000)
         pose = new("geometry_msgs/msg/Pose", point(p[0], -p[1], -p[2]), quat(rpy))
-        twist = new("geometry_msgs/msg/Twist", vector(0.2 + 0.05 * math.cos(t), 0.0, 0.0), vector(0.0, 0.0, -0.12 * math.cos(0.2 * t)))
+        twist = new("geometry_msgs/msg/Twist", vector(body[0], -body[1], -body[2]), vector(rates[0], -rates[1], -rates[2]))
         cov = numpy.arange(36, dtype=numpy.float64) * 1e-5
         with_cov = new("geometry_msgs/msg/PoseWithCovariance", pose, cov)
         messages += [
@@ -92,7 +103,7 @@ def ros2(folder):
              new("geometry_msgs/msg/PoseWithCovarianceStamped", header(ns, "tank"), with_cov)),
             ("/twist", "geometry_msgs/msg/TwistStamped", late, new("geometry_msgs/msg/TwistStamped", header(ns, "base_link"), twist)),
             ("/imu", "sensor_msgs/msg/Imu", late, new("sensor_msgs/msg/Imu", header(ns, "imu"), quat(rpy), numpy.zeros(9),
-                                                      vector(0.01 * k, 0.1, -0.2), numpy.zeros(9), vector(0.0, 0.0, 9.81), numpy.zeros(9))),
+                                                      vector(rates[0], -rates[1], -rates[2]), numpy.zeros(9), vector(0.0, 0.0, 9.81), numpy.zeros(9))),
             ("/tf", "tf2_msgs/msg/TFMessage", late, new("tf2_msgs/msg/TFMessage", [
                 new("geometry_msgs/msg/TransformStamped", header(ns, "tank"), child,
                     new("geometry_msgs/msg/Transform", vector(p[0] + i, -p[1], -p[2]), quat(rpy)))
@@ -183,7 +194,7 @@ def foxglove(folder):
         pose = log_file.register_channel("/pose", "protobuf", log_file.register_schema("foxglove.PoseInFrame", "protobuf", both))
         load = log_file.register_channel("/cmd/surge", "json", log_file.register_schema("Load", "jsonschema", b'{"type":"object"}'))
         for k in range(N):
-            t, p, rpy = motion(k)
+            t, p, rpy, tank, body, rates = motion(k)
             ns = 1_700_000_000 * 10**9 + int(t * 1e9)
             w, x, y, z = quaternion(*rpy)
             message = kind(frame_id="tank")
@@ -234,14 +245,14 @@ def dataflash(folder):
         records.append(pack(12, 0, kind, f[3].encode(), f[4].encode()))
     # IMU at 100 Hz, the others at 20 Hz.
     for k in range(5 * N):
-        t, p, (roll, pitch, yaw) = motion(k / 5)
+        t, p, (roll, pitch, yaw), tank, body, rates = motion(k / 5)
         us = 61_000_000 + 10_000 * k
         deg = [round(100 * math.degrees(a)) for a in (roll, pitch, yaw % (2 * math.pi))]
-        records.append(pack(22, us + 3, 0, 0.01 * k, 0.1, -0.2, 0.1, 0.2, -9.8, 0, 0, 31.5, 1, 1, 1000, 1000))
+        records.append(pack(22, us + 3, 0, *rates, 0.1, 0.2, -9.8, 0, 0, 31.5, 1, 1, 1000, 1000))
         if k % 5 == 0:
             records.append(pack(20, us, 0, deg[0], 0, deg[1], 0, deg[2], 1, 2, 3))
             for core in (0, 1):
-                records.append(pack(21, us + 1, core, *deg, 0.2 + 0.05 * math.cos(t), 0.03 * math.cos(0.3 * t), -0.02 * math.sin(t), 0.0,
+                records.append(pack(21, us + 1, core, *deg, *tank, 0.0,
                                     p[0] + core, p[1], p[2], 1, 2, 3, 7))
             records.append(pack(23, us + 2, 1500 + 10 * (k % 7), 1500, 1400 + k % 3, 1600))
             records.append(pack(24, us + 4, -2**40 - k, -3, 65000, -70000, 473977419, 1 / 3, b"word", 0.333))
@@ -278,23 +289,26 @@ def telemetry(folder):
     for system in (1, 255):
         mav = dialect.MAVLink(None, srcSystem=system, srcComponent=1 if system == 1 else 190)
         for k in range(N):
-            t, p, (roll, pitch, yaw) = motion(k)
+            t, p, (roll, pitch, yaw), tank, body, rates = motion(k)
             ms = 61_000 + 50 * k
             us = 1_700_000_000_000_000 + 50_000 * k + system
             send = lambda m: packets.append((us, m.pack(mav)))
             if system == 255:
                 send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 continue
-            send(dialect.MAVLink_attitude_message(ms, roll, pitch, yaw, 0.0, 0.01 * k, -0.1))
-            send(dialect.MAVLink_local_position_ned_message(ms, *p, 0.2, 0.1, 0.0))
+            send(dialect.MAVLink_attitude_message(ms, roll, pitch, yaw, *rates))
+            send(dialect.MAVLink_local_position_ned_message(ms, *p, *tank))
             send(dialect.MAVLink_servo_output_raw_message(ms * 1000, 0, *[1500 + k] * 16))
             send(dialect.MAVLink_vfr_hud_message(0.5, 0.6, k, 40, 1.5, 0.0))
-            send(dialect.MAVLink_odometry_message(us, 1, 12, *p, list(quaternion(roll, pitch, yaw)), 0.2, 0.0, 0.0, 0.0, 0.0, 0.1,
+            send(dialect.MAVLink_odometry_message(us, 1, 12, *p, list(quaternion(roll, pitch, yaw)), *body, *rates,
                                                   [0.1 * i for i in range(21)], [0.0] * 21, 0, 1))
     old = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-    for k in range(20):
-        us = 1_700_000_010_000_000 + 50_000 * k
-        packets.append((us, dialect.MAVLink_attitude_message(90_000 + 50 * k, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0).pack(old, force_mavlink1=True)))
+    for k in range(N, N + 20):
+        _, p, angles, tank, _, rates = motion(k)
+        us = 1_700_000_000_000_000 + 50_000 * k
+        ms = 61_000 + 50 * k
+        packets.append((us, dialect.MAVLink_attitude_message(ms, *angles, *rates).pack(old, force_mavlink1=True)))
+        packets.append((us, dialect.MAVLink_local_position_ned_message(ms, *p, *tank).pack(old, force_mavlink1=True)))
     packets.sort(key=lambda p: p[0])
     for name, damaged in [("clean.tlog", False), ("damaged.tlog", True)]:
         path = os.path.join(folder, name)
@@ -351,9 +365,9 @@ def ulog(folder):
     sync = record("S", bytes([0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12]))
     data = []
     for k in range(N):
-        t, p, rpy = motion(k)
+        t, p, rpy, tank, body, rates = motion(k)
         us = 61_000_000 + 50_000 * k
-        data.append(record("D", struct.pack("<HQffffffB", 0, us, *p, 0.2, 0.1, 0.0, 1)))
+        data.append(record("D", struct.pack("<HQffffffB", 0, us, *p, *tank, 1)))
         for number in (1, 2):
             data.append(record("D", struct.pack("<HQQffffB", number, us + number, us, *quaternion(*rpy), 0)))
         data.append(record("D", struct.pack("<HQHffHffHffb", 3, us + 9, 1, 0.5, k, 2, 1.5, -k, 3, 2.5, 0.1 * k, -7)))

@@ -175,8 +175,7 @@ impl Compiler {
         let package = name.split('/').next().unwrap_or("").to_owned();
         let mut fields = Vec::new();
         for (kind, field) in typed {
-            let (word, many) =
-                array(&kind).ok_or_else(|| format!("'{kind}' is no type of ROS"))?;
+            let (word, many) = array(&kind).ok_or_else(|| format!("'{kind}' is no type of ROS"))?;
             let word = word.split("<=").next().unwrap_or(word);
             let base = match (primitive(word), word) {
                 (Some(p), _) => Base::Primitive(p),
