@@ -77,7 +77,14 @@ enum Input {
 fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
-        other => CliError::Config(format!("{}: {other}", path.display())),
+        // Says what can be named.
+        topic @ RecordedError::Topic { .. } => {
+            CliError::Config(format!("{}: {topic}", path.display()))
+        }
+        other => CliError::Config(format!(
+            "{}: {other}; check the file, or name another",
+            path.display()
+        )),
     }
 }
 
