@@ -5,7 +5,10 @@
 //! resampled. How well the offset is known goes into the log, where `diagnose` reads it: a latency is an offset too.
 
 mod clocks;
+mod coarse;
 mod estimate;
+mod pair;
+mod problem;
 mod response;
 #[cfg(test)]
 mod tests;
@@ -17,7 +20,8 @@ use hydroline_core::build_info::BuildInfo;
 use hydroline_log::LogError;
 use hydroline_rigs::Rig;
 
-pub use estimate::{Aligned, Problem, align};
+pub use estimate::align;
+pub use problem::{Aligned, Problem};
 
 /// Where offset and drift come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -145,7 +149,7 @@ pub fn join(
     out: &Path,
     build: BuildInfo,
 ) -> Result<Joined, JoinError> {
-    let read = estimate::Pair::read(motion, commands)?;
+    let read = pair::Pair::read(motion, commands)?;
     let relation = match given.offset_s {
         Some(offset_s) => Relation {
             from: From::Given,

@@ -1,9 +1,10 @@
 //! Logs of other programs, as tables: ROS 2 and Foxglove in MCAP, ROS 2 in SQLite, ArduPilot, MAVLink, PX4.
 //!
 //! `message` (what a message is) <- `mcap` `db3` `dataflash` `telemetry` `ulog` (readers) -> `contents` (what there is)
-//! and `table` (what the map names, in the order of stamps). The table goes the way of every other. Damaged records
+//! and `columns`, `table` (what the map names, in the order of stamps). The table goes the way of every other. Damaged records
 //! are passed over, counted and said.
 
+mod columns;
 mod contents;
 mod dataflash;
 mod db3;
@@ -205,7 +206,7 @@ impl Recording {
     pub fn table(&self, map: &Map) -> Result<RecordedTable, RecordedError> {
         let mut findings = Vec::new();
         let chosen = |topic: &str| self.is_chosen(topic);
-        let columns = table::Columns::of(map, &self.contents, &chosen, &mut findings);
+        let columns = columns::Columns::of(map, &self.contents, &chosen, &mut findings);
         let own = columns.map_for_table(map);
         let mut scratch = tempfile::tempfile()?;
         let several = columns.topics().len() > 1;

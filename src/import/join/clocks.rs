@@ -1,6 +1,6 @@
 //! Both logs read one clock of the host: its records tell the offset.
 
-use super::estimate::Pair;
+use super::pair::Pair;
 use super::{From, Relation};
 
 /// UNIX time against a clock that no one sets: (that clock, UNIX) \[ns\].

@@ -4,7 +4,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
-use super::estimate::{Problem, align};
+use super::{Problem, align};
 use hydroline_identify::data::{Command, Run, Sample};
 
 /// A vehicle of one degree of freedom, by small steps of another scheme than the estimate's.

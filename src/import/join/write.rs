@@ -10,7 +10,7 @@ use hydroline_log::{
     WriteSettings,
 };
 
-use super::estimate::Pair;
+use super::pair::Pair;
 use super::{JoinError, Joined, Relation};
 
 /// What `diagnose` reads.
