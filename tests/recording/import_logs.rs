@@ -72,8 +72,11 @@ fn expected(log: &Path) -> BTreeMap<String, Vec<Value>> {
 /// Whether a cell is exactly that number.
 fn is_same(cell: &str, value: &Value) -> bool {
     match value {
-        Value::Number(n) if n.is_f64() => cell.parse::<f64>().ok() == n.as_f64(),
-        Value::Number(n) => cell == n.to_string() || cell.parse::<f64>().ok() == n.as_f64(),
+        Value::String(text) => {
+            cell == text
+                || matches!((cell.parse::<f64>(), text.parse::<f64>()), (Ok(a), Ok(b)) if a == b)
+        }
+        Value::Number(n) => cell == n.to_string(),
         _ => false,
     }
 }
@@ -173,7 +176,7 @@ fn unreadable(log: &Path) -> u64 {
 }
 
 fn run(words: &[&str]) -> Output {
-    Command::new(hydroline()).args(words).output().unwrap()
+    hydroline().args(words).output().unwrap()
 }
 
 fn words(out: &Output) -> String {

@@ -41,7 +41,7 @@ pub(super) struct Field {
     pub kind: Kind,
     /// `None` = one value; else an array.
     pub elements: Option<usize>,
-    /// What a count is worth; 1 leaves whole numbers whole.
+    /// What a count is worth: 1 (whole numbers stay whole), 0.01, 1e-7.
     pub scale: f64,
     /// As the log states it; empty = not at all.
     pub unit: String,
@@ -104,10 +104,12 @@ fn scaled(value: Number, scale: f64) -> Number {
     if scale == 1.0 {
         return value;
     }
+    // Hundredths and ten-millionths: the quotient by a whole number is the nearest double, the product is not.
+    let parts = (1.0 / scale).round();
     Number::Float(match value {
-        Number::Int(v) => v as f64 * scale,
-        Number::UInt(v) => v as f64 * scale,
-        Number::Float(v) => v * scale,
+        Number::Int(v) => v as f64 / parts,
+        Number::UInt(v) => v as f64 / parts,
+        Number::Float(v) => v / parts,
     })
 }
 

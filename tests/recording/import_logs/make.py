@@ -45,7 +45,9 @@ class Expected:
         self.file = open(path + ".jsonl", "w")
 
     def add(self, topic, stamp, log, fields):
-        print(json.dumps({"topic": topic, "stamp_ns": stamp, "log_ns": log, "fields": fields}), file=self.file)
+        # As text: readers of JSON round.
+        own = {path: repr(value) for path, value in fields.items()}
+        print(json.dumps({"topic": topic, "stamp_ns": stamp, "log_ns": log, "fields": own}), file=self.file)
 
 
 def flat(value, path, out):
