@@ -5,7 +5,7 @@ mod fields;
 use std::io;
 
 use super::file::quoted;
-use super::{Draft, Guess, GuessError};
+use super::{Draft, Faults, Guess, GuessError};
 use crate::check::{Finding, Severity};
 use crate::map::{Map, dimension, place_name};
 use crate::recorded::{RecordedError, Recording, TopicContents};
@@ -402,10 +402,7 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
 }
 
 /// What an import with the drafted map would say, and how bad that is.
-fn faults(
-    recording: &Recording,
-    draft: &Draft,
-) -> Result<(Vec<(&'static str, String)>, usize), RecordedError> {
+fn faults(recording: &Recording, draft: &Draft) -> Result<Faults, RecordedError> {
     let map = match Map::from_toml(&draft.toml.join("\n"), "guessed map") {
         Ok(map) => map,
         Err(error) => return Ok((vec![("map", error.to_string())], usize::MAX)),

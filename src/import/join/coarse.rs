@@ -162,7 +162,7 @@ pub(super) fn start(problem: &Problem, offset_s: f64, drift: f64) -> DVector<f64
             .map(|l| (l.0 + offset_s, l.1))
             .collect();
         let states = simulate(&c, &loads, &problem.times_s).unwrap_or_default();
-        let Some(s) = problem.series.iter().filter(|s| s.dof == place).last() else {
+        let Some(s) = problem.series.iter().rfind(|s| s.dof == place) else {
             continue;
         };
         let first = s

@@ -172,7 +172,7 @@ fn plausible(ahead: &[u8], learnt: &Learnt) -> bool {
             return false;
         };
         let topic = learnt.topics.get(&u16::from_le_bytes([id[0], id[1]]));
-        if !topic.is_some_and(|t| packed::bytes(&t.fields) + 2 <= length) {
+        if topic.is_none_or(|t| packed::bytes(&t.fields) + 2 > length) {
             return false;
         }
     }
