@@ -12,7 +12,9 @@ pub(crate) const GROUPS: &[(&str, &[&str])] = &[
     ("Logs", &["info", "doctor", "recover", "export", "replay"]),
     (
         "Analysis",
-        &["extract", "import", "identify", "diagnose", "predict"],
+        &[
+            "extract", "import", "join", "identify", "diagnose", "predict",
+        ],
     ),
     ("Simulation and proof", &["simulate", "reproduce", "prove"]),
     ("Shell and manual", &["completions", "man", "help"]),

@@ -1,12 +1,13 @@
-//! `hydroline import`: a table recorded by something else becomes a log.
+//! `hydroline import`: a table or a log recorded by something else becomes a log.
 
 use std::path::{Path, PathBuf};
 
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
-use hydroline_import::guess::guess;
-use hydroline_import::{Map, Options, Severity, TableFile, import_table, survey};
+use hydroline_import::guess::{guess, guess_recording};
+use hydroline_import::recorded::{RecordedError, Recording};
+use hydroline_import::{Finding, Map, Options, Severity, Source, TableFile, import_table, survey};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -26,16 +27,23 @@ MAP.toml says which column is what; everything but one channel or command and th
   [[command]]       thruster = \"surge\"  column = \"u\"  unit = \"N\" (us: a pulse, by the curve of --rig)
                     scale = 35.15  offset = 0.0  between = \"hold\" (linear)  missing = \"fault\" (skip hold)
 
+A log of another program (ROS 2 in MCAP or db3, a bag's folder, Foxglove's protobuf and JSON in MCAP, ArduPilot DataFlash .bin, \
+MAVLink .tlog, PX4 .ulg) is imported with the same map. `hydroline info LOG` lists its topics and fields:
+  [time]            column = \"stamp\" (the messages' own) or \"log_time\" (when recorded)  unit = \"ns\"  clock = \"unix\"
+  [motion.x_m]      column = \"/odom.pose.pose.position.x\": TOPIC.FIELD, or the field alone where --topic leaves one topic
+
 Examples:
   hydroline import --guess mocap.csv > mocap.toml
   hydroline import mocap.csv --map mocap.toml --out run.mcap
   hydroline import mocap.csv --map mocap.toml --rig my.toml --out run.mcap --accept-faults
+  hydroline import --guess bag.mcap --topic /odom --topic /cmd > bag.toml
+  hydroline import bag.mcap --map bag.toml --out run.mcap
 
 Exit codes: 0 done; 1 the log could not be written; 2 bad arguments or map, or a table with faults (nothing is \
 written); 3 done, but what --accept-faults left out is lost.")]
 pub struct Args {
-    /// Table to import (CSV or text)
-    #[arg(value_name = "DATA.csv")]
+    /// Table (CSV or text) or log of another program to import
+    #[arg(value_name = "DATA")]
     data: PathBuf,
     /// What its columns are
     #[arg(long, value_name = "MAP.toml", required_unless_present = "guess")]
@@ -46,6 +54,9 @@ pub struct Args {
     /// Prints a map for the table instead: to stdout, with what it is not sure of as comments; remarks to stderr
     #[arg(long, conflicts_with_all = ["map", "out", "accept_faults", "rig", "json"])]
     guess: bool,
+    /// Of a log, only this topic (again for more): where fields without a topic are looked for, and what --guess looks at
+    #[arg(long, value_name = "TOPIC")]
+    topic: Vec<String>,
     /// Imports what is sound although there are faults; what is left out is counted (exit code 3)
     #[arg(long)]
     accept_faults: bool,
@@ -57,15 +68,54 @@ pub struct Args {
     json: bool,
 }
 
-fn open(path: &Path) -> Result<TableFile, CliError> {
-    TableFile::open(path).map_err(|e| CliError::reading(path, &e, "name a table (CSV)"))
+/// What may be imported.
+enum Input {
+    Table(TableFile),
+    Log(Recording),
 }
 
-/// Prints the map of a table.
-fn guess_map(path: &Path) -> Result<Outcome, CliError> {
-    let found = guess(&open(path)?)
-        .map_err(|e| CliError::reading(path, &e, "name a table (CSV)"))?
-        .map_err(|why| CliError::Config(format!("{}: {why}", path.display())))?;
+fn about(path: &Path, error: RecordedError) -> CliError {
+    match error {
+        RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
+        // Says what can be named.
+        topic @ RecordedError::Topic { .. } => {
+            CliError::Config(format!("{}: {topic}", path.display()))
+        }
+        other => CliError::Config(format!(
+            "{}: {other}; check the file, or name another",
+            path.display()
+        )),
+    }
+}
+
+fn open(args: &Args) -> Result<Input, CliError> {
+    let path = &args.data;
+    let found = Recording::open(path).map_err(|e| about(path, e))?;
+    match found {
+        Some(log) => Ok(Input::Log(
+            log.with_topics(&args.topic).map_err(|e| about(path, e))?,
+        )),
+        None if !args.topic.is_empty() => Err(CliError::Config(format!(
+            "{}: --topic {} is for logs, and this is none that is known here (MCAP, db3, DataFlash, tlog, ULog): leave it out, or name a log",
+            path.display(),
+            args.topic[0]
+        ))),
+        None => TableFile::open(path)
+            .map(Input::Table)
+            .map_err(|e| CliError::reading(path, &e, "name a table (CSV) or a log")),
+    }
+}
+
+/// Prints the map of a table or log.
+fn guess_map(args: &Args) -> Result<Outcome, CliError> {
+    let path = &args.data;
+    let found = match open(args)? {
+        Input::Table(table) => {
+            guess(&table).map_err(|e| CliError::reading(path, &e, "name a table (CSV)"))?
+        }
+        Input::Log(log) => guess_recording(&log).map_err(|e| about(path, e))?,
+    }
+    .map_err(|why| CliError::Config(format!("{}: {why}", path.display())))?;
     for remark in &found.remarks {
         errln!("{remark}");
     }
@@ -74,9 +124,8 @@ fn guess_map(path: &Path) -> Result<Outcome, CliError> {
 }
 
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
-    let data = &args.data;
     if args.guess {
-        return guess_map(data);
+        return guess_map(args);
     }
     let (Some(map_path), Some(out)) = (&args.map, &args.out) else {
         return Err(CliError::Config(
@@ -86,10 +135,31 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let map = Map::load(map_path)?;
     let map_text = inputs::text(map_path, "check the path")?;
     inputs::new_file("--out", out)?;
+    match open(args)? {
+        Input::Table(table) => write(args, build, &table, &map, Vec::new(), &map_text, out),
+        Input::Log(log) => {
+            let mut table = log.table(&map).map_err(|e| about(&args.data, e))?;
+            let (findings, own) = (std::mem::take(&mut table.findings), table.map.clone());
+            write(args, build, &table, &own, findings, &map_text, out)
+        }
+    }
+}
+
+/// Looks at a table, says what it found, and writes the log.
+fn write(
+    args: &Args,
+    build: BuildInfo,
+    table: &(impl Source + ?Sized),
+    map: &Map,
+    findings: Vec<Finding>,
+    map_text: &str,
+    out: &Path,
+) -> Result<Outcome, CliError> {
+    let data = &args.data;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
-    let table = open(data)?;
-    let found = survey(&table, &map, rig.as_ref())
+    let mut found = survey(table, map, rig.as_ref())
         .map_err(|e| CliError::reading(data, &e, "name a table (CSV)"))?;
+    found.findings.splice(0..0, findings);
     for f in &found.findings {
         let word = match f.severity {
             Severity::Info => "info",
@@ -102,7 +172,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         accept_faults: args.accept_faults,
         build,
     };
-    let result = import_table(&table, &found, &map, &map_text, rig.as_ref(), out, options);
+    let result = import_table(table, &found, map, map_text, rig.as_ref(), out, options);
     if args.json {
         let findings = serde_json::json!({
             "written": result.is_ok(),

@@ -21,6 +21,7 @@ mod identify;
 mod images;
 mod import;
 mod inputs;
+mod join;
 mod log_tools;
 mod man;
 mod outcome;
@@ -123,6 +124,8 @@ Examples:
     Extract(extract::Args),
     /// Motion and commands recorded by something else, into a log
     Import(import::Args),
+    /// Motion from one log, commands from another: one log, one clock
+    Join(join::Args),
     /// Hydrodynamic coefficients with their uncertainty
     Identify(identify::Args),
     /// Which physics the model left out, and proof
@@ -202,6 +205,7 @@ impl Cli {
             Command::Replay(args) => replay::run(&args, build),
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args, build),
+            Command::Join(args) => join::run(&args, build),
             Command::Identify(args) => identify::run(&args),
             Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),

@@ -1,13 +1,19 @@
 //! `hydroline info | doctor | recover | export`: what is in a log, whether it is sound, mending, getting things out.
 
-use super::print::{out, outln};
+use super::output::Output;
+use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
+use hydroline_identify::merged::Merged;
+use hydroline_import::recorded::{Contents, Recording};
 use hydroline_log::export::ExportOptions;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+Of a log of another program (MCAP, db3, ArduPilot .bin, .tlog, PX4 .ulg) it lists topics and fields that a map of \
+`hydroline import` can name.
+
 Examples:
   hydroline info run.mcap
   hydroline info run.mcap --json
@@ -66,6 +72,10 @@ pub struct RecoverArgs {
 Examples:
   hydroline export run.mcap                        # into the new folder run/
   hydroline export run.mcap --out tables --tables-only
+  hydroline export run.mcap --merged               # the new file run.csv: one row per pose
+
+--merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load in force (surge_n .. \
+yaw_nm), each thruster's thrust and flags (before_commands, gap_before, frame faults); an empty cell is \"not known\".
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or the files could not be written; 2 no such \
 file, no log, or the folder holds files already; 3 done, but of some frames there is no image.")]
@@ -82,6 +92,12 @@ pub struct ExportArgs {
     /// Only the frames (PNG each)
     #[arg(long)]
     frames_only: bool,
+    /// One table of the whole run instead, with a row for each pose; --out is the file then, default: the log's name with .csv
+    #[arg(long, conflicts_with_all = ["tables_only", "frames_only"])]
+    merged: bool,
+    /// Rig file or built-in name whose thrusters make the load of --merged; default: the log's
+    #[arg(long, value_name = "RIG", requires = "merged")]
+    rig: Option<String>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -97,9 +113,39 @@ fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Res
 }
 
 pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
-    let info = hydroline_log::info::info(&args.log)?;
-    print(args.json, &info)?;
+    let recording = Recording::open(&args.log).ok().flatten();
+    // An MCAP file of anyone is a log as well; of other kinds there is only what can be imported.
+    match (hydroline_log::info::info(&args.log), &recording) {
+        (Ok(info), recording) => {
+            let importable = recording.as_ref().map(Recording::contents);
+            print(args.json, &LogInfo { info, importable })?;
+        }
+        (Err(_), Some(recording)) => print(args.json, recording.contents())?,
+        (Err(error), None) => return Err(error.into()),
+    }
     Ok(Outcome::Done)
+}
+
+/// A log, and what of it `import` can take.
+#[derive(serde::Serialize)]
+struct LogInfo<'a> {
+    #[serde(flatten)]
+    info: hydroline_log::info::Info,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    importable: Option<&'a Contents>,
+}
+
+impl std::fmt::Display for LogInfo<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.info)?;
+        match self.importable {
+            Some(contents) => write!(
+                f,
+                "fields that a map of `hydroline import` can name\n{contents}"
+            ),
+            None => Ok(()),
+        }
+    }
 }
 
 pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
@@ -151,7 +197,37 @@ fn export_folder(args: &ExportArgs) -> Result<PathBuf, CliError> {
     Ok(out)
 }
 
+/// One table of the whole run.
+fn merged(args: &ExportArgs) -> Result<Outcome, CliError> {
+    let out = match &args.out {
+        Some(out) => out.clone(),
+        None => args.log.with_extension("csv"),
+    };
+    let output = Output::default();
+    output.file("--out", &out)?;
+    let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    let table = Merged::read(&args.log, rig.as_ref())?;
+    if let Some(note) = &table.note {
+        errln!("WARNING {note}");
+    }
+    let mut text = Vec::new();
+    table
+        .write(&mut text)
+        .map_err(|e| CliError::writing(&out, &e))?;
+    output.write(&out, &text)?;
+    if args.json {
+        let rows = serde_json::json!({ "rows": { out.display().to_string(): table.rows() } });
+        outln!("{rows}");
+    } else {
+        outln!("{}: {} rows", out.display(), table.rows());
+    }
+    Ok(Outcome::Done)
+}
+
 pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
+    if args.merged {
+        return merged(args);
+    }
     let options = ExportOptions {
         tables: !args.frames_only,
         frames: !args.tables_only,

@@ -21,6 +21,7 @@ use hydroline_rigs::{Dof, Rig};
 
 use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
+use super::joined;
 use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Word};
 use found::Judged;
@@ -140,9 +141,11 @@ pub fn diagnose(
         };
         verdict.noise.insert(Recording::name(c).to_owned(), of);
     }
+    let withheld = joined::withhold(verdict, &runs);
     verdict.sentence = words::sentence(verdict, &judged.against());
     if verdict.verdict != Word::DataFault {
         judged.adopt(&mut made.rig);
+        joined::take_out(&withheld, rig, &mut made.rig);
     }
     Ok(made)
 }

@@ -9,6 +9,7 @@ mod alone;
 pub mod body;
 mod conclude;
 pub mod faults;
+mod joined;
 mod plans;
 pub mod profiles;
 pub mod report;

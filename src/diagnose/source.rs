@@ -8,7 +8,7 @@ use hydroline_rigs::Rig;
 use super::alone::let_go;
 use super::faults::{Records, fault, faults};
 use super::verdict::DataFault;
-use hydroline_identify::data::{LoadError, Run, load_messages};
+use hydroline_identify::data::{Joined, LoadError, Run, load_messages};
 use hydroline_log::messages::{timestamp, unix_ns};
 use hydroline_log::{LogReader, Record};
 
@@ -106,7 +106,8 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     );
     let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
     let mut records = Records::default();
-    for message in LogReader::open(path)? {
+    let mut reader = LogReader::open(path)?;
+    for message in reader.by_ref() {
         match message?.record {
             Record::Command(command) => commands.push(command),
             Record::Motion(sample) => {
@@ -135,6 +136,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
+    run.joined = reader.metadata().get("session").and_then(Joined::of);
     if let Some((from_s, to_s)) = window_s {
         let end_s = run.end_s();
         run = cut(run, &mut records, from_s, to_s);

@@ -1,6 +1,7 @@
 //! Runs: commands and measured motion of one log, in plain numbers.
 
 mod companion;
+mod joined;
 mod load;
 mod still;
 mod vehicle;
@@ -8,6 +9,7 @@ mod vehicle;
 use hydroline_numerics::statistics::median;
 
 pub use companion::{COMPANIONS, Companions};
+pub use joined::Joined;
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{NOISE_KEY, STILL_MIN_S, StillNoise, StillWatch, is_still, still_noise};
 pub use vehicle::{check_vehicle, differences};
@@ -65,6 +67,8 @@ pub struct Run {
     pub from_pulses: bool,
     /// Noise that the log carries from a stretch at rest; used where no run at rest is given itself.
     pub noise_at_rest: Option<StillNoise>,
+    /// Motion and commands are of two clocks.
+    pub joined: Option<Joined>,
     /// What was odd about the data, one sentence each.
     pub notes: Vec<String>,
 }

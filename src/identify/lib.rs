@@ -17,6 +17,7 @@ mod estimate;
 pub mod forward;
 pub mod ga;
 pub mod lm;
+pub mod merged;
 pub mod method;
 mod outcome;
 pub mod paper;

@@ -1,13 +1,15 @@
 //! A map for a table that nobody described: what is surely known stands in it, what is not stands as a comment.
 //!
 //! `head` (the first lines) -> `shape` (cells, names, units, data) with what `kinds` knows of instruments and
-//! programs -> `stats` (each column in numbers) -> `meaning` (each name) -> `time` and `motion` (the map).
+//! programs -> `stats` (each column in numbers) -> `meaning` (each name) -> `time` and `motion` (the map);
+//! `recorded` does the same for logs of other programs, whose messages say what they are.
 
 mod file;
 mod head;
 mod kinds;
 mod meaning;
 mod motion;
+mod recorded;
 mod shape;
 mod stats;
 mod time;
@@ -18,6 +20,7 @@ use crate::check::{Finding, Severity};
 use crate::map::Map;
 use crate::source::Source;
 use crate::survey::survey;
+pub use recorded::guess_recording;
 
 /// A map, and what is to be said of it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use hydroline_rigs::Rig;
 use crate::check::{Finding, Severity};
 use crate::clock::{Clock, granularity, start_ns};
 use crate::layout::Layout;
-use crate::map::{Map, PLACES};
+use crate::map::{Map, Missing, PLACES};
 use crate::number::BadCells;
 use crate::rows::{Form, each_row};
 use crate::source::Source;
@@ -35,6 +35,43 @@ pub(crate) struct Sample {
     pub pulses_us: Vec<f64>,
     /// Second clock \[s\].
     pub compare_s: f64,
+}
+
+impl Sample {
+    /// Whether another row is of the same time and holds nothing that differs.
+    fn takes(&self, other: &Sample) -> bool {
+        let fits = |a: &f64, b: &f64| a == b || !(a.is_finite() && b.is_finite());
+        self.t_s == other.t_s
+            && fits(&self.compare_s, &other.compare_s)
+            && self
+                .values
+                .iter()
+                .zip(&other.values)
+                .all(|(a, b)| fits(a, b))
+            && self
+                .commands
+                .iter()
+                .zip(&other.commands)
+                .all(|(a, b)| fits(a, b))
+    }
+
+    fn take(&mut self, other: &Sample) {
+        let fill = |own: &mut f64, more: f64| {
+            if !own.is_finite() {
+                *own = more;
+            }
+        };
+        for (own, more) in self.values.iter_mut().zip(&other.values) {
+            fill(own, *more);
+        }
+        for (i, more) in other.commands.iter().enumerate() {
+            if !self.commands[i].is_finite() {
+                self.commands[i] = *more;
+                self.pulses_us[i] = other.pulses_us[i];
+            }
+        }
+        fill(&mut self.compare_s, other.compare_s);
+    }
 }
 
 /// A table in SI, or a stretch of one.
@@ -164,6 +201,8 @@ pub(crate) fn pass(
     let mut reader = Reader::new(map, &columns);
     let mut lost_rows = 0;
     let mut origin: Option<(i128, u64)> = None;
+    let may_share = map.sparse() || map.commands.iter().any(|c| c.missing != Missing::Fault);
+    let mut waiting: Option<(Sample, u64)> = None;
     let form: Form = each_row(source.open()?, &layout, &map.file, |line, cells| {
         let Some(cells) = cells else {
             clock.skip();
@@ -183,9 +222,26 @@ pub(crate) fn pass(
         {
             return Ok(true);
         }
-        each(reader.read(cells, line, t_s), start)?;
+        let sample = reader.read(cells, line, t_s);
+        if !may_share {
+            each(sample, start)?;
+            return Ok(true);
+        }
+        // What was measured at one time may stand in several rows.
+        match &mut waiting {
+            Some((before, _)) if before.takes(sample) => before.take(sample),
+            Some((before, at)) => {
+                each(before, *at)?;
+                before.clone_from(sample);
+                *at = start;
+            }
+            None => waiting = Some((sample.clone(), start)),
+        }
         Ok(true)
     })?;
+    if let Some((last, at)) = &waiting {
+        each(last, *at)?;
+    }
     form.report(&layout, &mut findings);
     reader.report(&mut findings);
     clock.report(&map.time, origin.map_or(0, |o| o.0), &mut findings);

@@ -216,6 +216,10 @@ impl Row<'_> {
         let _ = write!(self.0, "{value},");
         self
     }
+    /// Nothing for what is no number.
+    fn number(&mut self, value: f64) -> &mut Self {
+        self.maybe(Some(value).filter(|v| v.is_finite()))
+    }
     fn maybe(&mut self, value: Option<impl std::fmt::Display>) -> &mut Self {
         match value {
             Some(v) => self.cell(v),
@@ -253,8 +257,8 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
                 .cell(stamp(c.stamp_ns()))
                 .cell(c.sequence)
                 .text(&c.thruster);
-            row.cell(c.thrust_n)
-                .cell(c.pulse_us)
+            row.number(c.thrust_n)
+                .number(c.pulse_us)
                 .cell(c.due_ns)
                 .cell(c.plan_step)
                 .text(&c.cause);
@@ -265,9 +269,9 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
                 .cell(stamp(e.stamp_ns()))
                 .cell(e.sequence)
                 .text(&e.thruster);
-            row.cell(e.pulse_us)
+            row.number(e.pulse_us)
                 .cell(e.controller_time_us)
-                .cell(e.round_trip_s)
+                .number(e.round_trip_s)
                 .cell(e.errors);
             row.end();
         }
@@ -339,12 +343,12 @@ fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) 
         m.q_radps,
         m.r_radps,
     ] {
-        row.maybe(value);
+        row.maybe(value.filter(|v| v.is_finite()));
     }
     let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();
     row.text(&covariance.join(" "));
     for value in [m.rudder_rad, m.elevator_rad, m.shaft_radps, m.wave_m] {
-        row.maybe(value);
+        row.maybe(value.filter(|v| v.is_finite()));
     }
     row.end();
 }

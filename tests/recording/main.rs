@@ -9,6 +9,8 @@ mod cli_build_info;
 mod cli_errors;
 mod flat;
 mod formats;
+mod import_logs;
+mod notebook;
 mod readme;
 mod record_clock;
 mod record_command;
@@ -18,6 +20,9 @@ mod response;
 mod service_files;
 mod simulate_light;
 mod simulate_reproducible;
+
+#[path = "../support/inputs.rs"]
+mod inputs;
 
 #[path = "../support/mod.rs"]
 mod support;

@@ -17,6 +17,7 @@ use hydroline_identify::IdentifyError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
+use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
 use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
@@ -258,6 +259,24 @@ impl Sorted for ImportError {
             Self::Faults { .. } => true,
             Self::Table(_) => false,
             Self::Log(error) => error.is_input(),
+        }
+    }
+}
+
+impl Sorted for JoinError {
+    fn is_input(&self) -> bool {
+        match self {
+            Self::Log(error) => error.is_input(),
+            Self::Load(error) => error.is_input(),
+            _ => true,
+        }
+    }
+
+    fn next_step(&self) -> Option<&'static str> {
+        match self {
+            Self::Log(error) => error.next_step(),
+            Self::Load(error) => error.next_step(),
+            _ => None,
         }
     }
 }

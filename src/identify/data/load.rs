@@ -107,6 +107,7 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
+    run.joined = reader.metadata().get("session").and_then(super::Joined::of);
     // Metadata at the log's end is known only now.
     let stored = reader
         .metadata()

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{Finding, name};
+use crate::attitude::to_body;
 use crate::table::Imported;
 use hydroline_identify::data::unwrap_turns;
 
@@ -160,7 +161,7 @@ fn expect(data: &Imported, assumed: Assumed, findings: &mut Vec<Finding>) -> Exp
             })
             .collect()
     };
-    // Body velocities from tank positions: R^T of heading only (small roll and pitch).
+    // Which frame velocities are in is told by the heading alone.
     let heading = if there[5] {
         pose[5].clone()
     } else {
@@ -168,19 +169,29 @@ fn expect(data: &Imported, assumed: Assumed, findings: &mut Vec<Finding>) -> Exp
     };
     let mut rates: Vec<Option<Vec<f64>>> = vec![None; 6];
     let mut tank = None;
+    // A vehicle that pitches heaves along its own axis while it surges; what is not measured of the attitude is 0.
+    let angle = |c: usize, i: usize| if there[c] { pose[c][i] } else { 0.0 };
     if there[0] && there[1] {
         let (dx, dy) = (derivative(0), derivative(1));
-        let turned = |f: fn(f64, f64, f64) -> f64| -> Vec<f64> {
-            (0..n).map(|i| f(dx[i], dy[i], heading[i])).collect()
-        };
-        rates[0] = Some(turned(|x, y, psi| x * psi.cos() + y * psi.sin()));
-        rates[1] = Some(turned(|x, y, psi| y * psi.cos() - x * psi.sin()));
+        let dz = there[2].then(|| derivative(2));
+        let body: Vec<[f64; 3]> = (0..n)
+            .map(|i| {
+                let down = dz.as_ref().map_or(0.0, |d| d[i]);
+                to_body([3, 4, 5].map(|c| angle(c, i)), [dx[i], dy[i], down])
+            })
+            .collect();
+        let along = |axis: usize| body.iter().map(|v| v[axis]).collect();
+        rates[0] = Some(along(0));
+        rates[1] = Some(along(1));
+        rates[2] = dz.is_some().then(|| along(2));
         tank = Some([dx, dy]);
     } else if there[0] {
         rates[0] = Some(derivative(0));
     }
     for (c, own) in rates.iter_mut().enumerate().skip(2) {
-        *own = there[c].then(|| derivative(c));
+        if own.is_none() {
+            *own = there[c].then(|| derivative(c));
+        }
     }
     Expected {
         rates,

@@ -170,11 +170,12 @@ impl<'a> Watch<'a> {
             return;
         };
         order.stretch(&data.times_s, &data.lines, self.old);
-        let moved = |k: &usize| {
-            data.motion
-                .iter()
-                .any(|v| v.get(*k).is_some_and(|v| v.is_finite()))
+        // Channels of several rates stand in rows of their own: the densest one tells rate and gaps.
+        let measured = |v: &Vec<f64>| v.iter().filter(|v| v.is_finite()).count();
+        let Some(densest) = data.motion.iter().max_by_key(|v| measured(v)) else {
+            return;
         };
+        let moved = |k: &usize| densest.get(*k).is_some_and(|v| v.is_finite());
         let rows: Vec<usize> = (0..data.times_s.len()).filter(moved).collect();
         let old = rows.iter().filter(|k| **k < self.old).count();
         let times_s: Vec<f64> = rows.iter().map(|k| data.times_s[*k]).collect();

@@ -21,9 +21,16 @@ pub(crate) struct Reader<'a> {
     no_unit: (usize, u64, f64),
     /// Rows with velocities and without the angles to turn them.
     not_turned: (usize, u64),
+    /// Last whole attitude and its time \[s\]: of a row that holds none, where rows need not.
+    attitude: Option<([f64; 3], f64)>,
+    /// Rows turned by it, and how old it was at most \[s\].
+    turned_by_last: (usize, f64),
     /// Pulses beyond the curve: count, first line, pulse, name.
     beyond: Option<(usize, u64, f64, String)>,
 }
+
+/// An attitude this old still turns a velocity \[s\].
+const ATTITUDE_AGE_S: f64 = 0.5;
 
 /// What an empty cell means, and which number is one.
 type Empty = (Missing, Option<f64>);
@@ -74,6 +81,8 @@ impl<'a> Reader<'a> {
             },
             no_unit: (0, 0, 0.0),
             not_turned: (0, 0),
+            attitude: None,
+            turned_by_last: (0, 0.0),
             beyond: None,
         }
     }
@@ -156,9 +165,26 @@ impl<'a> Reader<'a> {
             Some(_) => values[p],
             None => 0.0,
         };
-        let (angles, tank) = ([3, 4, 5].map(of), [6, 7, 8].map(of));
+        let (mut angles, tank) = ([3, 4, 5].map(of), [6, 7, 8].map(of));
         let measured = tank.iter().all(|v| v.is_finite());
-        if measured && angles.iter().any(|a| !a.is_finite()) {
+        let t_s = self.sample.t_s;
+        let may_lack = (3..6).any(|p| self.map.missing(p) == Some(Missing::Skip));
+        let mut is_early = false;
+        if angles.iter().all(|a| a.is_finite()) {
+            self.attitude = Some((angles, t_s));
+        } else if measured && may_lack {
+            // Measured in other rows than the velocities.
+            match self.attitude {
+                Some((last, at_s)) if t_s - at_s <= ATTITUDE_AGE_S => {
+                    angles = last;
+                    self.turned_by_last.0 += 1;
+                    self.turned_by_last.1 = self.turned_by_last.1.max(t_s - at_s);
+                }
+                Some(_) => {}
+                None => is_early = true,
+            }
+        }
+        if measured && !is_early && angles.iter().any(|a| !a.is_finite()) {
             if self.not_turned.0 == 0 {
                 self.not_turned.1 = line;
             }
@@ -247,6 +273,13 @@ impl<'a> Reader<'a> {
                     "{count} row(s) have velocities in the tank's frame and no {} to turn them by, the first on line {line}; missing = \"hold\" on the angles takes the last ones",
                     names.join(", ")
                 ),
+            ));
+        }
+        let (count, age_s) = self.turned_by_last;
+        if count > 0 {
+            findings.push(Finding::info(
+                "velocity_frame",
+                format!("{count} row(s) with velocities in the tank's frame hold no angles: turned by those of a row up to {age_s:.3} s before"),
             ));
         }
         if let Some((count, line, pulse_us, name)) = &self.beyond {

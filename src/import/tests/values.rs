@@ -467,3 +467,35 @@ proptest! {
         prop_assert_eq!(bytes("a.mcap"), bytes("b.mcap"));
     }
 }
+
+#[test]
+fn rows_that_repeat_a_stamp_with_other_cells_are_one_sample() {
+    // As PlotJuggler writes series of several topics.
+    let map = Map::from_toml(
+        "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\nmissing = \"skip\"\n\
+         [motion.u_mps]\ncolumn = \"u\"\nunit = \"m/s\"\nmissing = \"skip\"\n[[command]]\nthruster = \"surge\"\ncolumn = \"c\"\nmissing = \"skip\"\n",
+        "map",
+    )
+    .unwrap();
+    let mut text = "t,x,u,c\n".to_owned();
+    for k in 0..40 {
+        let t = 0.1 * f64::from(k);
+        text += &format!(
+            "{t:.1},{:.4},,\n{t:.1},,{:.4},\n{t:.1},,,{k}\n",
+            t * t,
+            2.0 * t
+        );
+    }
+    let data = read(&text, &map);
+    assert!(!data.has_faults(), "{:?}", data.findings);
+    assert_eq!(data.times_s.len(), 40);
+    assert!(
+        data.motion[0]
+            .iter()
+            .chain(&data.motion[6])
+            .all(|v| v.is_finite())
+    );
+    // Two values of one cell at one time: one of them is wrong.
+    let twice = text.replace("1.0,1.0000,,\n", "1.0,1.0000,,\n1.0,1.0100,,\n");
+    assert!(read(&twice, &map).has_faults());
+}

@@ -129,6 +129,11 @@ const INPUTS: &[&str] = &[
     "import --guess BAD",
     "import DATA --map BAD --out OUTi.mcap",
     "import DATA --map MAP --rig BAD --out OUTi.mcap",
+    "import BAD --guess --topic /odom",
+    "join BAD LOG --out OUTj.mcap",
+    "join LOG BAD --out OUTj.mcap",
+    "join LOG LOG --rig BAD --out OUTj.mcap",
+    "export LOG --merged --rig BAD --out OUTmerged.csv",
     "identify BAD --rig lshpi",
     "identify LOG BAD --rig lshpi --report OUTreport",
     "identify LOG --rig BAD",
@@ -213,6 +218,23 @@ const VALUES: &[(&str, &[&str])] = &[
     ),
     ("import DATA --out OUTi.mcap", &["--map"]),
     ("import --guess DATA --out OUTi.mcap", &["--guess", "--out"]),
+    (
+        "import --guess DATA --topic /odom",
+        &["--topic", "/odom", "name a log"],
+    ),
+    (
+        "join LOG LOG --offset-s soon --out OUTj.mcap",
+        &["--offset-s", "soon"],
+    ),
+    (
+        "join LOG LOG --offset-sd-s 0.1 --out OUTj.mcap",
+        &["--offset-s"],
+    ),
+    (
+        "join LOG LOG --offset-s 1e8 --out OUTj.mcap",
+        &["--offset-s", "no command falls within the motion"],
+    ),
+    ("export LOG --merged --frames-only", &["--frames-only"]),
     (
         "identify LOG --rig lshpi --model surg",
         &["--model", "surge"],

@@ -1,0 +1,302 @@
+//! Logs of other programs, as tables: ROS 2 and Foxglove in MCAP, ROS 2 in SQLite, ArduPilot, MAVLink, PX4.
+//!
+//! `message` (what a message is) <- `mcap` `db3` `dataflash` `telemetry` `ulog` (readers) -> `contents` (what there is)
+//! and `columns`, `table` (what the map names, in the order of stamps). The table goes the way of every other. Damaged records
+//! are passed over, counted and said.
+
+mod columns;
+mod contents;
+mod dataflash;
+mod db3;
+mod json;
+mod mcap;
+mod message;
+mod packed;
+mod protobuf;
+mod ros;
+mod stamps;
+pub(crate) mod table;
+mod telemetry;
+mod ulog;
+mod window;
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use crate::check::Finding;
+use crate::map::Map;
+use crate::source::Source;
+pub use contents::{Contents, FieldContents, TopicContents};
+use message::{Account, Sink};
+pub use message::{RecordedError, Unreadable};
+
+/// Bytes that tell the kind.
+const HEAD_BYTES: u64 = 4096;
+
+/// Kinds of logs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Mcap,
+    Db3,
+    DataFlash,
+    Telemetry,
+    ULog,
+}
+
+impl Kind {
+    fn of(head: &[u8]) -> Option<Kind> {
+        if head.starts_with(b"\x89MCAP0\r\n") {
+            Some(Kind::Mcap)
+        } else if head.starts_with(b"SQLite format 3\0") {
+            Some(Kind::Db3)
+        } else if head.starts_with(&[0xa3, 0x95, 0x80]) {
+            Some(Kind::DataFlash)
+        } else if head.starts_with(&ulog::MAGIC) {
+            Some(Kind::ULog)
+        } else if telemetry::begins(head) {
+            Some(Kind::Telemetry)
+        } else {
+            None
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Kind::Mcap => "MCAP",
+            Kind::Db3 => "ROS 2 bag (SQLite)",
+            Kind::DataFlash => "ArduPilot DataFlash log",
+            Kind::Telemetry => "MAVLink telemetry log",
+            Kind::ULog => "PX4 ULog",
+        }
+    }
+
+    fn read(self, path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+        match self {
+            Kind::Mcap => mcap::read(path, sink),
+            Kind::Db3 => db3::read(path, sink),
+            Kind::DataFlash => dataflash::read(path, sink),
+            Kind::Telemetry => telemetry::read(path, sink),
+            Kind::ULog => ulog::read(path, sink),
+        }
+    }
+}
+
+/// A log of another program.
+#[derive(Debug)]
+pub struct Recording {
+    files: Vec<PathBuf>,
+    kind: Kind,
+    contents: Contents,
+    topics: Vec<String>,
+}
+
+/// Files of a bag's folder in their order: `bag_2.mcap` before `bag_10.mcap`.
+fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let ending = path.extension().and_then(|e| e.to_str());
+        if matches!(ending, Some("mcap" | "db3")) {
+            files.push(path);
+        }
+    }
+    files.sort_by_key(|p| (p.as_os_str().len(), p.clone()));
+    Ok(files)
+}
+
+fn head_of(path: &Path) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    // What has no beginning to go back to is a table or nothing.
+    if !file.metadata()?.is_file() {
+        return Ok(Vec::new());
+    }
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+impl Recording {
+    /// Looks whether a file (or the folder of a bag) is a log that is read here; `None` = it is something else.
+    ///
+    /// # Errors
+    /// [`RecordedError`] of a log that cannot be read.
+    pub fn open(path: &Path) -> Result<Option<Recording>, RecordedError> {
+        let files = if path.is_dir() {
+            files_of(path)?
+        } else {
+            vec![path.to_owned()]
+        };
+        let Some(first) = files.first() else {
+            return Ok(None);
+        };
+        let Some(kind) = Kind::of(&head_of(first)?) else {
+            return Ok(None);
+        };
+        let mut gather = contents::Gather::default();
+        let account = read(kind, &files, &mut gather)?;
+        let contents = gather.finish(kind.words(), account);
+        if contents.topics.iter().all(|t| t.fields.is_empty()) && contents.messages > 0 {
+            let reasons: Vec<String> = contents
+                .unreadable
+                .iter()
+                .take(3)
+                .map(|u| format!("{}: {}", u.what, u.reason))
+                .collect();
+            if !reasons.is_empty() {
+                return Err(RecordedError::Nothing {
+                    messages: contents.messages,
+                    reasons: reasons.join("; "),
+                });
+            }
+        }
+        Ok(Some(Recording {
+            files,
+            kind,
+            contents,
+            topics: Vec::new(),
+        }))
+    }
+
+    /// Only these topics: what a map names without its topic is looked for in them alone, and a map is guessed of them.
+    ///
+    /// # Errors
+    /// [`RecordedError::Topic`].
+    pub fn with_topics(mut self, topics: &[String]) -> Result<Recording, RecordedError> {
+        for topic in topics {
+            // A name without its instance stands for all of them.
+            let is_there = |t: &TopicContents| is_topic(&t.topic, topic);
+            if !self.contents.topics.iter().any(is_there) {
+                let all: Vec<&str> = self
+                    .contents
+                    .topics
+                    .iter()
+                    .filter(|t| !t.fields.is_empty())
+                    .map(|t| t.topic.as_str())
+                    .collect();
+                return Err(RecordedError::Topic {
+                    topic: topic.clone(),
+                    topics: all.join(" "),
+                });
+            }
+        }
+        topics.clone_into(&mut self.topics);
+        Ok(self)
+    }
+
+    /// What it holds.
+    pub fn contents(&self) -> &Contents {
+        &self.contents
+    }
+
+    /// Topics that were chosen, or all.
+    pub(crate) fn is_chosen(&self, topic: &str) -> bool {
+        self.topics.is_empty() || self.topics.iter().any(|t| is_topic(topic, t))
+    }
+
+    /// Whether recording and stamps are of one clock.
+    pub(crate) fn one_clock(&self) -> bool {
+        matches!(self.kind, Kind::Mcap | Kind::Db3)
+    }
+
+    /// The fields that a map names, as a table, and the map for it.
+    ///
+    /// # Errors
+    /// Those of the files.
+    pub fn table(&self, map: &Map) -> Result<RecordedTable, RecordedError> {
+        let mut findings = Vec::new();
+        let chosen = |topic: &str| self.is_chosen(topic);
+        let columns = columns::Columns::of(map, &self.contents, &chosen, &mut findings);
+        let own = columns.map_for_table(map);
+        let mut scratch = tempfile::tempfile()?;
+        let several = columns.topics().len() > 1;
+        let mut writer = table::Writer::new(
+            columns,
+            &self.contents.topics,
+            self.one_clock(),
+            &mut scratch,
+        )?;
+        read(self.kind, &self.files, &mut writer)?;
+        let (rows, found) = writer.finish()?;
+        findings.extend(found);
+        self.damage(&mut findings);
+        let of = if several { ", one for each stamp" } else { "" };
+        findings.push(Finding::info(
+            "recorded",
+            format!(
+                "{}: read as a table of {rows} rows{of}; line n of a finding is its row n - 1, in the order of stamps",
+                self.contents.kind
+            ),
+        ));
+        Ok(RecordedTable {
+            scratch,
+            map: own,
+            findings,
+        })
+    }
+
+    fn damage(&self, findings: &mut Vec<Finding>) {
+        for u in &self.contents.unreadable {
+            let words = format!(
+                "{}: {} not read, the first at {}: {}",
+                u.what, u.count, u.first_at, u.reason
+            );
+            // What was lost of the topics that are mapped is a loss; what nobody asked for is not.
+            findings.push(if u.what == "damaged records" {
+                let bytes = match self.contents.skipped_bytes {
+                    0 => String::new(),
+                    n => format!("; {n} bytes belong to no record"),
+                };
+                Finding::fault(
+                    "damaged_records",
+                    None,
+                    format!("{words}{bytes}; import what is sound with --accept-faults"),
+                )
+            } else if u.what.starts_with("gaps") {
+                Finding::warning("dropouts", None, words)
+            } else {
+                Finding::info("not_decoded", words)
+            });
+        }
+    }
+}
+
+/// Whether a topic is the one named, or an instance of it.
+fn is_topic(topic: &str, named: &str) -> bool {
+    topic
+        .strip_prefix(named)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
+}
+
+fn read(kind: Kind, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let mut all = Account::default();
+    for file in files {
+        let account = kind.read(file, sink)?;
+        all.skipped_bytes += account.skipped_bytes;
+        for u in account.unreadable {
+            match all.unreadable.iter_mut().find(|a| a.what == u.what) {
+                Some(a) => a.count += u.count,
+                None => all.unreadable.push(u),
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Fields of a log as a table, in a scratch file that goes with it.
+#[derive(Debug)]
+pub struct RecordedTable {
+    scratch: File,
+    /// For this table.
+    pub map: Map,
+    /// About the log and what the map names in it.
+    pub findings: Vec<Finding>,
+}
+
+impl Source for RecordedTable {
+    fn open(&self) -> io::Result<Box<dyn Read + '_>> {
+        let mut copy = self.scratch.try_clone()?;
+        copy.seek(SeekFrom::Start(0))?;
+        Ok(Box::new(copy))
+    }
+}

@@ -1,0 +1,237 @@
+//! What a log of another program holds: its topics, and the fields that a map can name.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::io;
+
+use super::message::{Account, Message, Sink, Unreadable};
+use hydroline_core::plain::line;
+
+/// Larger messages are images and clouds: a few are looked at for their fields, the rest counted.
+const LARGE_BYTES: usize = 1 << 16;
+const LARGE_LOOKED_AT: u64 = 3;
+/// Topics and fields that are kept: no vehicle has more.
+const TOPICS_MAX: usize = 5000;
+const FIELDS_MAX: usize = 2000;
+
+/// A number in each message of a topic.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct FieldContents {
+    /// Its path, as a map names it behind the topic and a point.
+    pub path: String,
+    /// As the log states it.
+    pub unit: Option<String>,
+}
+
+/// One topic.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct TopicContents {
+    /// Topic; several senders, sensors or bodies of one name have theirs in brackets.
+    pub topic: String,
+    /// The kind of message.
+    pub schema: String,
+    /// Messages.
+    pub messages: u64,
+    /// Of them, those with a stamp of their own.
+    pub stamped: u64,
+    /// First and last time: when recorded, or by their stamps where the log has nothing else \[ns\].
+    pub first_ns: Option<i64>,
+    /// The last.
+    pub last_ns: Option<i64>,
+    /// Mean rate between them \[1/s\].
+    pub rate_hz: Option<f64>,
+    /// Numbers of its messages.
+    pub fields: Vec<FieldContents>,
+}
+
+/// All of it.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Contents {
+    /// What wrote it.
+    pub kind: &'static str,
+    /// Messages that were read or passed over.
+    pub messages: u64,
+    /// Topics, in the order of the log.
+    pub topics: Vec<TopicContents>,
+    /// What could not be read.
+    pub unreadable: Vec<Unreadable>,
+    /// Bytes between records that belong to none.
+    pub skipped_bytes: u64,
+}
+
+/// Gathers the contents.
+#[derive(Default)]
+pub(super) struct Gather {
+    topics: Vec<TopicContents>,
+    places: HashMap<String, usize>,
+    /// Paths seen, per topic, and how many numbers its messages had at most.
+    seen: Vec<(HashMap<String, ()>, usize)>,
+    messages: u64,
+}
+
+impl Gather {
+    fn place(&mut self, topic: &str, schema: &str) -> Option<usize> {
+        if let Some(place) = self.places.get(topic) {
+            return Some(*place);
+        }
+        if self.topics.len() >= TOPICS_MAX {
+            return None;
+        }
+        self.topics.push(TopicContents {
+            topic: topic.to_owned(),
+            schema: schema.to_owned(),
+            messages: 0,
+            stamped: 0,
+            first_ns: None,
+            last_ns: None,
+            rate_hz: None,
+            fields: Vec::new(),
+        });
+        self.seen.push((HashMap::new(), 0));
+        self.places.insert(topic.to_owned(), self.topics.len() - 1);
+        Some(self.topics.len() - 1)
+    }
+
+    fn count(&mut self, place: Option<usize>, ns: Option<i128>) {
+        self.messages += 1;
+        let Some(topic) = place.and_then(|p| self.topics.get_mut(p)) else {
+            return;
+        };
+        topic.messages += 1;
+        // Beyond 2262 it is damage.
+        if let Some(ns) = ns.and_then(|ns| i64::try_from(ns).ok()) {
+            topic.first_ns = Some(topic.first_ns.map_or(ns, |f| f.min(ns)));
+            topic.last_ns = Some(topic.last_ns.map_or(ns, |l| l.max(ns)));
+        }
+    }
+
+    pub fn finish(mut self, kind: &'static str, account: Account) -> Contents {
+        for t in &mut self.topics {
+            if let (Some(first), Some(last)) = (t.first_ns, t.last_ns) {
+                let span_s = last.saturating_sub(first) as f64 / 1e9;
+                t.rate_hz =
+                    (t.messages > 1 && span_s > 0.0).then(|| (t.messages - 1) as f64 / span_s);
+            }
+        }
+        Contents {
+            kind,
+            messages: self.messages,
+            topics: self.topics,
+            unreadable: account.unreadable,
+            skipped_bytes: account.skipped_bytes,
+        }
+    }
+}
+
+impl Sink for Gather {
+    fn wants(&mut self, topic: &str, _: &str, bytes: usize) -> bool {
+        let place = self.places.get(topic);
+        bytes <= LARGE_BYTES || place.is_none_or(|p| self.topics[*p].messages < LARGE_LOOKED_AT)
+    }
+
+    fn message(&mut self, message: &Message<'_>) -> io::Result<()> {
+        let place = self.place(message.topic, message.schema);
+        self.count(place, message.log_ns);
+        let Some(place) = place else {
+            return Ok(());
+        };
+        let topic = &mut self.topics[place];
+        topic.stamped += u64::from(message.stamp_ns.is_some());
+        let (seen, most) = &mut self.seen[place];
+        let numbers = message.leaves.numbers().count();
+        // Messages of a topic hold the same fields unless an array grew.
+        if numbers <= *most && topic.messages > 10 {
+            return Ok(());
+        }
+        *most = numbers.max(*most);
+        for (path, _) in message.leaves.numbers() {
+            if !seen.contains_key(path) && topic.fields.len() < FIELDS_MAX {
+                seen.insert(path.to_owned(), ());
+                topic.fields.push(FieldContents {
+                    path: path.to_owned(),
+                    unit: (message.unit)(path),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>) {
+        let place = self.place(topic, schema);
+        self.count(place, log_ns);
+    }
+}
+
+/// `covariance[0] .. [35]` in one word.
+fn together(fields: &[FieldContents]) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut at = 0;
+    while at < fields.len() {
+        let own = &fields[at];
+        let element = own
+            .path
+            .strip_suffix(']')
+            .and_then(|p| p.rsplit_once('['))
+            .filter(|(_, n)| *n == "0");
+        let mut count = 1;
+        if let Some((lead, _)) = element {
+            while fields
+                .get(at + count)
+                .is_some_and(|f| f.path == format!("{lead}[{count}]"))
+            {
+                count += 1;
+            }
+        }
+        let unit = own
+            .unit
+            .as_ref()
+            .map_or(String::new(), |u| format!(" [{u}]"));
+        words.push(match element {
+            Some((lead, _)) if count > 4 => format!("{lead}[0] .. [{}]{unit}", count - 1),
+            _ => {
+                count = 1;
+                format!("{}{unit}", own.path)
+            }
+        });
+        at += count;
+    }
+    words
+}
+
+impl fmt::Display for Contents {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        line(f, format_args!("{}: {} messages", self.kind, self.messages))?;
+        for t in &self.topics {
+            let rate = t.rate_hz.map_or(String::new(), |r| format!(", {r:.1}/s"));
+            let stamps = match (t.stamped, t.messages) {
+                (0, _) => ", no stamps of its own",
+                (s, m) if s < m => ", some without a stamp of their own",
+                _ => "",
+            };
+            let (topic, schema, count) = (&t.topic, &t.schema, t.messages);
+            line(
+                f,
+                format_args!("  {topic}  {schema}  {count} messages{rate}{stamps}"),
+            )?;
+            let fields = match t.fields.as_slice() {
+                [] => "no numbers".to_owned(),
+                some => together(some).join("  "),
+            };
+            line(f, format_args!("      {fields}"))?;
+        }
+        for u in &self.unreadable {
+            line(
+                f,
+                format_args!(
+                    "  NOT READ {}: {}, the first at {}: {}",
+                    u.what, u.count, u.first_at, u.reason
+                ),
+            )?;
+        }
+        if self.skipped_bytes > 0 {
+            let bytes = self.skipped_bytes;
+            line(f, format_args!("  {bytes} bytes belong to no record"))?;
+        }
+        Ok(())
+    }
+}

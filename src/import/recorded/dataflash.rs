@@ -1,0 +1,301 @@
+//! ArduPilot's DataFlash log: records whose formats stand in the log.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::Path;
+
+use super::message::{Account, Leaves, Message, Number, RecordedError, Sink};
+use super::packed::{self, Field, Kind};
+use super::stamps::counted;
+use super::window::Window;
+
+const HEAD: [u8; 2] = [0xa3, 0x95];
+const FORMAT_TYPE: u8 = 0x80;
+const FORMAT_BYTES: usize = 89;
+
+/// How records of a type are written.
+#[derive(Debug, Clone, Default)]
+struct Format {
+    name: String,
+    /// With the head.
+    bytes: usize,
+    fields: Vec<Field>,
+    /// The field that tells several sensors or cores apart.
+    instance: Option<String>,
+}
+
+/// Kind, elements and worth of a letter.
+fn letter(c: char) -> Option<(Kind, Option<usize>, f64)> {
+    let one = |kind| Some((kind, None, 1.0));
+    match c {
+        'a' => Some((Kind::I16, Some(32), 1.0)),
+        'b' => one(Kind::I8),
+        'B' | 'M' => one(Kind::U8),
+        'g' => one(Kind::F16),
+        'h' => one(Kind::I16),
+        'H' => one(Kind::U16),
+        'i' => one(Kind::I32),
+        'I' => one(Kind::U32),
+        'f' => one(Kind::F32),
+        'd' => one(Kind::F64),
+        'n' => one(Kind::Text(4)),
+        'N' => one(Kind::Text(16)),
+        'Z' => one(Kind::Text(64)),
+        'c' => Some((Kind::I16, None, 0.01)),
+        'C' => Some((Kind::U16, None, 0.01)),
+        'e' => Some((Kind::I32, None, 0.01)),
+        'E' => Some((Kind::U32, None, 0.01)),
+        'L' => Some((Kind::I32, None, 1.0e-7)),
+        'q' => one(Kind::I64),
+        'Q' => one(Kind::U64),
+        _ => None,
+    }
+}
+
+/// What is known of the log so far.
+#[derive(Default)]
+struct Learnt {
+    formats: HashMap<u8, Format>,
+    /// Words of units and powers of ten, by their letters.
+    units: HashMap<u8, String>,
+    multipliers: HashMap<u8, f64>,
+    /// Letters of units and multipliers per type: they may come before the words.
+    marks: HashMap<u8, (String, String)>,
+}
+
+impl Learnt {
+    /// A record that says how others are written; whether it holds together.
+    fn format(&mut self, record: &[u8]) -> bool {
+        let (kind, bytes) = (record[3], record[4] as usize);
+        let letters = packed::text(record, 9, 16);
+        let mut labels = packed::text(record, 25, 64).split(',').map(str::trim);
+        let mut fields = Vec::new();
+        for c in letters.chars() {
+            let (Some((kind, elements, scale)), Some(label)) = (letter(c), labels.next()) else {
+                return false;
+            };
+            fields.push(Field {
+                name: label.to_owned(),
+                kind,
+                elements,
+                scale,
+                unit: String::new(),
+            });
+        }
+        let name = packed::text(record, 5, 4).to_owned();
+        if packed::bytes(&fields) + 3 != bytes || name.is_empty() {
+            return false;
+        }
+        let instance = None;
+        let mut format = Format {
+            name,
+            bytes,
+            fields,
+            instance,
+        };
+        if let Some(marks) = self.marks.get(&kind) {
+            mark(&mut format, marks, &self.units, &self.multipliers);
+        }
+        self.formats.insert(kind, format);
+        true
+    }
+
+    /// A record that says which units others have.
+    fn unit(&mut self, name: &str, leaves: &Leaves) {
+        let byte = |path: &str| match leaves.get(path)?.whole()? {
+            v @ 0..=255 => u8::try_from(v).ok(),
+            _ => None,
+        };
+        match name {
+            "UNIT" => {
+                if let (Some(id), Some(label)) = (byte("Id"), leaves.get_text("Label")) {
+                    self.units.insert(id, label.to_owned());
+                }
+            }
+            "MULT" => {
+                if let (Some(id), Some(Number::Float(value))) = (byte("Id"), leaves.get("Mult")) {
+                    self.multipliers.insert(id, value);
+                }
+            }
+            "FMTU" => {
+                let texts = (leaves.get_text("UnitIds"), leaves.get_text("MultIds"));
+                if let (Some(kind), (Some(units), Some(multipliers))) = (byte("FmtType"), texts) {
+                    self.marks
+                        .insert(kind, (units.to_owned(), multipliers.to_owned()));
+                }
+            }
+            _ => return,
+        }
+        for (kind, marks) in &self.marks {
+            if let Some(format) = self.formats.get_mut(kind) {
+                mark(format, marks, &self.units, &self.multipliers);
+            }
+        }
+    }
+}
+
+/// Units and the instance's field of a format.
+fn mark(
+    format: &mut Format,
+    (units, multipliers): &(String, String),
+    words: &HashMap<u8, String>,
+    powers: &HashMap<u8, f64>,
+) {
+    let mut multipliers = multipliers.bytes();
+    for (field, unit) in format.fields.iter_mut().zip(units.bytes()) {
+        let power = multipliers.next();
+        if unit == b'#' {
+            format.instance = Some(field.name.clone());
+        }
+        let Some(word) = words
+            .get(&unit)
+            .filter(|_| !matches!(unit, b'-' | b'?' | b'#'))
+        else {
+            continue;
+        };
+        // What the format's letter is worth is in the value already.
+        let power = power.and_then(|p| powers.get(&p)).copied().unwrap_or(0.0);
+        let own = if power > 0.0 {
+            power / field.scale
+        } else {
+            1.0
+        };
+        field.unit = unit_word(word, own);
+    }
+}
+
+/// The unit that is a power of ten of another, as people write it.
+fn unit_word(word: &str, power: f64) -> String {
+    let near = |p: f64| (power / p - 1.0).abs() < 1e-6;
+    if near(1.0) {
+        word.to_owned()
+    } else if near(1e-3) && matches!(word, "s" | "m" | "m/s") {
+        format!("m{word}")
+    } else if near(1e-2) && matches!(word, "m" | "m/s" | "deg") {
+        format!("c{word}")
+    } else if near(1e-6) && word == "s" {
+        "us".to_owned()
+    } else {
+        format!("{power} {word}")
+    }
+}
+
+/// Field of the instance where no record of units says which: as ArduPilot's main messages have it.
+fn usual_instance(format: &Format) -> Option<&str> {
+    let first = format.fields.get(1)?;
+    let is_count = matches!(first.kind, Kind::U8);
+    (is_count && matches!(first.name.as_str(), "I" | "C" | "Instance"))
+        .then_some(first.name.as_str())
+}
+
+pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let mut window = Window::new(File::open(path)?);
+    let mut account = Account::default();
+    let mut learnt = Learnt::default();
+    let mut leaves = Leaves::default();
+    let mut torn = false;
+    loop {
+        let at = window.offset;
+        let head = window.ahead(3)?;
+        if head.is_empty() {
+            break;
+        }
+        let kind = head.get(2).copied().unwrap_or(0);
+        let known = head.len() == 3 && head[..2] == HEAD;
+        let length = match kind {
+            FORMAT_TYPE => Some(FORMAT_BYTES),
+            _ => learnt.formats.get(&kind).map(|f| f.bytes),
+        };
+        let record = match length.filter(|_| known) {
+            Some(length) => {
+                let record = window.ahead(length)?;
+                (record.len() == length).then(|| record.to_vec())
+            }
+            None => None,
+        };
+        let sound = match &record {
+            Some(record) if kind == FORMAT_TYPE => learnt.format(record),
+            other => other.is_some(),
+        };
+        let Some(record) = record.filter(|_| sound) else {
+            // One place, however many bytes of it are none: the next record's head is looked for.
+            if !torn {
+                account.note("damaged records", at, || {
+                    if known && length.is_some() {
+                        format!("the record at byte {at} is cut, or is no format")
+                    } else {
+                        format!("at byte {at} begins no record")
+                    }
+                });
+            }
+            torn = true;
+            account.skipped_bytes += 1;
+            window.skip(1);
+            continue;
+        };
+        torn = false;
+        window.skip(record.len());
+        if kind == FORMAT_TYPE {
+            continue;
+        }
+        let Some(format) = learnt.formats.get(&kind) else {
+            continue;
+        };
+        let body = &record[3..];
+        if matches!(format.name.as_str(), "UNIT" | "MULT" | "FMTU") {
+            let name = format.name.clone();
+            leaves.clear();
+            packed::decode(&format.fields, body, &mut leaves);
+            learnt.unit(&name, &leaves);
+            continue;
+        }
+        message(format, body, &mut leaves, sink)?;
+    }
+    Ok(account)
+}
+
+fn message(
+    format: &Format,
+    body: &[u8],
+    leaves: &mut Leaves,
+    sink: &mut dyn Sink,
+) -> Result<(), RecordedError> {
+    let instance = format.instance.as_deref().or(usual_instance(format));
+    let topic = match instance.and_then(|name| place_of(format, body, name)) {
+        Some(number) => format!("{}[{number}]", format.name),
+        None => format.name.clone(),
+    };
+    if !sink.wants(&topic, &format.name, body.len()) {
+        sink.other(&topic, &format.name, None);
+        return Ok(());
+    }
+    leaves.clear();
+    packed::decode(&format.fields, body, leaves);
+    let stamp_ns =
+        counted(leaves.get("TimeUS"), 1000).or_else(|| counted(leaves.get("TimeMS"), 1_000_000));
+    let whole = Message {
+        topic: &topic,
+        schema: &format.name,
+        log_ns: stamp_ns,
+        stamp_ns,
+        leaves,
+        unit: &|path| {
+            let name = path.split('[').next().unwrap_or(path);
+            let field = format.fields.iter().find(|f| f.name == name)?;
+            Some(field.unit.clone()).filter(|u| !u.is_empty())
+        },
+    };
+    Ok(sink.message(&whole)?)
+}
+
+/// The instance's number.
+fn place_of(format: &Format, body: &[u8], name: &str) -> Option<i128> {
+    let mut at = 0;
+    for field in &format.fields {
+        if field.name == name {
+            return packed::number(body, at, field.kind)?.whole();
+        }
+        at += field.bytes();
+    }
+    None
+}

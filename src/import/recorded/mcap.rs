@@ -1,0 +1,114 @@
+//! MCAP: ROS 2 bags, Foxglove's and anyone's messages whose schema is in the file.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use hydroline_log::{RawMessage, RawReader, RawSchema};
+use prost_reflect::MessageDescriptor;
+
+use super::message::{Account, Leaves, Message, RecordedError, Sink};
+use super::ros::{self, cdr, definition::Definition};
+use super::{json, protobuf, stamps};
+
+/// How the messages of a channel are decoded.
+enum Decoder {
+    Ros(Definition),
+    Protobuf(MessageDescriptor),
+    Json,
+    /// Why not.
+    None(String),
+}
+
+impl Decoder {
+    fn of(encoding: &str, schema: &RawSchema<'_>) -> Decoder {
+        let ready = match (encoding, schema.encoding) {
+            ("cdr", "ros2msg") => std::str::from_utf8(schema.data)
+                .map_err(|_| "its schema is no text".to_owned())
+                .and_then(|text| Definition::parse(schema.name, text))
+                .map(Decoder::Ros),
+            ("cdr", other) => ros::known(schema.name).map(Decoder::Ros).ok_or_else(|| {
+                format!(
+                    "CDR with a schema in '{other}' is read for the usual messages of ROS 2 only"
+                )
+            }),
+            ("protobuf", "protobuf") => {
+                protobuf::descriptor(schema.name, schema.data).map(Decoder::Protobuf)
+            }
+            ("json", _) => Ok(Decoder::Json),
+            (other, _) => Err(format!(
+                "messages in '{other}' are not read: cdr, protobuf and json are"
+            )),
+        };
+        ready.unwrap_or_else(Decoder::None)
+    }
+
+    fn decode(&self, data: &[u8], leaves: &mut Leaves) -> Result<(), String> {
+        match self {
+            Decoder::Ros(definition) => cdr::decode(definition, data, leaves),
+            Decoder::Protobuf(descriptor) => protobuf::decode(descriptor, data, leaves),
+            Decoder::Json => json::decode(data, leaves),
+            Decoder::None(why) => Err(why.clone()),
+        }
+    }
+}
+
+/// A channel, as far as it is known.
+struct Channel {
+    decoder: Decoder,
+    schema: String,
+}
+
+pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let mut reader = RawReader::open(path).map_err(|e| RecordedError::Container(e.to_string()))?;
+    let mut account = Account::default();
+    let mut channels: HashMap<(u32, u16), Channel> = HashMap::new();
+    let mut leaves = Leaves::default();
+    while let Some(item) = reader.next() {
+        let message: RawMessage = match item {
+            Ok(message) => message,
+            Err(error) => {
+                let at = match &error {
+                    hydroline_log::LogError::Damaged { offset, .. } => *offset,
+                    _ => 0,
+                };
+                account.note("damaged records", at, || error.to_string());
+                continue;
+            }
+        };
+        let channel = channels.entry(message.channel).or_insert_with(|| {
+            let schema = reader.schema(&message);
+            Channel {
+                decoder: Decoder::of(&message.encoding, &schema),
+                schema: schema.name.to_owned(),
+            }
+        });
+        if channel.schema.starts_with("hydroline.") {
+            return Err(RecordedError::Ours);
+        }
+        let log_ns = Some(i128::from(message.log_ns));
+        if !sink.wants(&message.topic, &channel.schema, message.data.len()) {
+            sink.other(&message.topic, &channel.schema, log_ns);
+            continue;
+        }
+        leaves.clear();
+        if let Err(reason) = channel.decoder.decode(&message.data, &mut leaves) {
+            account.note(
+                &format!("messages of {}", message.topic),
+                message.offset,
+                || reason,
+            );
+            sink.other(&message.topic, &channel.schema, log_ns);
+            continue;
+        }
+        let whole = Message {
+            topic: &message.topic,
+            schema: &channel.schema,
+            log_ns,
+            stamp_ns: stamps::of(&leaves, ""),
+            leaves: &leaves,
+            unit: &|_| None,
+        };
+        stamps::divided(&whole, sink)?;
+    }
+    Ok(account)
+}

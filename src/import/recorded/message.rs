@@ -1,0 +1,255 @@
+//! A message of any log, as numbers with the paths of their fields.
+
+use std::io;
+use std::ops::Range;
+
+/// Numbers and texts that are kept of one message: images and clouds are no motion.
+const LEAVES_MAX: usize = 4096;
+/// Elements of one array that are kept.
+pub(super) const ELEMENTS_MAX: usize = 256;
+/// Of a text.
+const TEXT_BYTES: usize = 64;
+
+/// A number as exact as the log has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Number {
+    Int(i64),
+    UInt(u64),
+    Float(f64),
+}
+
+impl Number {
+    pub fn whole(self) -> Option<i128> {
+        match self {
+            Number::Int(v) => Some(v.into()),
+            Number::UInt(v) => Some(v.into()),
+            Number::Float(_) => None,
+        }
+    }
+
+    pub fn is_finite(self) -> bool {
+        match self {
+            Number::Float(v) => v.is_finite(),
+            _ => true,
+        }
+    }
+}
+
+/// As a table's cell: the shortest text that reads back as the same number.
+impl std::fmt::Display for Number {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Number::Int(v) => write!(f, "{v}"),
+            Number::UInt(v) => write!(f, "{v}"),
+            Number::Float(v) => write!(f, "{v:?}"),
+        }
+    }
+}
+
+/// What a field holds.
+#[derive(Debug, Clone, PartialEq)]
+enum Held {
+    Number(Number),
+    Text(Range<usize>),
+}
+
+/// The fields of one message; keeps its buffers between messages.
+#[derive(Debug, Default)]
+pub(super) struct Leaves {
+    /// Paths and texts, one after the other.
+    arena: String,
+    items: Vec<(Range<usize>, Held)>,
+    path: String,
+}
+
+impl Leaves {
+    pub fn clear(&mut self) {
+        self.arena.clear();
+        self.items.clear();
+        self.path.clear();
+    }
+
+    /// Goes into a field; what is returned leads out again.
+    pub fn enter(&mut self, name: &str) -> usize {
+        let before = self.path.len();
+        if before > 0 {
+            self.path.push('.');
+        }
+        self.path.push_str(name);
+        before
+    }
+
+    /// Goes into an element.
+    pub fn enter_element(&mut self, index: usize) -> usize {
+        use std::fmt::Write;
+        let before = self.path.len();
+        // A String takes everything.
+        let _ = write!(self.path, "[{index}]");
+        before
+    }
+
+    pub fn leave(&mut self, before: usize) {
+        self.path.truncate(before);
+    }
+
+    /// Whether more fields would not be kept.
+    pub fn is_full(&self) -> bool {
+        self.items.len() >= LEAVES_MAX
+    }
+
+    fn push(&mut self, held: Held) {
+        if !self.is_full() {
+            let start = self.arena.len();
+            self.arena.push_str(&self.path);
+            self.items.push((start..self.arena.len(), held));
+        }
+    }
+
+    pub fn number(&mut self, value: Number) {
+        self.push(Held::Number(value));
+    }
+
+    pub fn text(&mut self, text: &str) {
+        if self.is_full() {
+            return;
+        }
+        let start = self.arena.len();
+        let mut bytes = 0;
+        for c in text.chars() {
+            bytes += c.len_utf8();
+            if bytes > TEXT_BYTES {
+                break;
+            }
+            self.arena.push(c);
+        }
+        self.push(Held::Text(start..self.arena.len()));
+    }
+
+    /// A number under a name below the present path.
+    pub fn named(&mut self, name: &str, value: Number) {
+        let before = self.enter(name);
+        self.number(value);
+        self.leave(before);
+    }
+
+    /// All numbers with their paths.
+    pub fn numbers(&self) -> impl Iterator<Item = (&str, Number)> {
+        self.items.iter().filter_map(|(path, held)| match held {
+            Held::Number(n) => Some((&self.arena[path.clone()], *n)),
+            Held::Text(_) => None,
+        })
+    }
+
+    /// All texts with their paths.
+    pub fn texts(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.items.iter().filter_map(|(path, held)| match held {
+            Held::Text(t) => Some((&self.arena[path.clone()], &self.arena[t.clone()])),
+            Held::Number(_) => None,
+        })
+    }
+
+    pub fn get(&self, path: &str) -> Option<Number> {
+        self.numbers().find(|n| n.0 == path).map(|n| n.1)
+    }
+
+    pub fn get_text(&self, path: &str) -> Option<&str> {
+        self.texts().find(|t| t.0 == path).map(|t| t.1)
+    }
+}
+
+/// One message.
+pub(super) struct Message<'a> {
+    /// Topic; several senders or bodies under one name are told apart by what stands in brackets.
+    pub topic: &'a str,
+    /// The kind of message.
+    pub schema: &'a str,
+    /// When it was recorded \[ns\], where the log says so.
+    pub log_ns: Option<i128>,
+    /// When it was true, by its own stamp \[ns\].
+    pub stamp_ns: Option<i128>,
+    /// What it holds.
+    pub leaves: &'a Leaves,
+    /// Units of its fields, where the log states them.
+    pub unit: &'a dyn Fn(&str) -> Option<String>,
+}
+
+/// Whoever is told of messages.
+pub(super) trait Sink {
+    /// Whether a message of so many bytes is to be decoded.
+    fn wants(&mut self, topic: &str, schema: &str, bytes: usize) -> bool;
+    /// A message that was wanted.
+    fn message(&mut self, message: &Message<'_>) -> io::Result<()>;
+    /// One that was not, or could not be decoded.
+    fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>);
+}
+
+/// What could not be read: how often, the first place, and why.
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Unreadable {
+    /// What: damaged records, or messages of a topic.
+    pub what: String,
+    /// How many.
+    pub count: u64,
+    /// Byte of the file at which the first stands; of a database, the row.
+    pub first_at: u64,
+    /// Why, of the first.
+    pub reason: String,
+}
+
+/// All of it.
+#[derive(Debug, Default)]
+pub(super) struct Account {
+    pub unreadable: Vec<Unreadable>,
+    /// Bytes between records that belong to none.
+    pub skipped_bytes: u64,
+}
+
+/// Kinds of damage that are told apart.
+const KINDS_MAX: usize = 200;
+
+impl Account {
+    pub fn note(&mut self, what: &str, at: u64, reason: impl FnOnce() -> String) {
+        if let Some(u) = self.unreadable.iter_mut().find(|u| u.what == what) {
+            u.count += 1;
+        } else if self.unreadable.len() < KINDS_MAX {
+            self.unreadable.push(Unreadable {
+                what: what.to_owned(),
+                count: 1,
+                first_at: at,
+                reason: reason(),
+            });
+        }
+    }
+}
+
+/// Why a log cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordedError {
+    /// The system's words.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// A container that is none.
+    #[error("{0}")]
+    Container(String),
+    /// Written by hydroline.
+    #[error("it is a log of hydroline already: nothing to import; use it as it is")]
+    Ours,
+    /// No message can be decoded.
+    #[error(
+        "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"
+    )]
+    Nothing {
+        /// How many there are.
+        messages: u64,
+        /// Why not.
+        reasons: String,
+    },
+    /// A topic that is not there.
+    #[error("no topic '{topic}' in it; name one of: {topics}")]
+    Topic {
+        /// As given.
+        topic: String,
+        /// Those with numbers.
+        topics: String,
+    },
+}

@@ -1,0 +1,265 @@
+//! A log of another program as a table: one row for each stamp, a column for each field that the map names.
+//!
+//! Topics are brought into the order of their stamps, as far as they were recorded within [`WINDOW_NS`] of each
+//! other; within a topic the order stays as it is, so that stamps which go back show. Nothing is resampled: a
+//! row holds what was measured at its stamp, and messages of several topics share one only if their stamps are equal.
+
+use std::collections::{HashMap, VecDeque};
+use std::io::{self, BufWriter, Write};
+
+use super::columns::Columns;
+use super::contents::TopicContents;
+use super::message::{Message, Number, Sink};
+use crate::check::Finding;
+use crate::map::Missing;
+
+/// Topics that were recorded so far apart are still brought into order \[ns\].
+const WINDOW_NS: i128 = 2_000_000_000;
+/// Rows that wait at most.
+const ROWS_MAX: usize = 1 << 16;
+/// Name of the column of stamps, and of that of the times at which messages were recorded.
+pub(crate) const STAMP: &str = "stamp";
+pub(crate) const LOG_TIME: &str = "log_time";
+
+struct Row {
+    /// What orders it.
+    key: Option<i128>,
+    stamp_ns: Option<i128>,
+    log_ns: Option<i128>,
+    cells: Vec<(usize, Number)>,
+}
+
+/// Writes the table while the log is read.
+pub(super) struct Writer<'a, W: Write> {
+    columns: Columns,
+    out: BufWriter<W>,
+    /// The wanted columns by topic and path.
+    places: HashMap<String, HashMap<String, usize>>,
+    /// Column numbers of a topic.
+    of_topic: HashMap<String, (usize, Vec<usize>)>,
+    queues: Vec<VecDeque<Row>>,
+    waiting: usize,
+    newest: i128,
+    /// A message without a stamp takes the time at which it was recorded, where that is the same clock.
+    log_time_stands_in: bool,
+    stood_in: HashMap<usize, u64>,
+    topics: &'a [TopicContents],
+    cells: Vec<Option<Number>>,
+    rows: u64,
+}
+
+fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"']) || cell.trim() != cell {
+        format!("\"{}\"", cell.replace('"', "\"\""))
+    } else {
+        cell.to_owned()
+    }
+}
+
+impl<'a, W: Write> Writer<'a, W> {
+    pub fn new(
+        columns: Columns,
+        topics: &'a [TopicContents],
+        log_time_stands_in: bool,
+        out: W,
+    ) -> io::Result<Self> {
+        let mut places: HashMap<String, HashMap<String, usize>> = HashMap::new();
+        let mut of_topic: HashMap<String, (usize, Vec<usize>)> = HashMap::new();
+        let own = columns.topics();
+        for (i, wanted) in columns.wanted.iter().enumerate() {
+            let topic = topics[wanted.topic].topic.clone();
+            let queue = own.iter().position(|t| *t == wanted.topic).unwrap_or(0);
+            of_topic
+                .entry(topic.clone())
+                .or_insert_with(|| (queue, Vec::new()))
+                .1
+                .push(i);
+            places
+                .entry(topic)
+                .or_default()
+                .insert(wanted.path.clone(), i);
+        }
+        let mut out = BufWriter::new(out);
+        let mut names: Vec<String> = vec![STAMP.to_owned(), LOG_TIME.to_owned()];
+        names.extend(columns.wanted.iter().map(|w| quoted(&w.name)));
+        writeln!(out, "{}", names.join(","))?;
+        Ok(Writer {
+            cells: vec![None; columns.wanted.len()],
+            queues: own.iter().map(|_| VecDeque::new()).collect(),
+            columns,
+            out,
+            places,
+            of_topic,
+            waiting: 0,
+            newest: i128::MIN,
+            log_time_stands_in,
+            stood_in: HashMap::new(),
+            topics,
+            rows: 0,
+        })
+    }
+
+    /// The queue whose first row comes next.
+    fn next(&self) -> Option<usize> {
+        let first = |q: &VecDeque<Row>| q.front().map(|r| r.key.unwrap_or(i128::MIN));
+        (0..self.queues.len())
+            .filter_map(|i| Some((first(&self.queues[i])?, i)))
+            .min()
+            .map(|(_, i)| i)
+    }
+
+    /// Rows that nothing can come before any more.
+    fn drain(&mut self, all: bool) -> io::Result<()> {
+        loop {
+            let Some(next) = self.next() else {
+                return Ok(());
+            };
+            let every = self.queues.iter().all(|q| !q.is_empty());
+            let front = self.queues[next].front();
+            let old = front
+                .and_then(|r| r.log_ns)
+                .is_none_or(|ns| self.newest - ns > WINDOW_NS);
+            if !(all || every || old || self.waiting > ROWS_MAX) {
+                return Ok(());
+            }
+            let Some(mut row) = self.queues[next].pop_front() else {
+                return Ok(());
+            };
+            self.waiting -= 1;
+            for queue in &mut self.queues {
+                if row.key.is_some() && queue.front().is_some_and(|r| r.key == row.key) {
+                    // Of one topic two equal stamps stay two rows: one of them is wrong.
+                    let same = queue.front().is_some_and(|r| {
+                        r.cells.iter().any(|c| row.cells.iter().any(|o| o.0 == c.0))
+                    });
+                    if let Some(other) = (!same).then(|| queue.pop_front()).flatten() {
+                        self.waiting -= 1;
+                        row.cells.extend(other.cells);
+                    }
+                }
+            }
+            self.write(&row)?;
+        }
+    }
+
+    fn write(&mut self, row: &Row) -> io::Result<()> {
+        let out = &mut self.out;
+        if let Some(ns) = row.stamp_ns {
+            write!(out, "{ns}")?;
+        }
+        write!(out, ",")?;
+        if let Some(ns) = row.log_ns {
+            write!(out, "{ns}")?;
+        }
+        self.cells.fill(None);
+        for (place, value) in &row.cells {
+            self.cells[*place] = Some(*value);
+        }
+        for cell in &self.cells {
+            match cell {
+                Some(value) if value.is_finite() => write!(out, ",{value}")?,
+                Some(_) => write!(out, ",nan")?,
+                None => write!(out, ",")?,
+            }
+        }
+        writeln!(out)?;
+        self.rows += 1;
+        Ok(())
+    }
+
+    /// The rest of the rows: how many there are, and what was found.
+    pub fn finish(mut self) -> io::Result<(u64, Vec<Finding>)> {
+        self.drain(true)?;
+        self.out.flush()?;
+        let mut findings = Vec::new();
+        let mut stood_in: Vec<(&usize, &u64)> = self.stood_in.iter().collect();
+        stood_in.sort();
+        for (topic, count) in stood_in {
+            findings.push(Finding::warning(
+                "no_stamp",
+                None,
+                format!(
+                    "topic {}: {count} message(s) carry no stamp of their own: the time at which they were recorded stands in its place, and how long they were under way looks like a latency (all by that clock: time.column = \"{LOG_TIME}\")",
+                    self.topics[*topic].topic
+                ),
+            ));
+        }
+        // A table of one topic is read with the map's own words for what is empty.
+        let several = self.columns.topics().len() > 1;
+        for w in self.columns.wanted.iter().filter(|_| several) {
+            let topic = &self.topics[w.topic].topic;
+            for (kind, count, what) in [
+                ("empty_cells", w.absent, "do not hold it"),
+                ("nan", w.not_finite, "hold no finite number"),
+            ] {
+                if count > 0 && w.missing == Missing::Fault {
+                    findings.push(Finding::fault(
+                        kind,
+                        None,
+                        format!(
+                            "column '{}': {count} message(s) of {topic} {what}; where that is no loss, the map says missing = \"skip\" or \"hold\" there",
+                            w.name
+                        ),
+                    ));
+                }
+            }
+        }
+        Ok((self.rows, findings))
+    }
+}
+
+impl<W: Write> Sink for Writer<'_, W> {
+    fn wants(&mut self, topic: &str, schema: &str, _: usize) -> bool {
+        // Lists of transforms become topics of their own.
+        let is_list = schema.ends_with("TFMessage") || schema == "foxglove.FrameTransforms";
+        is_list || self.of_topic.contains_key(topic)
+    }
+
+    fn message(&mut self, message: &Message<'_>) -> io::Result<()> {
+        let Some(places) = self.places.get(message.topic) else {
+            return Ok(());
+        };
+        let Some((queue, own)) = self.of_topic.get(message.topic) else {
+            return Ok(());
+        };
+        let mut cells = Vec::with_capacity(own.len());
+        for (path, value) in message.leaves.numbers() {
+            if let Some(place) = places.get(path) {
+                self.columns.wanted[*place].not_finite += u64::from(!value.is_finite());
+                cells.push((*place, value));
+            }
+        }
+        if cells.len() < own.len() {
+            for place in own {
+                let there = cells.iter().any(|c| c.0 == *place);
+                self.columns.wanted[*place].absent += u64::from(!there);
+            }
+        }
+        let mut stamp_ns = message.stamp_ns;
+        if stamp_ns.is_none() && self.log_time_stands_in {
+            stamp_ns = message.log_ns;
+            if self.columns.has_stamp {
+                let topic = self.columns.wanted[own[0]].topic;
+                *self.stood_in.entry(topic).or_default() += 1;
+            }
+        }
+        let key = if self.columns.by_log_time {
+            message.log_ns
+        } else {
+            stamp_ns
+        };
+        self.newest = self.newest.max(message.log_ns.unwrap_or(i128::MIN));
+        let row = Row {
+            key,
+            stamp_ns,
+            log_ns: message.log_ns,
+            cells,
+        };
+        let queue = *queue;
+        self.queues[queue].push_back(row);
+        self.waiting += 1;
+        self.drain(false)
+    }
+
+    fn other(&mut self, _: &str, _: &str, _: Option<i128>) {}
+}

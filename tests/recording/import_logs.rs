@@ -1,0 +1,347 @@
+//! Logs of other programs: every number as those programs' own readers have it, damage counted, and the way to a log of
+//! ours. `import_logs/make.py` writes the logs and what their readers make of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::support::hydroline;
+use hydroline::import::recorded::Recording;
+use hydroline::import::{Map, Source};
+use serde_json::Value;
+
+/// A Python that has the readers; `None` where it has not (the comparison is skipped, aloud).
+fn python() -> Option<OsString> {
+    let named = std::env::var_os("HYDROLINE_PYTHON");
+    let python = named.clone().unwrap_or_else(|| "python3".into());
+    let tried = Command::new(&python)
+        .args([
+            "-c",
+            "import mcap, rosbags, pymavlink, pyulog, google.protobuf",
+        ])
+        .output();
+    let problem = match tried {
+        Ok(output) if output.status.success() => return Some(python),
+        Ok(output) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+        Err(e) => e.to_string(),
+    };
+    assert!(
+        named.is_none(),
+        "HYDROLINE_PYTHON={} lacks a reader: {problem}; tests/setup --tests installs them",
+        python.display()
+    );
+    crate::inputs::skip(
+        "a python3 with mcap, rosbags, pymavlink and pyulog (tests/setup --tests, or set HYDROLINE_PYTHON)",
+    );
+    None
+}
+
+/// Logs of a kind, in a folder of their own.
+fn made(kind: &str) -> Option<tempfile::TempDir> {
+    let python = python()?;
+    let dir = tempfile::tempdir().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/import_logs/make.py");
+    let out = Command::new(python)
+        .arg(script)
+        .arg(dir.path())
+        .arg(kind)
+        .output()
+        .unwrap();
+    assert!(
+        out.status.success(),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    Some(dir)
+}
+
+/// Messages as their own reader has them, by topic.
+fn expected(log: &Path) -> BTreeMap<String, Vec<Value>> {
+    let mut all: BTreeMap<String, Vec<Value>> = BTreeMap::new();
+    let text = std::fs::read_to_string(format!("{}.jsonl", log.display())).unwrap();
+    for line in text.lines() {
+        let message: Value = serde_json::from_str(line).unwrap();
+        let topic = message["topic"].as_str().unwrap().to_owned();
+        all.entry(topic).or_default().push(message);
+    }
+    all
+}
+
+/// Whether a cell is exactly that number.
+fn is_same(cell: &str, value: &Value) -> bool {
+    match value {
+        Value::String(text) => {
+            cell == text
+                || matches!((cell.parse::<f64>(), text.parse::<f64>()), (Ok(a), Ok(b)) if a == b)
+        }
+        Value::Number(n) => cell == n.to_string(),
+        _ => false,
+    }
+}
+
+/// Every field of every topic, topic by topic; `lost` messages may be missing of each. How many numbers were compared.
+fn compare(log: &Path, lost: usize) -> usize {
+    let recording = Recording::open(log).unwrap().unwrap();
+    let mut compared = 0;
+    for (topic, messages) in expected(log) {
+        let fields: BTreeSet<String> = messages
+            .iter()
+            .flat_map(|m| m["fields"].as_object().unwrap().keys().cloned())
+            .collect();
+        if fields.is_empty() {
+            continue;
+        }
+        // A map of commands may name as many columns as there are.
+        let mut map = "[time]\ncolumn = \"stamp\"\nunit = \"ns\"\n".to_owned();
+        for field in &fields {
+            map += &format!(
+                "[[command]]\nthruster = \"surge\"\nmissing = \"skip\"\ncolumn = \"{topic}.{field}\"\n"
+            );
+        }
+        let map = Map::from_toml(&map, "map").unwrap();
+        let table = recording.table(&map).unwrap();
+        let bad: Vec<_> = table
+            .findings
+            .iter()
+            .filter(|f| f.kind == "column_missing")
+            .collect();
+        assert!(bad.is_empty(), "{bad:?}");
+        let mut text = String::new();
+        table.open().unwrap().read_to_string(&mut text).unwrap();
+        let rows: Vec<Vec<&str>> = text
+            .lines()
+            .skip(1)
+            .map(|l| l.split(',').collect())
+            .collect();
+        assert!(
+            rows.len() <= messages.len() && rows.len() + lost >= messages.len(),
+            "{}: {topic}: {} rows of {} messages",
+            log.display(),
+            rows.len(),
+            messages.len()
+        );
+        let mut next = rows.iter();
+        let mut row = next.next();
+        for message in &messages {
+            let Some(cells) = row else { break };
+            // A message that was lost here is passed over.
+            if lost > 0 && !is_same(cells[1], &message["log_ns"]) {
+                continue;
+            }
+            assert!(
+                is_same(cells[1], &message["log_ns"]),
+                "{topic} {} {message}",
+                cells[1]
+            );
+            if !message["stamp_ns"].is_null() {
+                assert!(
+                    is_same(cells[0], &message["stamp_ns"]),
+                    "{topic} {} {message}",
+                    cells[0]
+                );
+            }
+            for (place, field) in fields.iter().enumerate() {
+                match message["fields"].get(field) {
+                    Some(value) => {
+                        assert!(
+                            is_same(cells[2 + place], value),
+                            "{}: {topic}.{field}: {} here, {value} there",
+                            log.display(),
+                            cells[2 + place]
+                        );
+                        compared += 1;
+                    }
+                    None => assert!(matches!(cells[2 + place], "" | "nan"), "{topic}.{field}"),
+                }
+            }
+            row = next.next();
+        }
+        assert!(
+            row.is_none(),
+            "{topic}: rows that the other reader does not have"
+        );
+    }
+    assert!(compared > 1000, "{compared}");
+    compared
+}
+
+fn unreadable(log: &Path) -> u64 {
+    let recording = Recording::open(log).unwrap().unwrap();
+    let own = recording.contents().unreadable.iter();
+    own.filter(|u| u.what == "damaged records")
+        .map(|u| u.count)
+        .sum()
+}
+
+fn run(words: &[&str]) -> Output {
+    hydroline().args(words).output().unwrap()
+}
+
+fn words(out: &Output) -> String {
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&out.stdout),
+        String::from_utf8_lossy(&out.stderr)
+    )
+}
+
+/// Guesses a map, imports with it unchanged; the samples of motion that were written and what was said.
+fn guessed(log: &Path, more: &[&str]) -> (usize, String) {
+    let (map, out): (PathBuf, PathBuf) = (log.with_extension("map"), log.with_extension("run"));
+    let log = log.to_str().unwrap();
+    let mut line = vec!["import", "--guess", log];
+    line.extend(more);
+    let guess = run(&line);
+    assert_eq!(guess.status.code(), Some(0), "{}", words(&guess));
+    std::fs::write(&map, &guess.stdout).unwrap();
+    let done = run(&[
+        "import",
+        log,
+        "--map",
+        map.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+        "--json",
+    ]);
+    assert_eq!(
+        done.status.code(),
+        Some(0),
+        "{}\n{}",
+        String::from_utf8_lossy(&guess.stdout),
+        words(&done)
+    );
+    let found: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let samples = found["samples"].as_u64().unwrap() as usize;
+    std::fs::remove_file(&out).unwrap();
+    (samples, words(&guess))
+}
+
+#[test]
+fn ros2_bags_are_read_as_rosbags_reads_them() {
+    let Some(dir) = made("ros2") else { return };
+    for name in [
+        "none.mcap",
+        "lz4.mcap",
+        "zstd.mcap",
+        "bag_db3",
+        "bag_db3_old",
+        "bag_mcap",
+    ] {
+        let log = dir.path().join(name);
+        println!("{name}: {} numbers", compare(&log, 0));
+        let (samples, said) = guessed(&log, &["--topic", "/odom"]);
+        assert_eq!(samples, 150, "{said}");
+        // Several topics: those of equal stamps share a row, a load without a stamp goes by the recording's clock.
+        let (samples, said) = guessed(&log, &[]);
+        assert!(samples >= 150, "{said}");
+        assert!(said.contains("/cmd/surge"), "{said}");
+    }
+}
+
+#[test]
+fn messages_with_their_schemas_are_read() {
+    let Some(dir) = made("foxglove") else { return };
+    let log = dir.path().join("foxglove.mcap");
+    compare(&log, 0);
+    let (samples, said) = guessed(&log, &[]);
+    assert_eq!(samples, 150, "{said}");
+}
+
+#[test]
+fn dataflash_is_read_as_pymavlink_reads_it_and_damage_is_counted() {
+    let Some(dir) = made("dataflash") else { return };
+    let (clean, damaged) = (dir.path().join("clean.bin"), dir.path().join("damaged.bin"));
+    println!("{} numbers", compare(&clean, 0));
+    assert_eq!(unreadable(&clean), 0);
+    compare(&damaged, 0);
+    // Two places in between, and the record that the file ends in.
+    assert_eq!(unreadable(&damaged), 3);
+    let (samples, said) = guessed(&clean, &[]);
+    assert!(samples > 700, "{said}");
+    assert_is_damaged(&damaged, "ATT.Roll", "deg");
+}
+
+#[test]
+fn telemetry_is_read_as_pymavlink_reads_it_and_damage_is_counted() {
+    let Some(dir) = made("telemetry") else { return };
+    let (clean, damaged) = (
+        dir.path().join("clean.tlog"),
+        dir.path().join("damaged.tlog"),
+    );
+    println!("{} numbers", compare(&clean, 0));
+    assert_eq!(unreadable(&clean), 0);
+    compare(&damaged, 0);
+    assert_eq!(unreadable(&damaged), 2);
+    let (samples, said) = guessed(
+        &clean,
+        &["--topic", "ATTITUDE", "--topic", "LOCAL_POSITION_NED"],
+    );
+    assert!(samples >= 150, "{said}");
+    assert_is_damaged(&damaged, "ATTITUDE.roll", "rad");
+}
+
+#[test]
+fn ulog_is_read_as_pyulog_reads_it_and_damage_is_counted() {
+    let Some(dir) = made("ulog") else { return };
+    let (clean, damaged) = (dir.path().join("clean.ulg"), dir.path().join("damaged.ulg"));
+    println!("{} numbers", compare(&clean, 0));
+    assert_eq!(unreadable(&clean), 0);
+    compare(&damaged, 0);
+    assert_eq!(unreadable(&damaged), 1);
+    let (samples, said) = guessed(&clean, &[]);
+    assert!(samples >= 150, "{said}");
+    assert_is_damaged(&damaged, "vehicle_local_position.x", "m");
+}
+
+/// Damage is a fault; what is sound comes in when it is accepted, with exit code 3.
+fn assert_is_damaged(log: &Path, column: &str, unit: &str) {
+    let place = if unit == "m" { "x_m" } else { "phi_rad" };
+    let (map, out) = (log.with_extension("map"), log.with_extension("run"));
+    std::fs::write(
+        &map,
+        format!("[time]\ncolumn = \"stamp\"\nunit = \"ns\"\n[motion.{place}]\ncolumn = \"{column}\"\nunit = \"{unit}\"\n"),
+    )
+    .unwrap();
+    let line = [
+        "import",
+        log.to_str().unwrap(),
+        "--map",
+        map.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    let refused = run(&line);
+    assert_eq!(refused.status.code(), Some(2), "{}", words(&refused));
+    assert!(
+        words(&refused).contains("damaged_records"),
+        "{}",
+        words(&refused)
+    );
+    let accepted = run(&[&line[..], &["--accept-faults"]].concat());
+    assert_eq!(accepted.status.code(), Some(3), "{}", words(&accepted));
+}
+
+#[test]
+fn info_lists_what_a_map_can_name() {
+    let Some(dir) = made("ulog") else { return };
+    let log = dir.path().join("clean.ulg");
+    let said = run(&["info", log.to_str().unwrap()]);
+    assert_eq!(said.status.code(), Some(0));
+    for word in ["PX4", "vehicle_attitude[1]", "q[0]", "150 messages"] {
+        assert!(words(&said).contains(word), "{word}: {}", words(&said));
+    }
+    let json = run(&["info", log.to_str().unwrap(), "--json"]);
+    let found: Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(found["topics"][0]["topic"], "vehicle_local_position");
+    let wrong = run(&[
+        "import",
+        "--guess",
+        log.to_str().unwrap(),
+        "--topic",
+        "vehicle_pose",
+    ]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(words(&wrong).contains("name one of"), "{}", words(&wrong));
+}
