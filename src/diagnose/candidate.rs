@@ -33,7 +33,7 @@ pub struct Candidate {
 /// Every effect that is not already switched on and that a measured pose can show.
 pub fn vocabulary(dof: Dof, on: &[CheckedEffect]) -> Vec<Candidate> {
     ALL.iter()
-        .filter(|info| !in_images_only(info) && !info.is_a_table())
+        .filter(|info| !in_images_only(info) && !info.is_written())
         .filter_map(|info| Candidate::new(info, dof))
         .filter(|c| {
             !on.iter()
@@ -268,12 +268,13 @@ mod tests {
             .filter(|i| !all.iter().any(|c| c.info.id == i.id))
             .map(|i| i.id)
             .collect();
-        // The first has no parameter to find, the second is a table, the others show in images alone.
+        // The first has no parameter to find, the next two are what data wrote, the others show in images alone.
         assert_eq!(
             left_out,
             [
                 "added_mass_coupling",
                 "free_force",
+                "written_force",
                 "refraction",
                 "lens_distortion",
                 "camera_shift",

@@ -408,6 +408,31 @@ pub fn search(
     })
 }
 
+/// Goes on from models that joined a search, beside what was expanded; `expanded` = what was there before.
+pub(super) fn resumed(
+    found: Found,
+    expanded: BTreeSet<Vec<usize>>,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Found {
+    let mut search = Search {
+        problem: found.problem,
+        models: found.models,
+        expanded,
+        fits: found.fits,
+        cost: 0,
+        options,
+        progress,
+    };
+    search.run();
+    Found {
+        given_up: search.not_followed(),
+        problem: search.problem,
+        models: search.models,
+        fits: search.fits,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

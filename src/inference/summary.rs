@@ -18,6 +18,10 @@ const START_STEPS: usize = 6;
 /// On the diagonal of a projection: derivatives that do the same are one.
 const JITTER: f64 = 1e-10;
 
+/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
+/// coefficient that is fitted too costs.
+const WORSE: f64 = 0.1;
+
 /// rms per channel; NaN = not measured or not of a DOF that moves.
 pub type Rms = [f64; 12];
 
@@ -312,6 +316,22 @@ impl Problem {
             self.only(&[out]).foretell(&made)?.pop()
         });
         each.collect()
+    }
+
+    /// Whether a model foretells runs left out worse than another: rms of (that one, this one).
+    pub fn is_worse(&self, before: &Rms, after: &Rms) -> bool {
+        let size = |rms: &Rms| -> f64 {
+            let each = self.noises.channels.iter().enumerate();
+            each.filter_map(|(c, noise)| {
+                let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
+                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
+            })
+            .sum()
+        };
+        let (before, after) = (size(before), size(after));
+        // Within noise and tolerance nobody is worse.
+        let channels = self.noises.channels.iter().flatten().count() as f64;
+        after > channels && after > (1.0 + WORSE) * before
     }
 
     /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.

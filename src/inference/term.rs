@@ -39,6 +39,15 @@ pub enum Kind {
         /// DOF in which it acts.
         dof: usize,
     },
+    /// The same written down as an expression of that covariate.
+    Form {
+        /// DOF in which it acts.
+        dof: usize,
+        /// The table that it stands for.
+        table: usize,
+        /// Log prior odds of it over that table.
+        ln_odds: f64,
+    },
     /// The law of another candidate is only nearly the library's: its first number varies along a covariate.
     Trend {
         /// That candidate.
@@ -140,7 +149,7 @@ pub fn in_images_only(info: &'static EffectInfo) -> bool {
 /// Every effect at every place where it may act, but those that are switched on already.
 pub fn candidates(ground: &Ground<'_>, on: &[CheckedEffect]) -> Vec<Candidate> {
     let mut all = Vec::new();
-    for info in ALL.iter().filter(|i| !i.is_a_table() && !in_images_only(i)) {
+    for info in ALL.iter().filter(|i| !i.is_written() && !in_images_only(i)) {
         for words in choices(info.words, ground) {
             if is_own_square(info.words, &words) || is_lift(info, &words, ground) {
                 continue;

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
-use hydroline_inference::summary::Rms;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 use hydroline_rigs::Dof;
 
@@ -20,10 +19,6 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
-/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
-/// coefficient that is fitted too costs.
-const WORSE: f64 = 0.1;
-
 /// What is left in a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
@@ -131,6 +126,7 @@ impl Judged<'_> {
             force_at: Vec::new(),
             force_sd: Vec::new(),
             log_bayes_factor: f64::NAN,
+            closed_form: None,
         })
         .collect()
     }
@@ -186,23 +182,7 @@ impl Judged<'_> {
 
     /// Whether runs left out are foretold worse than by the vehicle alone.
     pub fn foretells_worse(&self) -> bool {
-        let Some((before, after)) = self.one_run_out.as_ref().map(|f| &f.rms) else {
-            return false;
-        };
-        let size = |rms: &Rms| -> f64 {
-            let each = self.found.problem.noises.channels.iter().enumerate();
-            each.filter_map(|(c, noise)| {
-                let least = noise
-                    .as_ref()?
-                    .total_sd()
-                    .max(self.found.problem.body.tolerance[c]);
-                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
-            })
-            .sum()
-        };
-        let (before, after) = (size(before), size(after));
-        // Within noise and tolerance nobody is worse.
-        let channels = self.found.problem.noises.channels.iter().flatten().count() as f64;
-        after > channels && after > (1.0 + WORSE) * before
+        let foretold = self.one_run_out.as_ref().map(|f| &f.rms);
+        foretold.is_some_and(|(before, after)| self.found.problem.is_worse(before, after))
     }
 }

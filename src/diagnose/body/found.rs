@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::data::Run;
+use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::search::Found;
@@ -67,6 +68,8 @@ pub struct Judged<'a> {
     pub one_run_out: Option<Foretold>,
     /// What the likeliest model leaves, channel by channel.
     pub left: Vec<Left>,
+    /// Forces without a name that were written down.
+    pub closed: &'a [Closed],
     /// Forces without a name that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
@@ -75,6 +78,7 @@ impl<'a> Judged<'a> {
     pub fn new(
         found: &'a Found,
         posterior: &'a Posterior,
+        closed: &'a [Closed],
         held: &[Run],
         rig: &Rig,
     ) -> Option<Judged<'a>> {
@@ -105,6 +109,7 @@ impl<'a> Judged<'a> {
         let mut made = Judged {
             found,
             posterior,
+            closed,
             best,
             alone,
             weights,
@@ -182,7 +187,9 @@ impl<'a> Judged<'a> {
     pub fn id(&self, term: usize) -> String {
         let c = &self.found.problem.body.candidates[term];
         match c.kind {
-            Kind::Force { dof } => format!("a force without a name in {}", Dof::ALL[dof].name()),
+            Kind::Force { dof } | Kind::Form { dof, .. } => {
+                format!("a force without a name in {}", Dof::ALL[dof].name())
+            }
             _ => c.info.id.to_owned(),
         }
     }

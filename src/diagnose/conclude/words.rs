@@ -83,6 +83,7 @@ pub fn unexplained(setting: &Setting, found: &Explanation) -> Option<Unexplained
         force_at: f.amplitudes.clone(),
         force_sd: f.sds.clone(),
         log_bayes_factor: f.gain,
+        closed_form: None,
     })
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Regime, Shown, Trace};
 use crate::family::Variable;
+use crate::verdict::Unexplained;
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 const BEFORE: Colour = Colour::VERMILLION;
@@ -126,6 +127,31 @@ fn unit(variable: Variable, linear: bool) -> &'static str {
             _,
         ) => "s",
     }
+}
+
+/// A force without a name over its variable: the table with its band, and the likeliest closed form.
+pub(super) fn without_a_name(u: &Unexplained) -> Figure {
+    let linear = ["x", "y", "z", "u", "v", "w"].iter();
+    let mut linear = linear.filter(|c| u.channel.starts_with(&format!("{c}_")));
+    let load = match linear.next() {
+        Some(_) => "force [N]",
+        None => "moment [N m]",
+    };
+    let within_sd = u.knots.iter().zip(u.force_at.iter().zip(&u.force_sd));
+    let within_sd = within_sd.map(|(x, (a, sd))| [*x, a - sd, a + sd]).collect();
+    let title = format!("force without a name over {}", u.depends_on);
+    let mut panel = Panel::new(
+        title.clone(),
+        Axis::new(u.depends_on.clone()),
+        Axis::new(load),
+    )
+    .height(160.0)
+    .ribbon("table, one sd", Colour::GREY, within_sd)
+    .line("table", BEFORE, points(&u.knots, &u.force_at));
+    if let Some(f) = u.closed_form.as_ref().filter(|f| !f.force_at.is_empty()) {
+        panel = panel.line("closed form", STRONG, points(&u.knots, &f.force_at));
+    }
+    Figure::stack(title, vec![panel])
 }
 
 /// The force that explains most of what the model without effects misses, over its variable.

@@ -1,0 +1,330 @@
+//! The closed form of a force without a name: the simplest expression of its covariate that the data want instead of a table.
+//!
+//! Of the likeliest model that holds a table, what the data say of the table's points ranks all forms (`rank`) that the
+//! grammar has (`grammar`). The best are fitted to the data in the table's place, by the fit and the score that every model
+//! has, and compete with the table, which stands for every form that the grammar does not have. Where a form is likely
+//! by the evidence it has to foretell runs left out as well as the table does; then it joins the models, and the search
+//! goes on beside it.
+//!
+//! References: Schmidt and Lipson 2009 (laws from data); Duvenaud and others 2013 (Gaussian process to structure).
+
+mod grammar;
+mod rank;
+#[cfg(test)]
+mod tests;
+
+use rayon::prelude::*;
+
+use hydroline_sim::effect::along::{COVARIATES, POINTS};
+use hydroline_sim::effect::{EffectInfo, find};
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::belief::Belief;
+use super::equations::Equations;
+use super::fit::{Effort, Fit, Problem};
+use super::posterior::{Posterior, UNNAMED};
+use super::search::{Found, Options, resumed};
+use super::summary::Rms;
+use super::table::precision;
+use super::term::{Candidate, Kind};
+use grammar::Along;
+use rank::{Likelihood, Ranked, ranked};
+
+/// Probability from which a form stands in a table's place.
+const STANDS: f64 = 0.95;
+/// Odds within which forms are told beside the likeliest.
+const ODDS: f64 = 20.0;
+/// Share of a DOF's unnamed force from which a covariate's table is written down.
+const SHARE: f64 = 0.2;
+/// Forms fitted per table, and log odds below the best of the ranking at which none is: it is made at the table's own
+/// place, not at the form's.
+const FITTED: usize = 6;
+/// See there.
+const BELOW: f64 = 9.0;
+/// Share of a search's cost for which it goes on beside the forms.
+const GOES_ON: usize = 6;
+
+/// A form fitted to the data.
+#[derive(Debug, Clone)]
+pub struct Form {
+    /// Its model.
+    pub fit: Fit,
+    /// Its candidate.
+    pub candidate: usize,
+    /// Probability among all forms of this table and the table itself.
+    pub probability: f64,
+}
+
+/// What a table was written down as.
+#[derive(Debug, Clone)]
+pub struct Closed {
+    /// The table's candidate.
+    pub table: usize,
+    /// Forms within odds of 20 of the likeliest, the table among what they are held against; likeliest first.
+    pub forms: Vec<Form>,
+    /// Probability that it has no form of the grammar.
+    pub none: f64,
+    /// Its forms stand in its place: together they are likely, and foretell runs left out as well as the table does.
+    pub stands: bool,
+    /// Runs left out: (the likeliest form, the table); `None` where that was not asked.
+    pub left_out: Option<(Rms, Rms)>,
+}
+
+/// Writes down the forces without a name that a search found.
+pub fn closed(
+    mut found: Found,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> (Found, Vec<Closed>) {
+    let Some(info) = find("written_force") else {
+        return (found, Vec::new());
+    };
+    let visited = found.models.keys().cloned().collect();
+    let mut made = Vec::new();
+    for (table, terms) in tables(&found) {
+        let Some(fit) = found.models.get(&terms).cloned() else {
+            continue;
+        };
+        progress(&format!(
+            "closed form of {}",
+            found.problem.body.candidates[table].name()
+        ));
+        if let Some(one) = one(&mut found, info, table, &fit) {
+            if one.stands {
+                let forms = one.forms.iter().map(|f| &f.fit);
+                let fits = forms.map(|f| (f.terms.clone(), f.clone()));
+                found.models.extend(fits);
+            }
+            made.push(one);
+        }
+    }
+    if made.iter().any(|m| m.stands) {
+        let options = Options {
+            cost: options.cost / GOES_ON,
+            ..options
+        };
+        found = resumed(found, visited, options, progress);
+    }
+    (found, made)
+}
+
+/// Tables that are likely, each with the likeliest model that holds it.
+fn tables(found: &Found) -> Vec<(usize, Vec<usize>)> {
+    let posterior = Posterior::new(found);
+    let all = &found.problem.body.candidates;
+    let dof = |c: usize| match all[c].kind {
+        Kind::Force { dof } => Some(dof),
+        _ => None,
+    };
+    let of = |wanted: usize| {
+        let any = |m: &&(Vec<usize>, f64)| m.0.iter().any(|t| dof(*t) == Some(wanted));
+        posterior
+            .models
+            .iter()
+            .filter(any)
+            .map(|m| m.1)
+            .sum::<f64>()
+    };
+    let mut made = Vec::new();
+    for e in &posterior.effects {
+        let Some(d) = dof(e.candidate) else { continue };
+        let whole = of(d);
+        if whole < UNNAMED || e.probability < SHARE * whole {
+            continue;
+        }
+        let holds = |m: &&(Vec<usize>, f64)| m.0.contains(&e.candidate);
+        if let Some((terms, _)) = posterior.models.iter().find(holds) {
+            made.push((e.candidate, terms.clone()));
+        }
+    }
+    made
+}
+
+/// One table, beside the model that holds it.
+fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) -> Option<Closed> {
+    let problem = &mut found.problem;
+    let member = fit.terms.iter().position(|t| *t == table)?;
+    let of = &problem.body.candidates[table];
+    let (Kind::Force { dof }, Some((covariate, range))) = (of.kind, of.along) else {
+        return None;
+    };
+    let (unit, median) = problem.unit(table)?;
+    let along = Along {
+        dof,
+        covariate,
+        range,
+        force: unit * median,
+    };
+    let likelihood = problem.of_table(fit, member)?;
+    let prior = problem.body.prior;
+    let mut forms = ranked(&along, &likelihood, prior.second_piece);
+    let best = forms.first()?.ln_score();
+    forms.retain(|f| f.ln_score() > best - BELOW);
+    forms.truncate(FITTED);
+    let cell = fit.cells.table(table);
+    let own = likelihood.of_table(&problem.table_precision(table, cell)?);
+    let first = problem.body.candidates.len();
+    for f in &forms {
+        tracing::debug!("form {} against the table's {own:?}", told(f));
+        let ln_odds = (prior.closed / (1.0 - prior.closed)).ln() + f.ln_prior;
+        let made = candidate(
+            info,
+            &along,
+            f,
+            Kind::Form {
+                dof,
+                table,
+                ln_odds,
+            },
+        );
+        problem.body.candidates.push(made);
+    }
+    let (terms, point) = problem.without(fit, member);
+    let bare = Fit {
+        terms,
+        point,
+        ..fit.clone()
+    };
+    let problem = &found.problem;
+    let fits: Vec<(usize, Fit)> = forms
+        .par_iter()
+        .enumerate()
+        .filter_map(|(k, f)| {
+            let candidate = first + k;
+            let (terms, point) = problem.with(&bare, candidate, &f.numbers());
+            let made = problem.fit(&terms, &point, fit.cells.clone(), Effort::default())?;
+            tracing::debug!(
+                "fitted {} {:.1} against {:.1} {:?}",
+                told(f),
+                made.ln_score,
+                fit.ln_score,
+                made.cells.misfit[dof]
+            );
+            Some((candidate, made))
+        })
+        .collect();
+    found.fits += fits.len();
+    let top = fits
+        .iter()
+        .map(|f| f.1.ln_score)
+        .fold(fit.ln_score, f64::max);
+    let share = |score: f64| (score - top).exp();
+    let sum = share(fit.ln_score) + fits.iter().map(|f| share(f.1.ln_score)).sum::<f64>();
+    let mut forms: Vec<Form> = fits
+        .into_iter()
+        .map(|(candidate, fit)| Form {
+            probability: share(fit.ln_score) / sum,
+            candidate,
+            fit,
+        })
+        .filter(|f| f.probability * ODDS > 1.0 / sum)
+        .collect();
+    forms.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let none = share(fit.ln_score) / sum;
+    let mut made = Closed {
+        table,
+        none,
+        stands: 1.0 - none >= STANDS && !forms.is_empty(),
+        forms,
+        left_out: None,
+    };
+    // With one run alone there is none to leave out.
+    if made.stands && problem.body.recording.runs.len() > 1 {
+        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?));
+        let form = rms(&made.forms.first()?.fit);
+        made.left_out = form.zip(rms(fit));
+        made.stands = made
+            .left_out
+            .is_some_and(|(form, table)| !problem.is_worse(&table, &form));
+    }
+    Some(made)
+}
+
+fn told(f: &Ranked) -> String {
+    let names = f.pieces.each_ref();
+    let names = names.map(|p| hydroline_sim::effect::form::FORMS[p.form]);
+    format!("{names:?} {:.4?} {:.1}", f.numbers(), f.ln_score())
+}
+
+fn candidate(info: &'static EffectInfo, along: &Along, form: &Ranked, kind: Kind) -> Candidate {
+    let [first, second] = form.pieces.each_ref();
+    Candidate {
+        kind,
+        info,
+        words: vec![along.dof, along.covariate, first.form, second.form, 0],
+        fixed: Vec::new(),
+        along: None,
+        scales: [first.scales, second.scales].concat(),
+        starts: vec![form.numbers().to_vec()],
+        nothing: 0.0,
+        linear: Vec::new(),
+        own: false,
+    }
+}
+
+impl Candidate {
+    /// Name of the covariate of a force without a name, be it a table or a form.
+    pub fn runs_along(&self) -> Option<&'static str> {
+        match self.kind {
+            Kind::Form { .. } => self.word("along"),
+            Kind::Force { .. } => COVARIATES.get(self.along?.0).copied(),
+            _ => None,
+        }
+    }
+
+    /// DOF of a force without a name.
+    pub fn unnamed_in(&self) -> Option<usize> {
+        match self.kind {
+            Kind::Force { dof } | Kind::Form { dof, .. } => Some(dof),
+            _ => None,
+        }
+    }
+}
+
+impl Problem {
+    /// What the data say of a table's points, all other numbers of the model integrated out about where it is.
+    fn of_table(&self, fit: &Fit, member: usize) -> Option<Likelihood> {
+        let all = self.simulate(&fit.terms, &fit.point)?;
+        let belief = self.belief(&fit.terms);
+        let table = fit.terms[member];
+        // Of this table the data alone.
+        let others = Belief {
+            blocks: belief
+                .blocks
+                .into_iter()
+                .filter(|b| b.candidate != table)
+                .collect(),
+            densities: belief.densities,
+        };
+        let mut equations = Equations::new(self, fit.point.len());
+        let (information, gradient, _) = equations.sum(&all, &fit.cells, &others, &fit.point);
+        let first = self.body.places(&fit.terms)[member];
+        let mine = |i: &usize| (first..first + POINTS).contains(i);
+        let (own, rest): (Vec<usize>, Vec<usize>) = (0..fit.point.len()).partition(mine);
+        let part = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
+                information[(rows[i], columns[j])]
+            })
+        };
+        let of =
+            |rows: &[usize]| DVector::from_iterator(rows.len(), rows.iter().map(|i| gradient[*i]));
+        let root = Cholesky::new(part(&rest, &rest))?;
+        let across = part(&rest, &own);
+        let solved = root.solve(&across);
+        let mut left = part(&own, &own) - across.tr_mul(&solved);
+        // What rounding leaves of its symmetry.
+        left = (&left + left.transpose()) * 0.5;
+        let slope = of(&own) - solved.tr_mul(&of(&rest));
+        let here = DVector::from_iterator(POINTS, own.iter().map(|i| fit.point[*i]));
+        Some(Likelihood {
+            slope: slope + &left * here,
+            information: left,
+        })
+    }
+
+    fn table_precision(&self, table: usize, cell: super::table::TableCell) -> Option<DMatrix<f64>> {
+        let (unit, _) = self.unit(table)?;
+        let sd = unit * super::table::SIZES[cell.size];
+        Some(precision(cell.length) / (sd * sd))
+    }
+}
