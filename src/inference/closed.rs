@@ -16,6 +16,7 @@ mod tests;
 use rayon::prelude::*;
 
 use hydroline_sim::effect::along::{COVARIATES, POINTS};
+use hydroline_sim::effect::written_force::is_a_rate;
 use hydroline_sim::effect::{EffectInfo, find};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -25,9 +26,8 @@ use super::fit::{Effort, Fit, Problem};
 use super::posterior::{Posterior, UNNAMED};
 use super::search::{Found, Options, resumed};
 use super::summary::Rms;
-use super::table::precision;
 use super::term::{Candidate, Kind};
-use grammar::Along;
+use grammar::{Along, held};
 use rank::{Likelihood, Ranked, ranked};
 
 /// Probability from which a form stands in a table's place.
@@ -140,6 +140,15 @@ fn tables(found: &Found) -> Vec<(usize, Vec<usize>)> {
     made
 }
 
+/// A form to be fitted.
+struct Draft {
+    ranked: Ranked,
+    /// What it is multiplied by, by its place among the simulator's words, and the rate at which that is one.
+    times: (usize, f64),
+    /// Log prior odds over the table.
+    ln_odds: f64,
+}
+
 /// One table, beside the model that holds it.
 fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) -> Option<Closed> {
     let problem = &mut found.problem;
@@ -161,58 +170,63 @@ fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) ->
     let best = forms.first()?.ln_score();
     forms.retain(|f| f.ln_score() > best - BELOW);
     forms.truncate(FITTED);
-    let cell = fit.cells.table(table);
-    let own = likelihood.of_table(&problem.table_precision(table, cell)?);
-    let first = problem.body.candidates.len();
-    for f in &forms {
-        tracing::debug!("form {} against the table's {own:?}", told(f));
-        let ln_odds = (prior.closed / (1.0 - prior.closed)).ln() + f.ln_prior;
-        let made = candidate(
-            info,
-            &along,
-            f,
-            Kind::Form {
-                dof,
-                table,
-                ln_odds,
-            },
-        );
-        problem.body.candidates.push(made);
-    }
-    let (terms, point) = problem.without(fit, member);
-    let bare = Fit {
-        terms,
-        point,
-        ..fit.clone()
+    let ln_odds = (prior.closed / (1.0 - prior.closed)).ln();
+    let factors = problem.factors(&along);
+    let plain = if factors.is_empty() {
+        0.0
+    } else {
+        (1.0 - prior.product).ln()
     };
-    let problem = &found.problem;
-    let fits: Vec<(usize, Fit)> = forms
-        .par_iter()
-        .enumerate()
-        .filter_map(|(k, f)| {
-            let candidate = first + k;
-            let (terms, point) = problem.with(&bare, candidate, &f.numbers());
-            let made = problem.fit(&terms, &point, fit.cells.clone(), Effort::default())?;
-            tracing::debug!(
-                "fitted {} {:.1} against {:.1} {:?}",
-                told(f),
-                made.ln_score,
-                fit.ln_score,
-                made.cells.misfit[dof]
-            );
-            Some((candidate, made))
+    let drafts: Vec<Draft> = forms
+        .into_iter()
+        .map(|ranked| Draft {
+            ln_odds: ln_odds + plain + ranked.ln_prior,
+            ranked,
+            times: (0, 1.0),
         })
         .collect();
+    let bare = {
+        let (terms, point) = problem.without(fit, member);
+        Fit {
+            terms,
+            point,
+            ..fit.clone()
+        }
+    };
+    let mut fits = problem.fitted(info, table, &along, &bare, &drafts);
+    // The likeliest once more, times a rate.
+    let likeliest = fits
+        .iter()
+        .max_by(|a, b| a.2.ln_score.total_cmp(&b.2.ln_score))?
+        .0;
+    let share = prior.product.ln() - (factors.len().max(1) as f64).ln();
+    let products: Vec<Draft> = factors
+        .into_iter()
+        .map(|times| {
+            let ranked = drafts[likeliest].ranked.clone();
+            Draft {
+                ln_odds: ln_odds + share + ranked.ln_prior,
+                ranked,
+                times,
+            }
+        })
+        .collect();
+    fits.extend(problem.fitted(info, table, &along, &bare, &products));
     found.fits += fits.len();
+    Some(judged(&found.problem, table, fit, fits))
+}
+
+/// Forms against each other and the table; `fit` = the model with the table.
+fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, Fit)>) -> Closed {
     let top = fits
         .iter()
-        .map(|f| f.1.ln_score)
+        .map(|f| f.2.ln_score)
         .fold(fit.ln_score, f64::max);
     let share = |score: f64| (score - top).exp();
-    let sum = share(fit.ln_score) + fits.iter().map(|f| share(f.1.ln_score)).sum::<f64>();
+    let sum = share(fit.ln_score) + fits.iter().map(|f| share(f.2.ln_score)).sum::<f64>();
     let mut forms: Vec<Form> = fits
         .into_iter()
-        .map(|(candidate, fit)| Form {
+        .map(|(_, candidate, fit)| Form {
             probability: share(fit.ln_score) / sum,
             candidate,
             fit,
@@ -231,13 +245,12 @@ fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) ->
     // With one run alone there is none to leave out.
     if made.stands && problem.body.recording.runs.len() > 1 {
         let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?));
-        let form = rms(&made.forms.first()?.fit);
-        made.left_out = form.zip(rms(fit));
+        made.left_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
         made.stands = made
             .left_out
             .is_some_and(|(form, table)| !problem.is_worse(&table, &form));
     }
-    Some(made)
+    made
 }
 
 fn told(f: &Ranked) -> String {
@@ -246,16 +259,18 @@ fn told(f: &Ranked) -> String {
     format!("{names:?} {:.4?} {:.1}", f.numbers(), f.ln_score())
 }
 
-fn candidate(info: &'static EffectInfo, along: &Along, form: &Ranked, kind: Kind) -> Candidate {
+fn candidate(info: &'static EffectInfo, along: &Along, draft: &Draft, kind: Kind) -> Candidate {
+    let form = &draft.ranked;
     let [first, second] = form.pieces.each_ref();
+    let (times, at) = draft.times;
     Candidate {
         kind,
         info,
-        words: vec![along.dof, along.covariate, first.form, second.form, 0],
+        words: vec![along.dof, along.covariate, first.form, second.form, times],
         fixed: Vec::new(),
         along: None,
-        scales: [first.scales, second.scales].concat(),
-        starts: vec![form.numbers().to_vec()],
+        scales: [&first.scales[..], &second.scales, &[held(at)]].concat(),
+        starts: vec![[&form.numbers()[..], &[at]].concat()],
         nothing: 0.0,
         linear: Vec::new(),
         own: false,
@@ -282,6 +297,59 @@ impl Candidate {
 }
 
 impl Problem {
+    /// What a form may be multiplied by: each rate that moves, its size, its sign, but for that along which it runs; with
+    /// the rate at which the factor is one.
+    fn factors(&self, along: &Along) -> Vec<(usize, f64)> {
+        const RATES: usize = 6;
+        let tables = self.body.candidates.iter().filter_map(|c| match c.kind {
+            Kind::Force { dof } if dof == along.dof => c.along,
+            _ => None,
+        });
+        let rates = tables.filter(|(c, _)| is_a_rate(*c) && *c != along.covariate);
+        rates
+            .flat_map(|(c, (low, high))| {
+                let at = 0.5 * low.abs().max(high.abs());
+                let rate = c - RATES;
+                [0, 1, 2].map(|kind| (1 + kind * RATES + rate, at))
+            })
+            .collect()
+    }
+
+    /// Forms in a table's place: (which draft, its candidate, its fit); they join the candidates.
+    fn fitted(
+        &mut self,
+        info: &'static EffectInfo,
+        table: usize,
+        along: &Along,
+        bare: &Fit,
+        drafts: &[Draft],
+    ) -> Vec<(usize, usize, Fit)> {
+        let first = self.body.candidates.len();
+        for d in drafts {
+            let kind = Kind::Form {
+                dof: along.dof,
+                table,
+                ln_odds: d.ln_odds,
+            };
+            self.body.candidates.push(candidate(info, along, d, kind));
+        }
+        let fit = |k: usize| {
+            let candidate = first + k;
+            let start = &self.body.candidates[candidate].starts[0];
+            let (terms, point) = self.with(bare, candidate, start);
+            let made = self.fit(&terms, &point, bare.cells.clone(), Effort::default())?;
+            tracing::debug!(
+                "fitted {} times {:?}: {:.1} {:?}",
+                told(&drafts[k].ranked),
+                drafts[k].times,
+                made.ln_score,
+                made.cells.misfit[along.dof]
+            );
+            Some((k, candidate, made))
+        };
+        (0..drafts.len()).into_par_iter().filter_map(fit).collect()
+    }
+
     /// What the data say of a table's points, all other numbers of the model integrated out about where it is.
     fn of_table(&self, fit: &Fit, member: usize) -> Option<Likelihood> {
         let all = self.simulate(&fit.terms, &fit.point)?;
@@ -320,11 +388,5 @@ impl Problem {
             slope: slope + &left * here,
             information: left,
         })
-    }
-
-    fn table_precision(&self, table: usize, cell: super::table::TableCell) -> Option<DMatrix<f64>> {
-        let (unit, _) = self.unit(table)?;
-        let sd = unit * super::table::SIZES[cell.size];
-        Some(precision(cell.length) / (sd * sd))
     }
 }

@@ -35,6 +35,8 @@ pub struct PriorTable {
     pub closed: f64,
     /// Probability that such a form is a sum of two pieces: most are one.
     pub second_piece: f64,
+    /// Probability that it is multiplied by a rate, or by the size or the sign of one: a few are.
+    pub product: f64,
     /// Probability that the law of an effect is only nearly the library's: a table's laws are idealised, most fit.
     pub inexact: f64,
     /// Median of the share by which such a law's number varies (half-Cauchy).
@@ -55,6 +57,7 @@ impl Default for PriorTable {
             unnamed_over_tolerance: 3.0,
             closed: 0.5,
             second_piece: 0.25,
+            product: 0.2,
             inexact: 0.3,
             inexact_share: 0.3,
         }

@@ -82,6 +82,7 @@ fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
 }
 
 /// Precision of a table of unit size with this length, by its place.
+#[cfg(test)]
 pub(super) fn precision(length: usize) -> DMatrix<f64> {
     kernels(false)[length].precision.clone()
 }

@@ -23,6 +23,7 @@ pub const FORMS: &[&str] = &[
     "step",
     "even_step",
     "odd_step",
+    "odd_saturation",
     "decay",
     "even_decay",
     "odd_decay",
@@ -62,6 +63,8 @@ pub enum Shape {
     Bump,
     /// a (1 + tanh((s - b) / w)) / 2.
     Step,
+    /// a tanh((s - b) / w).
+    Saturation,
     /// a exp(-(s - b) / w).
     Decay,
     /// 0.
@@ -84,6 +87,7 @@ pub fn form(place: usize) -> (Parity, Shape) {
         "wave" => Shape::Wave,
         "bump" => Shape::Bump,
         "step" => Shape::Step,
+        "saturation" => Shape::Saturation,
         "decay" => Shape::Decay,
         _ => Shape::None,
     };
@@ -117,6 +121,7 @@ pub fn piece<T: Real>(place: usize, [a, b, w]: [T; NUMBERS], c: T, of_a_rate: bo
             a * (z * z * -0.5).exp()
         }
         Shape::Step => a * (T::one() + ((s - b) / w).tanh()) * 0.5,
+        Shape::Saturation => a * ((s - b) / w).tanh(),
         Shape::Decay => a * (-((s - b) / w)).exp(),
     };
     if parity == Parity::Odd {

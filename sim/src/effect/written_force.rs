@@ -9,7 +9,10 @@ use crate::real::Real;
 /// Pieces at most.
 pub const PIECES: usize = 2;
 
-/// What the sum is multiplied by: nothing, or a rate, its size, its sign.
+/// Place of the rate at which a factor is one, behind the pieces' numbers.
+pub const TIMES_AT: usize = PIECES * NUMBERS;
+
+/// What the sum is multiplied by: nothing, or a rate or its size over one, or its sign.
 pub const TIMES: &[&str] = &[
     "one", "u", "v", "w", "p", "q", "r", "abs_u", "abs_v", "abs_w", "abs_p", "abs_q", "abs_r",
     "sign_u", "sign_v", "sign_w", "sign_p", "sign_q", "sign_r",
@@ -53,7 +56,7 @@ const fn width(name: &'static str) -> ParameterInfo {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "written_force",
-    law: "+ (f1(c) + f2(c)) times in one DOF; c = along; s = c, |c| (even) or |c| with the sign of c (odd): a, a (s / w)^b, a max(0, s - b) / w, a sin(2 pi s / w + b), a exp(-((s - b) / w)^2 / 2), a (1 + tanh((s - b) / w)) / 2, a exp(-(s - b) / w)",
+    law: "+ (f1(c) + f2(c)) times in one DOF; times = 1, a rate or its size over `times_at`, its sign; c = along; s = c, |c| (even) or |c| with the sign of c (odd): a, a (s / w)^b, a max(0, s - b) / w, a sin(2 pi s / w + b), a exp(-((s - b) / w)^2 / 2), a (1 + tanh((s - b) / w)) / 2, a tanh((s - b) / w), a exp(-(s - b) / w)",
     stage: Stage::Hydrodynamics,
     order: 141,
     parameters: &[
@@ -63,6 +66,15 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         force("second_n", 0.0),
         place("second_at"),
         width("second_width"),
+        ParameterInfo::new(
+            "times_at",
+            "m/s, rad/s",
+            "rate at which the factor is one",
+            (0.01, 10.0),
+            (1e-6, 1e6),
+            1.0,
+        )
+        .or(1.0),
     ],
     words: &[
         DOF,
@@ -96,7 +108,7 @@ struct Written<T> {
     dof: usize,
     along: usize,
     pieces: [(usize, [T; NUMBERS]); PIECES],
-    times: usize,
+    times: (usize, T),
 }
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
@@ -111,7 +123,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
                 [numbers[at], numbers[at + 1], numbers[at + 2]],
             )
         }),
-        times: words[2 + PIECES],
+        times: (words[2 + PIECES], numbers[TIMES_AT]),
     }
 }
 
@@ -127,10 +139,11 @@ impl<T: Real> Law<T> for Written<T> {
         let sum = each.fold(T::zero(), |sum, (form, numbers)| {
             sum + piece(*form, *numbers, c, is_a_rate(self.along))
         });
-        let times = match self.times.checked_sub(1) {
+        let (times, at) = self.times;
+        let times = match times.checked_sub(1) {
             None => T::one(),
-            Some(k) if k < 6 => m.nu[k],
-            Some(k) if k < 12 => m.nu[k - 6].abs(),
+            Some(k) if k < 6 => m.nu[k] / at,
+            Some(k) if k < 12 => m.nu[k - 6].abs() / at,
             Some(k) => sign(m.nu[(k - 12).min(5)], true),
         };
         force[self.dof] = force[self.dof] + sum * times;
@@ -151,6 +164,7 @@ mod tests {
             ("second_n", 0.7),
             ("second_at", 0.1),
             ("second_width", 0.2),
+            ("times_at", 0.5),
         ];
         let written = |along: &str, times: &str| {
             let words = [
@@ -169,8 +183,8 @@ mod tests {
         let expected = -0.5 + 0.7 * (-0.5 * (0.15f64 / 0.2).powi(2)).exp();
         let at = |times| extra(&[written("u", times)], state, [0.0; 6])[0];
         assert!((at("one") - expected).abs() < 1e-9, "{}", at("one"));
-        assert!((at("u") - 0.25 * expected).abs() < 1e-9);
-        assert!((at("abs_u") - 0.25 * expected).abs() < 1e-9);
+        assert!((at("u") - 0.5 * expected).abs() < 1e-9);
+        assert!((at("abs_u") - 0.5 * expected).abs() < 1e-9);
         assert!((at("sign_u") - expected).abs() < 1e-9);
         assert!(at("sign_r").abs() < 1e-12);
     }

@@ -147,7 +147,7 @@ impl Judged<'_> {
     }
 
     /// Probability that a force without a name acts in a DOF; along a covariate, or any.
-    fn force_in(&self, dof: usize, along: Option<&str>) -> f64 {
+    pub fn force_in(&self, dof: usize, along: Option<&str>) -> f64 {
         let is = |t: &usize| {
             let c = self.candidate(*t);
             c.unnamed_in() == Some(dof) && along.is_none_or(|a| c.runs_along() == Some(a))

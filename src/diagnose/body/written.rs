@@ -6,9 +6,9 @@ use hydroline_inference::closed::{Closed, Form};
 use hydroline_inference::fit::Fit;
 use hydroline_inference::term::Candidate;
 use hydroline_sim::effect::form::{FORMS, NUMBERS, Parity, Shape, form, piece};
-use hydroline_sim::effect::written_force::{PIECES, is_a_rate};
+use hydroline_sim::effect::written_force::{PIECES, TIMES, is_a_rate};
 
-use super::effects::table;
+use super::effects::table as channels;
 use super::found::Judged;
 use crate::verdict::{ClosedForm, ESTABLISHED, Piece, Value, WrittenForm};
 
@@ -55,6 +55,7 @@ fn expression(place: usize, [force, at, width]: &[Value; NUMBERS], c: &str) -> S
         Shape::Wave => format!("({a}) sin(2 pi {s} / ({w}) + ({b}))"),
         Shape::Bump => format!("({a}) exp(-(({from}) / ({w}))^2 / 2)"),
         Shape::Step => format!("({a}) (1 + tanh(({from}) / ({w}))) / 2"),
+        Shape::Saturation => format!("({a}) tanh({s} / ({w}))"),
         Shape::Decay => format!("({a}) exp(-{s} / ({w}))"),
     };
     match parity {
@@ -94,7 +95,7 @@ impl Judged<'_> {
         Some(each.collect())
     }
 
-    fn written(&self, form: &Form) -> Option<WrittenForm> {
+    fn written(&self, form: &Form, probability: f64) -> Option<WrittenForm> {
         let c: &Candidate = &self.found.problem.body.candidates[form.candidate];
         let along = c.runs_along()?;
         let numbers = self.numbers_of(&form.fit, form.candidate)?;
@@ -103,6 +104,15 @@ impl Judged<'_> {
         let texts: Vec<String> = there()
             .map(|(place, n)| expression(place, &[n[0], n[1], n[2]], along))
             .collect();
+        let sum = texts.join(" + ");
+        let factor = TIMES.get(c.words[2 + PIECES]).copied().unwrap_or("one");
+        let at = numbers.last()?.value;
+        let expression = match factor.split_once('_') {
+            _ if factor == "one" => sum,
+            Some(("abs", rate)) => format!("({sum}) |{rate}| / {at:.3}"),
+            Some((_, rate)) => format!("({sum}) sign({rate})"),
+            None => format!("({sum}) {factor} / {at:.3}"),
+        };
         let pieces = there().map(|(place, n)| {
             let named = names(shape_of(place)).into_iter().zip(n);
             Piece {
@@ -111,8 +121,8 @@ impl Judged<'_> {
             }
         });
         Some(WrittenForm {
-            expression: texts.join(" + "),
-            probability: form.probability,
+            expression,
+            probability,
             pieces: pieces.collect(),
         })
     }
@@ -134,16 +144,26 @@ impl Judged<'_> {
     }
 
     /// The closed form of a table's force; `knots` = where the table has its points.
-    pub fn closed_form(&self, table_candidate: usize, knots: &[f64]) -> Option<ClosedForm> {
-        let closed = self.closed(table_candidate)?;
-        let forms: Vec<WrittenForm> = closed
-            .forms
-            .iter()
-            .filter_map(|f| self.written(f))
+    pub fn closed_form(&self, table: usize, knots: &[f64]) -> Option<ClosedForm> {
+        let closed = self.closed(table)?;
+        let dof = self.found.problem.body.candidates[table].unnamed_in()?;
+        // Where forms stand they are terms like any other: the force may also run along another covariate.
+        let share = |term: usize| self.probability(term) / self.force_in(dof, None).max(1e-300);
+        let (forms, none): (Vec<(&Form, f64)>, f64) = if closed.stands {
+            let each = closed.forms.iter().map(|f| (f, share(f.candidate)));
+            let all: Vec<(&Form, f64)> = each.collect();
+            let rest = 1.0 - all.iter().map(|f| f.1).sum::<f64>();
+            (all, rest.max(0.0))
+        } else {
+            let each = closed.forms.iter().map(|f| (f, f.probability));
+            (each.collect(), closed.none)
+        };
+        let forms: Vec<WrittenForm> = forms
+            .into_iter()
+            .filter_map(|(f, p)| self.written(f, p))
             .collect();
         let first = forms.first()?;
         let sure = closed.stands && first.probability >= ESTABLISHED;
-        let none = closed.none;
         let several: Vec<String> = forms
             .iter()
             .map(|f| format!("{} (probability {:.3})", f.expression, f.probability))
@@ -166,12 +186,12 @@ impl Judged<'_> {
             .unwrap_or_default();
         Some(ClosedForm {
             sure,
-            written: closed.stands,
+            written: closed.stands && self.stands(table) >= ESTABLISHED,
             none_probability: none,
             forms,
             force_at: at,
-            left_out: left_out.map_or_else(BTreeMap::new, |l| table(&l.0)),
-            left_out_table: left_out.map_or_else(BTreeMap::new, |l| table(&l.1)),
+            left_out: left_out.map_or_else(BTreeMap::new, |l| channels(&l.0)),
+            left_out_table: left_out.map_or_else(BTreeMap::new, |l| channels(&l.1)),
             told,
         })
     }

@@ -59,7 +59,8 @@ impl Piece {
     }
 }
 
-fn held(value: f64) -> Scale {
+/// A number that is not searched.
+pub fn held(value: f64) -> Scale {
     Scale {
         logarithmic: false,
         sign: 1.0,
@@ -217,6 +218,11 @@ impl Along {
                 let widths: Vec<f64> = evenly_by_ratio(over(WIDTHS), SIZES).collect();
                 let grid = crossed(within, widths);
                 vec![piece(between(reach), by_ratio(over(WIDTHS)), grid)]
+            }
+            Shape::Saturation => {
+                let widths = evenly_by_ratio(over(WIDTHS), 2 * SIZES);
+                let grid = widths.map(|w| [0.0, w]).collect();
+                vec![piece(held(0.0), by_ratio(over(WIDTHS)), grid)]
             }
             Shape::Decay => {
                 // From the zero on; of a place there is none to die away from.

@@ -44,6 +44,7 @@ impl Likelihood {
     }
 
     /// Log evidence of the table itself under its prior's precision.
+    #[cfg(test)]
     pub fn of_table(&self, prior: &DMatrix<f64>) -> Option<f64> {
         let before = Cholesky::new(prior.clone())?;
         let after = Cholesky::new(&self.information + prior)?;
