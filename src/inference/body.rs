@@ -15,6 +15,7 @@ use super::filter::Response;
 use super::given::given;
 use super::prior::{Density, PriorTable, Scale};
 use super::recording::{Recorded, Recording};
+use super::size::Size;
 use super::term::{Candidate, Ground, Kind, Ranges, candidates, tables};
 
 /// Directions per pass.
@@ -351,6 +352,7 @@ impl Body {
             companions: recording.companions_moving(),
             ahead,
             largest: &largest,
+            size: Size::of(&recording, &h, &largest, &fastest),
             vehicle: &rig.vehicle,
         };
         let mut candidates = candidates(&ground, &base);

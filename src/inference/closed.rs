@@ -30,8 +30,9 @@ use super::term::{Candidate, Kind};
 use grammar::{Along, held};
 use rank::{Likelihood, Ranked, ranked};
 
-/// Probability from which a form stands in a table's place.
-const STANDS: f64 = 0.95;
+/// Probability from which forms stand in a table's place: then one is the better bet, for what is held against it is no less an
+/// assumption. None is called the law for that.
+const STANDS: f64 = 0.5;
 /// Odds within which forms are told beside the likeliest.
 const ODDS: f64 = 20.0;
 /// Share of a DOF's unnamed force from which a covariate's table is written down.
@@ -41,6 +42,9 @@ const SHARE: f64 = 0.2;
 const FITTED: usize = 6;
 /// See there.
 const BELOW: f64 = 9.0;
+/// A form foretells worse than its table where the error, in tolerances and noise, is larger by this share: less is what chance
+/// makes of four runs.
+const WORSE: f64 = 0.1;
 /// Share of a search's cost for which it goes on beside the forms.
 const GOES_ON: usize = 6;
 
@@ -244,11 +248,11 @@ fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, F
     };
     // With one run alone there is none to leave out.
     if made.stands && problem.body.recording.runs.len() > 1 {
-        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?));
+        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?.values));
         made.left_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
         made.stands = made
             .left_out
-            .is_some_and(|(form, table)| !problem.is_worse(&table, &form));
+            .is_some_and(|(form, table)| !problem.is_worse(&form, &table));
     }
     made
 }
@@ -297,6 +301,23 @@ impl Candidate {
 }
 
 impl Problem {
+    /// Whether a form foretells runs left out worse than its table, both in the same units: what a table leaves open where no
+    /// other run has been is just what it is worse by.
+    fn is_worse(&self, form: &Rms, table: &Rms) -> bool {
+        let size = |rms: &Rms| -> f64 {
+            let each = self.noises.channels.iter().enumerate();
+            each.filter_map(|(c, noise)| {
+                let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
+                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
+            })
+            .sum()
+        };
+        let (form, table) = (size(form), size(table));
+        // Within noise and tolerance nobody is worse.
+        let channels = self.noises.channels.iter().flatten().count() as f64;
+        form > channels && form > (1.0 + WORSE) * table
+    }
+
     /// What a form may be multiplied by: each rate that moves, its size, its sign, but for that along which it runs; with
     /// the rate at which the factor is one.
     fn factors(&self, along: &Along) -> Vec<(usize, f64)> {

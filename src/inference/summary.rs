@@ -7,20 +7,14 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::{Body, Point};
 use super::filter::Force;
-use super::fit::{Effort, Fit, Problem};
+use super::fit::{Fit, Problem};
 use super::hyper::{Noises, with_force};
 use super::noise::estimate;
 use super::recording::Recording;
 use super::term::Kind;
 
-/// Steps of the fit of a run's start.
-const START_STEPS: usize = 6;
 /// On the diagonal of a projection: derivatives that do the same are one.
 const JITTER: f64 = 1e-10;
-
-/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
-/// coefficient that is fitted too costs.
-const WORSE: f64 = 0.1;
 
 /// rms per channel; NaN = not measured or not of a DOF that moves.
 pub type Rms = [f64; 12];
@@ -51,15 +45,29 @@ impl Problem {
     pub fn left_of(&self, predicted: &[Vec<[f64; 12]>]) -> Rms {
         let mut squares = Squares::default();
         for (run, predicted) in predicted.iter().enumerate() {
-            let r = &self.body.recording.runs[run];
-            for (k, p) in predicted.iter().enumerate() {
-                let m = r.measured(k);
-                for c in (0..12).filter(|c| self.noises.used[run][k][*c]) {
-                    squares.add(c, m[c] - p[c]);
-                }
-            }
+            self.add_left(run, predicted, &mut squares);
         }
         squares.rms()
+    }
+
+    /// The same of each run.
+    pub fn left_by_run(&self, predicted: &[Vec<[f64; 12]>]) -> Vec<Rms> {
+        let of = |(run, predicted): (usize, &Vec<[f64; 12]>)| {
+            let mut squares = Squares::default();
+            self.add_left(run, predicted, &mut squares);
+            squares.rms()
+        };
+        predicted.iter().enumerate().map(of).collect()
+    }
+
+    fn add_left(&self, run: usize, predicted: &[[f64; 12]], squares: &mut Squares) {
+        let r = &self.body.recording.runs[run];
+        for (k, p) in predicted.iter().enumerate() {
+            let m = r.measured(k);
+            for c in (0..12).filter(|c| self.noises.used[run][k][*c]) {
+                squares.add(c, m[c] - p[c]);
+            }
+        }
     }
 
     /// The same of a point.
@@ -259,79 +267,6 @@ impl Problem {
             self.noises.used = estimate(&self.body, &predicted, Some(&self.noises)).used;
         }
         self
-    }
-
-    /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then foretold but for
-    /// where it began.
-    pub fn foretold(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {
-        let places = self.body.start_places(terms);
-        let mut at: Point = globals[..places[0]].to_vec();
-        for (run, free) in self.body.starts.iter().enumerate() {
-            at.extend(free.iter().map(|c| self.body.rest[run][*c]));
-        }
-        let n = at.len() - places[0];
-        let belief = self.belief(terms);
-        let none = Force {
-            sd_mps2: 0.0,
-            correlation_s: 1.0,
-        };
-        for _ in 0..START_STEPS {
-            let all = self.simulate(terms, &at)?;
-            let mut information = DMatrix::zeros(n, n);
-            let mut gradient = DVector::zeros(n);
-            for &d in &self.body.dofs {
-                let filters = with_force(&self.body, &self.noises, d, none);
-                let normal = self.normal_with(&all, d, &filters, at.len());
-                information += normal.information.view((places[0], places[0]), (n, n));
-                gradient += normal.gradient.rows(places[0], n);
-            }
-            let first = places[0];
-            belief.add_starts(first, &at, &mut information, &mut gradient);
-            let step = Cholesky::new(information)?.solve(&gradient);
-            for i in 0..n {
-                at[places[0] + i] += step[i];
-            }
-        }
-        Some(at)
-    }
-
-    /// What a model predicts of runs that it has not seen.
-    pub fn foretell(&self, fit: &Fit) -> Option<Vec<Vec<[f64; 12]>>> {
-        let point = self.foretold(&fit.terms, &fit.point)?;
-        Some(self.predicted(&fit.terms, &point))
-    }
-
-    /// Every run as the others foretell it, each model fitted anew without it.
-    pub fn one_run_out(&self, fit: &Fit) -> Option<Vec<Vec<[f64; 12]>>> {
-        let runs = self.body.recording.runs.len();
-        let places = self.body.start_places(&fit.terms);
-        let each = (0..runs).map(|out| {
-            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
-            let part = self.only(&others);
-            let mut from = fit.point[..places[0]].to_vec();
-            for r in &others {
-                from.extend(&fit.point[places[*r]..places[r + 1]]);
-            }
-            let made = part.fit(&fit.terms, &from, fit.cells.clone(), Effort::default())?;
-            self.only(&[out]).foretell(&made)?.pop()
-        });
-        each.collect()
-    }
-
-    /// Whether a model foretells runs left out worse than another: rms of (that one, this one).
-    pub fn is_worse(&self, before: &Rms, after: &Rms) -> bool {
-        let size = |rms: &Rms| -> f64 {
-            let each = self.noises.channels.iter().enumerate();
-            each.filter_map(|(c, noise)| {
-                let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
-                Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
-            })
-            .sum()
-        };
-        let (before, after) = (size(before), size(after));
-        // Within noise and tolerance nobody is worse.
-        let channels = self.noises.channels.iter().flatten().count() as f64;
-        after > channels && after > (1.0 + WORSE) * before
     }
 
     /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.

@@ -11,6 +11,7 @@ use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
 
 use super::prior::{Scale, nothing};
+use super::size::Size;
 
 /// What effects may act on: what decides where each may be asked.
 #[derive(Debug, Clone, Copy)]
@@ -25,6 +26,8 @@ pub struct Ground<'a> {
     pub ahead: bool,
     /// Greatest load commanded per DOF \[N, N m\].
     pub largest: &'a [f64; 6],
+    /// The vehicle's size beside the vocabulary's.
+    pub size: Size,
     /// The rig's vehicle.
     pub vehicle: &'a Vehicle,
 }
@@ -64,6 +67,8 @@ pub struct Candidate {
     pub info: &'static EffectInfo,
     /// Index per word.
     pub words: Vec<usize>,
+    /// Its parameters, plausible for a vehicle of this size; none of a table.
+    pub parameters: Vec<ParameterInfo>,
     /// The effect's first numbers that are not searched: the ends of a table.
     pub fixed: Vec<f64>,
     /// Of a table: its covariate ([`COVARIATES`]) and that at both ends.
@@ -114,6 +119,12 @@ impl Candidate {
     /// The DOF or axis that its words name.
     pub fn place(&self) -> Option<&'static str> {
         self.word("dof").or_else(|| self.word("axis"))
+    }
+
+    /// Index of the DOF that its words name.
+    pub fn dof(&self) -> Option<usize> {
+        let name = self.place()?;
+        Dof::ALL.into_iter().position(|d| d.name() == name)
     }
 
     /// As the simulator takes it; numbers are filled in by whoever runs it.
@@ -324,6 +335,7 @@ pub fn tables(
         kind,
         info,
         words,
+        parameters: Vec::new(),
         fixed,
         along: Some(along),
         scales: vec![Scale::of_table(); POINTS],
@@ -347,10 +359,7 @@ pub fn tables(
         if !in_motion || c.scales.is_empty() {
             continue;
         }
-        let dof = c
-            .place()
-            .and_then(|w| Dof::ALL.into_iter().position(|d| d.name() == w));
-        let places: Vec<usize> = dof.map_or_else(|| ground.dofs.to_vec(), |d| vec![d]);
+        let places: Vec<usize> = c.dof().map_or_else(|| ground.dofs.to_vec(), |d| vec![d]);
         let mut seen = Vec::new();
         for (covariate, range) in places.into_iter().flat_map(along) {
             if seen.contains(&covariate) {
@@ -411,27 +420,26 @@ impl Candidate {
             kind: Kind::Effect,
             fixed: Vec::new(),
             along: None,
-            scales: info
-                .parameters
-                .iter()
-                .enumerate()
-                .map(|(i, p)| Scale::of(p, i))
-                .collect(),
-            starts: starts(info),
+            parameters: Vec::new(),
+            scales: Vec::new(),
+            starts: Vec::new(),
             nothing: info.parameters.first().map_or(0.0, nothing),
             info,
             words,
             linear: Vec::new(),
             own: false,
         };
+        // What acts in no DOF of its own is as large as what the first of them bears.
+        let dof = made.dof().or(ground.dofs.first().copied()).unwrap_or(0);
+        let sized = info.parameters.iter().map(|p| ground.size.sized(p, dof));
+        made.parameters = sized.collect();
+        let numbers = made.parameters.iter().enumerate();
+        made.scales = numbers.map(|(i, p)| Scale::of(p, i)).collect();
+        made.starts = starts(&made.parameters);
         made.linear = made.linear_numbers(ground);
         made.own = made.is_own(ground);
         if info.parameters.first().is_some_and(|p| p.bounds_load) {
-            let dof = made
-                .word("dof")
-                .and_then(|w| Dof::ALL.into_iter().find(|d| d.name() == w))
-                .map_or(0, Dof::index);
-            let top = ground.largest[dof];
+            let top = ground.largest[made.dof().unwrap_or(0)];
             if top > 0.0 {
                 made.nothing = top;
                 made.starts = LIMITS
@@ -471,7 +479,7 @@ impl Candidate {
             let from = if *i == 0 {
                 self.nothing
             } else {
-                nothing(&self.info.parameters[*i])
+                nothing(&self.parameters[*i])
             };
             numbers[*i] = from + share * (start[*i] - from);
         }
@@ -589,23 +597,23 @@ pub fn radical(mut k: usize, base: usize) -> f64 {
     value
 }
 
-fn starts(info: &EffectInfo) -> Vec<Vec<f64>> {
+fn starts(parameters: &[ParameterInfo]) -> Vec<Vec<f64>> {
     const BASES: [usize; 5] = [2, 3, 5, 7, 11];
     let usual = |p: &ParameterInfo| p.absent.filter(|_| p.held).unwrap_or(p.typical);
-    let typical: Vec<f64> = info.parameters.iter().map(usual).collect();
+    let typical: Vec<f64> = parameters.iter().map(usual).collect();
     let mut points = vec![typical];
-    let free = info.parameters.iter().filter(|p| !p.held).count();
+    let free = parameters.iter().filter(|p| !p.held).count();
     let count = match free {
         0 => return points,
         1 => {
-            points.extend([0.1, 0.9].map(|s| vec![point(&info.parameters[0], s)]));
+            points.extend([0.1, 0.9].map(|s| vec![point(&parameters[0], s)]));
             return points;
         }
         2 => 6,
         _ => 24,
     };
     for k in 1..=count {
-        let numbers = info.parameters.iter().enumerate();
+        let numbers = parameters.iter().enumerate();
         points.push(
             numbers
                 .map(|(i, p)| match p.held {
@@ -630,6 +638,7 @@ mod tests {
             companions: [false; 4],
             ahead: false,
             largest: &[8.0; 6],
+            size: Size::USUAL,
             vehicle,
         }
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
+use hydroline_inference::foretell::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 use hydroline_rigs::Dof;
 
@@ -19,6 +20,10 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
+/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
+/// coefficient that is fitted too costs.
+const WORSE: f64 = 0.1;
+
 /// What is left in a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
@@ -126,7 +131,6 @@ impl Judged<'_> {
             force_at: Vec::new(),
             force_sd: Vec::new(),
             log_bayes_factor: f64::NAN,
-            closed_form: None,
         })
         .collect()
     }
@@ -180,9 +184,27 @@ impl Judged<'_> {
         (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]))
     }
 
-    /// Whether runs left out are foretold worse than by the vehicle alone.
+    /// Whether runs left out are foretold worse than by the vehicle alone: each error in units of noise, tolerance and of what
+    /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
     pub fn foretells_worse(&self) -> bool {
-        let foretold = self.one_run_out.as_ref().map(|f| &f.rms);
-        foretold.is_some_and(|(before, after)| self.found.problem.is_worse(before, after))
+        let Some(foretold) = &self.one_run_out else {
+            return false;
+        };
+        let problem = &self.found.problem;
+        let size = |of: &Prediction| -> f64 {
+            let left = problem.left_by_run(&of.values);
+            let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
+                let channels = problem.noises.channels.iter().enumerate();
+                channels.filter_map(|(c, noise)| {
+                    let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
+                    Some(rms[c].powi(2) / (least.powi(2) + sd[c].powi(2))).filter(|v| v.is_finite())
+                })
+            });
+            each.sum::<f64>() / left.len().max(1) as f64
+        };
+        let (before, after) = (size(&foretold.before), size(&foretold.after));
+        // Within noise and tolerance nobody is worse.
+        let channels = problem.noises.channels.iter().flatten().count() as f64;
+        after > channels && after > (1.0 + WORSE) * before
     }
 }

@@ -181,19 +181,22 @@ impl Judged<'_> {
 
     fn unusual(&self, fit: &Fit, member: usize) -> Vec<String> {
         let body = &self.found.problem.body;
-        let info = body.candidates[fit.terms[member]].info;
         let numbers = self.numbers(fit, member);
-        let each = info.parameters.iter().filter_map(|p| {
-            let v = numbers.get(p.name)?.value;
-            let (low, high) = p.plausible;
-            let outside = (v < low || v > high) && !p.name.starts_with("phase") && !p.bounds_load;
-            outside.then(|| {
+        let each = body.candidates[fit.terms[member]]
+            .parameters
+            .iter()
+            .filter_map(|p| {
+                let v = numbers.get(p.name)?.value;
+                let (low, high) = p.plausible;
+                let outside =
+                    (v < low || v > high) && !p.name.starts_with("phase") && !p.bounds_load;
+                outside.then(|| {
                 format!(
                     "{} = {v:.4} lies outside of what a tank is expected to show ({low} .. {high})",
                     p.name
                 )
             })
-        });
+            });
         each.collect()
     }
 

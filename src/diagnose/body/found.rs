@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use hydroline_identify::data::Run;
 use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
+use hydroline_inference::foretell::Prediction;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
@@ -29,10 +30,10 @@ const MOST_UNSURE: f64 = 0.5;
 /// Runs that neither model has seen.
 #[derive(Debug, Clone)]
 pub struct Foretold {
-    /// By the vehicle alone, per run and sample.
-    pub before: Vec<Vec<[f64; 12]>>,
+    /// By the vehicle alone.
+    pub before: Prediction,
     /// With the likeliest model's effects.
-    pub after: Vec<Vec<[f64; 12]>>,
+    pub after: Prediction,
     /// rms of what both miss: (before, after).
     pub rms: (Rms, Rms),
 }
@@ -40,12 +41,15 @@ pub struct Foretold {
 impl Foretold {
     fn new(
         problem: &Problem,
-        foretell: impl Fn(&Fit) -> Option<Vec<Vec<[f64; 12]>>>,
+        foretell: impl Fn(&Fit) -> Option<Prediction>,
         alone: &Fit,
         best: &Fit,
     ) -> Option<Foretold> {
         let (before, after) = (foretell(alone)?, foretell(best)?);
-        let rms = (problem.left_of(&before), problem.left_of(&after));
+        let rms = (
+            problem.left_of(&before.values),
+            problem.left_of(&after.values),
+        );
         Some(Foretold { before, after, rms })
     }
 }

@@ -25,8 +25,8 @@ impl Judged<'_> {
                 channel: CHANNELS[c].to_owned(),
                 noise_sd: noise[c],
                 predicted: match (&self.held, &self.one_run_out) {
-                    (Some((over, f)), _) => traces(over, c, &f.before, &f.after),
-                    (None, Some(f)) => traces(problem, c, &f.before, &f.after),
+                    (Some((over, f)), _) => traces(over, c, &f.before.values, &f.after.values),
+                    (None, Some(f)) => traces(problem, c, &f.before.values, &f.after.values),
                     (None, None) => Vec::new(),
                 },
                 fitted: traces(problem, c, &before, &after),

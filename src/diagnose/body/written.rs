@@ -162,8 +162,8 @@ impl Judged<'_> {
             .into_iter()
             .filter_map(|(f, p)| self.written(f, p))
             .collect();
-        let first = forms.first()?;
-        let sure = closed.stands && first.probability >= ESTABLISHED;
+        let first = forms.first().map_or(0.0, |f| f.probability);
+        let sure = closed.stands && first >= ESTABLISHED;
         let several: Vec<String> = forms
             .iter()
             .map(|f| format!("{} (probability {:.3})", f.expression, f.probability))
@@ -171,25 +171,26 @@ impl Judged<'_> {
         let told = match (sure, closed.stands, &closed.left_out) {
             (true, ..) => format!("in closed form {}", several[0]),
             (_, true, _) => format!(
-                "in closed form, one of which is written: {}",
+                "its closed form is not decided: {}; or none (probability {none:.3})",
                 several.join("; or ")
             ),
             (_, _, Some(_)) => {
                 "no closed form: the likeliest foretells runs left out worse than the table"
                     .to_owned()
             }
-            _ => format!("no closed form stands (probability {none:.3} of none)"),
+            _ => {
+                format!("no closed form (probability {none:.3} that it has none of the grammar's)")
+            }
         };
         let left_out = closed.left_out.as_ref();
-        let at: Vec<f64> = self
-            .forces_of(closed.forms.first()?, knots)
-            .unwrap_or_default();
+        let likeliest = closed.forms.first();
+        let at = likeliest.and_then(|f| self.forces_of(f, knots));
         Some(ClosedForm {
             sure,
             written: closed.stands && self.stands(table) >= ESTABLISHED,
             none_probability: none,
             forms,
-            force_at: at,
+            force_at: at.unwrap_or_default(),
             left_out: left_out.map_or_else(BTreeMap::new, |l| channels(&l.0)),
             left_out_table: left_out.map_or_else(BTreeMap::new, |l| channels(&l.1)),
             told,

@@ -168,7 +168,7 @@ fn of_drawn_forces() {
         let over = found.problem.over(&runs, &tank.rig).unwrap();
         let noise = over.noises.channels[0].unwrap().total_sd();
         let miss = |f: &Fit| {
-            let out = over.foretell(f).map(|p| over.left_of(&p)[0] / noise);
+            let out = over.foretell(f).map(|p| over.left_of(&p.values)[0] / noise);
             out.unwrap_or(f64::NAN)
         };
         let table = found.models.values().last().unwrap();

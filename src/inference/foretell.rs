@@ -1,0 +1,135 @@
+//! What a model predicts of runs that it has not seen, and how well its numbers are known for that.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::body::Point;
+use super::filter::Force;
+use super::fit::{Effort, Fit, Problem};
+use super::hyper::with_force;
+use super::summary::Rms;
+
+/// Steps of the fit of a run's start.
+const START_STEPS: usize = 6;
+/// On the diagonal of a projection: derivatives that do the same are one.
+const JITTER: f64 = 1e-10;
+
+/// A prediction of runs that a model has not seen.
+#[derive(Debug, Clone, Default)]
+pub struct Prediction {
+    /// Channels per run and sample.
+    pub values: Vec<Vec<[f64; 12]>>,
+    /// Per run the rms over its samples of the sd that the model's numbers leave; NaN = not measured.
+    pub sd: Vec<Rms>,
+}
+
+impl Problem {
+    /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then foretold but for
+    /// where it began.
+    pub fn foretold(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {
+        let places = self.body.start_places(terms);
+        let mut at: Point = globals[..places[0]].to_vec();
+        for (run, free) in self.body.starts.iter().enumerate() {
+            at.extend(free.iter().map(|c| self.body.rest[run][*c]));
+        }
+        let n = at.len() - places[0];
+        let belief = self.belief(terms);
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
+        for _ in 0..START_STEPS {
+            let all = self.simulate(terms, &at)?;
+            let mut information = DMatrix::zeros(n, n);
+            let mut gradient = DVector::zeros(n);
+            for &d in &self.body.dofs {
+                let filters = with_force(&self.body, &self.noises, d, none);
+                let normal = self.normal_with(&all, d, &filters, at.len());
+                information += normal.information.view((places[0], places[0]), (n, n));
+                gradient += normal.gradient.rows(places[0], n);
+            }
+            let first = places[0];
+            belief.add_starts(first, &at, &mut information, &mut gradient);
+            let step = Cholesky::new(information)?.solve(&gradient);
+            for i in 0..n {
+                at[places[0] + i] += step[i];
+            }
+        }
+        Some(at)
+    }
+
+    /// What a model predicts of runs that it has not seen.
+    pub fn foretell(&self, fit: &Fit) -> Option<Prediction> {
+        let point = self.foretold(&fit.terms, &fit.point)?;
+        Some(Prediction {
+            values: self.predicted(&fit.terms, &point),
+            sd: self.foretold_sd(fit, &point)?,
+        })
+    }
+
+    /// Per run and channel the sd of the motion that a fit's numbers leave, but for what a run's start takes up.
+    fn foretold_sd(&self, fit: &Fit, point: &[f64]) -> Option<Vec<Rms>> {
+        let places = self.body.start_places(&fit.terms);
+        let globals = places[0];
+        let covariance = fit.covariance.view((0, 0), (globals, globals));
+        let all = self.simulate(&fit.terms, point)?;
+        let each = all.iter().enumerate().map(|(run, s)| {
+            let used = &self.noises.used[run];
+            let rows: Vec<(usize, usize)> = (0..used.len())
+                .flat_map(|k| (0..12).filter(move |c| used[k][*c]).map(move |c| (k, c)))
+                .collect();
+            // All channels in units of their noise.
+            let noise = |c: usize| self.noises.channels[c].map_or(1.0, |n| n.total_sd());
+            let starts = places[run]..places[run + 1];
+            let mut known = DMatrix::<f64>::zeros(rows.len(), globals);
+            let mut start = DMatrix::<f64>::zeros(rows.len(), starts.len());
+            for (i, column) in &s.columns {
+                for (row, (k, c)) in rows.iter().enumerate() {
+                    let slope = column[*k][*c] / noise(*c);
+                    if *i < globals {
+                        known[(row, *i)] = slope;
+                    } else if starts.contains(i) {
+                        start[(row, i - starts.start)] = slope;
+                    }
+                }
+            }
+            let mut square = start.tr_mul(&start);
+            for i in 0..square.nrows() {
+                square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
+            }
+            let taken = Cholesky::new(square)?.solve(&start.tr_mul(&known));
+            known -= start * taken;
+            let spread = &known * covariance;
+            let mut sum = [(0.0, 0usize); 12];
+            for (row, (_, c)) in rows.iter().enumerate() {
+                let variance = spread.row(row).dot(&known.row(row)) * noise(*c).powi(2);
+                sum[*c].0 += variance.max(0.0);
+                sum[*c].1 += 1;
+            }
+            Some(sum.map(|(sum, n)| match n {
+                0 => f64::NAN,
+                n => (sum / n as f64).sqrt(),
+            }))
+        });
+        each.collect()
+    }
+
+    /// Every run as the others foretell it, each model fitted anew without it.
+    pub fn one_run_out(&self, fit: &Fit) -> Option<Prediction> {
+        let runs = self.body.recording.runs.len();
+        let places = self.body.start_places(&fit.terms);
+        let mut all = Prediction::default();
+        for out in 0..runs {
+            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
+            let part = self.only(&others);
+            let mut from = fit.point[..places[0]].to_vec();
+            for r in &others {
+                from.extend(&fit.point[places[*r]..places[r + 1]]);
+            }
+            let made = part.fit(&fit.terms, &from, fit.cells.clone(), Effort::default())?;
+            let of = self.only(&[out]).foretell(&made)?;
+            all.values.extend(of.values);
+            all.sd.extend(of.sd);
+        }
+        Some(all)
+    }
+}

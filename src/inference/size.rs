@@ -1,0 +1,183 @@
+//! Priors for a vehicle of another size than the vocabulary's.
+//!
+//! The vocabulary's plausible ranges (physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
+//! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in what its
+//! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
+//! hull that rings for minutes has a large one and little damping. Times, ratios and lengths stay.
+
+use hydroline_sim::effect::ParameterInfo;
+use hydroline_sim::vehicle::Hydrodynamics;
+
+use super::recording::Recording;
+
+/// Loads that the vocabulary's sizes are meant for, SNAME order \[N, N m\]: the built-in plans' on the paper's vehicle.
+const LOADS: [f64; 6] = [8.0, 10.0, 12.0, 0.6, 0.8, 0.7];
+/// Speeds under them \[m/s, rad/s\].
+const SPEED: f64 = 0.15;
+/// Up to this many of these loads the sizes serve as they are. Small loads do not make a vehicle small.
+const ALIKE: f64 = 5.0;
+
+/// How much larger than the vocabulary's a vehicle is, per DOF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// Factor of loads.
+    load: [f64; 6],
+    /// Factor of stiffnesses.
+    stiffness: [f64; 6],
+    /// Factor of speeds.
+    speed: [f64; 6],
+}
+
+impl Size {
+    /// The vocabulary's own.
+    pub const USUAL: Size = Size {
+        load: [1.0; 6],
+        stiffness: [1.0; 6],
+        speed: [1.0; 6],
+    };
+
+    /// Of a hull in a recording: by the larger of the loads commanded and the drag at its fastest, and by the righting
+    /// moment over its swing.
+    ///
+    /// `commanded` = largest load per DOF \[N, N m\]; `fastest` = largest rate \[m/s, rad/s\].
+    pub fn of(
+        recording: &Recording,
+        h: &Hydrodynamics<f64>,
+        commanded: &[f64; 6],
+        fastest: &[f64; 6],
+    ) -> Size {
+        let mut made = Size::USUAL;
+        for d in 0..6 {
+            let swing = recording.runs.iter().map(|r| {
+                let seen = r.values.iter().map(|v| v[d]).filter(|v| v.is_finite());
+                let ends = seen.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                    (low.min(v), high.max(v))
+                });
+                (ends.1 - ends.0).max(0.0)
+            });
+            let stiffness = if matches!(d, 3 | 4) {
+                h.restoring_nm.abs()
+            } else {
+                0.0
+            };
+            let righting = 0.5 * stiffness * swing.fold(0.0, f64::max);
+            let drag = (h.linear[d] + h.quadratic[d] * fastest[d]).abs() * fastest[d];
+            let beyond =
+                |load_n: f64| Some(load_n / LOADS[d]).filter(|f| *f > ALIKE && f.is_finite());
+            let speed = fastest[d] / SPEED;
+            if let Some(load) = beyond(commanded[d].max(drag)).filter(|_| speed > 0.0) {
+                made.load[d] = load;
+                made.speed[d] = speed;
+            }
+            made.stiffness[d] = beyond(righting).unwrap_or(1.0).max(made.load[d]);
+        }
+        made
+    }
+
+    /// A parameter with its plausible range, and what a search begins from, at the size of a DOF.
+    pub fn sized(&self, p: &ParameterInfo, dof: usize) -> ParameterInfo {
+        let (load, speed) = powers(p.unit);
+        let factor = match (load, speed) {
+            (1, 0) if p.unit.split(" (").next().is_some_and(|u| u.contains('/')) => {
+                self.stiffness[dof]
+            }
+            _ => self.load[dof].powi(load) * self.speed[dof].powi(-speed),
+        };
+        let scaled = |v: f64| (v * factor).clamp(p.limits.0, p.limits.1);
+        ParameterInfo {
+            plausible: (scaled(p.plausible.0), scaled(p.plausible.1)),
+            typical: scaled(p.typical),
+            ..*p
+        }
+    }
+}
+
+/// Power of load and of 1 / speed in a unit: `N s2/m2` is a load over a speed squared.
+fn powers(unit: &str) -> (i32, i32) {
+    // The first form only: what stands in brackets is the same for a moment.
+    let first = unit.split(" (").next().unwrap_or(unit);
+    let load = i32::from(first.split([' ', '/']).any(|w| w == "N"));
+    let seconds = first.split([' ', '/', '(']).find_map(|w| match w {
+        "s" => Some(1),
+        "s2" => Some(2),
+        "s3" => Some(3),
+        _ => None,
+    });
+    let per_speed = if load == 1 { seconds.unwrap_or(0) } else { 0 };
+    let per_speed = match first {
+        "m/s" | "rad/s" => -1,
+        "s/m" | "s/rad" => 1,
+        _ => per_speed,
+    };
+    (load, per_speed)
+}
+
+#[cfg(test)]
+mod tests {
+    use hydroline_identify::data::{Run, Sample};
+    use hydroline_rigs::Rig;
+    use hydroline_sim::effect::ALL;
+
+    use super::*;
+
+    #[test]
+    fn units_say_how_a_parameter_scales() {
+        for (unit, expected) in [
+            ("N (N m for a moment)", (1, 0)),
+            ("N s/m (N m s/rad for a moment)", (1, 1)),
+            ("N s2/m2 (N m s2/rad2 for a moment)", (1, 2)),
+            ("N s2/(m2 rad) (N m s2/(m2 rad) for a moment)", (1, 2)),
+            ("N s3/m3 (N m s3/rad3 for a moment)", (1, 3)),
+            ("N m/rad3", (1, 0)),
+            ("N/m", (1, 0)),
+            ("m/s", (0, -1)),
+            ("s/m", (0, 1)),
+            ("s", (0, 0)),
+            ("1", (0, 0)),
+            ("m", (0, 0)),
+            ("rad", (0, 0)),
+        ] {
+            assert_eq!(powers(unit), expected, "{unit}");
+        }
+    }
+
+    /// A ship model of a tonne rolled, and its restoring moment could not be other than linear.
+    #[test]
+    fn a_ship_has_its_own_sizes_and_a_tank_run_the_vocabularys() {
+        let k3 = ALL.iter().find(|i| i.id == "nonlinear_restoring").unwrap();
+        let k3 = k3.parameters[0];
+        let h: Hydrodynamics<f64> = Hydrodynamics::new(&Rig::builtin("lshpi").unwrap().vehicle);
+        let nothing = Recording {
+            runs: Vec::new(),
+            channels: [false; 12],
+        };
+        let tank = Size::of(&nothing, &h, &[8.0, 0.0, 0.0, 0.5, 0.0, 0.0], &[0.1; 6]);
+        assert_eq!(tank.sized(&k3, 3), k3);
+        let rolled = |angle: f64| {
+            let mut values = [f64::NAN; 12];
+            values[3] = angle;
+            Sample {
+                t_s: angle,
+                values,
+                covariance: None,
+            }
+        };
+        let run = Run {
+            samples: vec![rolled(-0.15), rolled(0.15)],
+            ..Run::default()
+        };
+        let mut hull = h.clone();
+        hull.restoring_nm = -820.0;
+        let ship = Size::of(&Recording::new(&[run], 0.0), &hull, &[0.0; 6], &[0.0; 6]);
+        let sized = ship.sized(&k3, 3);
+        assert!(sized.plausible.0 < -1000.0 && sized.plausible.1 > 1000.0);
+        assert_eq!(ship.sized(&k3, 4), k3);
+        // It swings freely: nothing says that it has much damping.
+        let d3 = ALL
+            .iter()
+            .find(|i| i.id == "cubic_damping")
+            .unwrap()
+            .parameters[0];
+        assert_eq!(ship.sized(&d3, 3), d3);
+    }
+}
