@@ -27,8 +27,8 @@ fn of_composed_forces() {
     let var = |n: &str| std::env::var(n).ok().and_then(|s| s.parse::<usize>().ok());
     let seed = var("SEED").unwrap_or(77) as u64;
     let (from, count) = (var("FROM").unwrap_or(0), var("COUNT").unwrap_or(8));
-    let (mut asked, mut unknown, mut right, mut closed, mut sure, mut wrong, mut predicted) =
-        (0, 0, 0, 0, 0, 0, 0);
+    let (mut asked, mut unknown, mut right, mut closed, mut sure, mut wrong) = (0, 0, 0, 0, 0, 0);
+    let (mut predicted, mut as_observer) = (0, 0);
     for index in from..from + count {
         let made = match case::make_composed(seed, index) {
             Ok(made) => made,
@@ -78,27 +78,40 @@ fn of_composed_forces() {
                 p
             })
             .collect();
-        let (mut square, mut count, mut noise) = (0.0, 0.0, 0.0);
+        // Beside it an observer that knows the law, and of all else what the rig says.
+        let known: Vec<_> = found
+            .rig
+            .physics
+            .iter()
+            .filter(|e| !["written_force", "free_force"].contains(&e.effect.as_str()))
+            .cloned()
+            .collect();
+        let truth = Strange::Composed(law);
+        let start = made.sealed.rig.tank.start_pose;
+        let movers =
+            [(&found.rig.physics, None), (&known, Some(&truth))].map(|(entries, strange)| Mover {
+                vehicle: &found.rig.vehicle,
+                entries,
+                strange,
+                start,
+            });
+        let (mut square, mut count, mut noise) = ([0.0; 2], 0.0, 0.0);
         for (k, plan) in hard.iter().enumerate() {
             let Ok(run) = made.key.tank.record(plan, k, plans::RUN_S) else {
                 continue;
             };
-            let mover = Mover {
-                vehicle: &found.rig.vehicle,
-                entries: &found.rig.physics,
-                strange: None,
-                start: made.sealed.rig.tank.start_pose,
-            };
-            let x = mover.positions(k, &run.edges, &run.times_s).unwrap();
-            for (i, x) in x.iter().enumerate().filter(|(i, _)| !run.outlier[*i]) {
-                square += (run.motion[i].x_m.unwrap() - x).powi(2);
+            let foretold = movers.map(|m| m.positions(k, &run.edges, &run.times_s).unwrap());
+            for i in (0..run.times_s.len()).filter(|i| !run.outlier[*i]) {
+                for (square, x) in square.iter_mut().zip(&foretold) {
+                    *square += (run.motion[i].x_m.unwrap() - x[i]).powi(2);
+                }
                 noise += run.noise_m[i].powi(2);
                 count += 1.0;
             }
         }
-        let over = (square / noise).sqrt();
+        let [over, observer] = square.map(|s| (s / noise).sqrt());
         println!(
-            "   twice the load: {over:.2} x noise ({:.2} mm)",
+            "   twice the load: {over:.2} x noise ({:.2} mm), observer {observer:.2}",
             (noise / count).sqrt() * 1e3
         );
         let Some(form) = unnamed.and_then(|u| Some((u, u.closed_form.as_ref()?))) else {
@@ -107,6 +120,7 @@ fn of_composed_forces() {
         let (u, form) = form;
         closed += usize::from(form.written);
         predicted += usize::from(form.written && over < 1.5);
+        as_observer += usize::from(form.written && over < 1.5 * observer.max(1.0));
         // What the vehicle's own damping can take up is none of the form's errors: it is compared where it acts alone, in x.
         let truth: Vec<f64> = u
             .knots
@@ -133,7 +147,7 @@ fn of_composed_forces() {
         let off = inner.fold(0.0_f64, |m, k| {
             m.max((truth[k] - form.force_at[k] - if law.of_speed { 0.0 } else { mean }).abs())
         });
-        let is_wrong = off > WRONG * top && over > 1.5;
+        let is_wrong = off > WRONG * top && over > 1.5 * observer.max(1.0);
         sure += usize::from(form.sure);
         wrong += usize::from(form.sure && is_wrong);
         println!(
@@ -149,6 +163,6 @@ fn of_composed_forces() {
         );
     }
     println!(
-        "of {asked}: unknown {unknown}, covariate right {right}, written {closed}, of these within 1.5 x noise at twice the load {predicted}, sure {sure}, of these wrong {wrong}"
+        "of {asked}: unknown {unknown}, covariate right {right}, written {closed}, of these within 1.5 x noise at twice the load {predicted} (or 1.5 x the observer's {as_observer}), sure {sure}, of these wrong {wrong}"
     );
 }

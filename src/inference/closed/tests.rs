@@ -1,8 +1,10 @@
 use super::*;
+use crate::fit::Effort;
 use crate::hyper::{Cell, Cells};
 use crate::prior::PriorTable;
 use crate::testing::{Tank, entry};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
+use hydroline_sim::effect::along::POINTS;
 use hydroline_sim::effect::form::FORMS;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
@@ -124,6 +126,21 @@ fn asked(tank: &Tank, along: &str, seed: u64) -> Option<(Found, Closed)> {
 fn names(found: &Found, form: &Form) -> Vec<&'static str> {
     let c = &found.problem.body.candidates[form.candidate];
     c.words[2..4].iter().map(|w| FORMS[*w]).collect()
+}
+
+#[test]
+fn a_bump_is_written_down_and_three_are_not() {
+    let of = |seed: u64| {
+        let (_, along, effect) = drawn(seed);
+        asked(&Tank::new(&[0], vec![effect]), along, seed).unwrap()
+    };
+    let (found, bump) = of(24);
+    assert!(bump.stands && bump.none < 0.01, "{}", bump.none);
+    assert_eq!(names(&found, &bump.forms[0]), ["bump", "none"]);
+    let (form, table) = bump.left_out.unwrap();
+    assert!(form[0] < table[0], "{} {}", form[0], table[0]);
+    let (_, three) = of(11);
+    assert!(!three.stands && three.none > 0.9, "{}", three.none);
 }
 
 /// `FROM=1 COUNT=12 cargo test -p hydroline-inference --lib of_drawn_forces -- --ignored --nocapture`
