@@ -163,6 +163,9 @@ impl<const N: usize> Real for Dual<N> {
         let e = self.value.exp();
         self.chain(e, e)
     }
+    fn ln(self) -> Self {
+        self.chain(self.value.ln(), 1.0 / self.value)
+    }
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         self.chain(root, 0.5 / root)
@@ -186,6 +189,7 @@ mod tests {
         (x * y).sin() / (T::one() + y.exp())
             + x.abs().sqrt() * y.tanh()
             + (x - y).cos() * 0.3
+            + (x * y).ln()
             + (-x).max(y).min(x + y)
     }
 

@@ -37,6 +37,7 @@ mod error;
 mod fin_force;
 mod floor_slope;
 mod fluid_memory;
+pub mod form;
 pub mod free_force;
 mod image_saturation;
 mod info;
@@ -75,6 +76,7 @@ mod thruster_saturation;
 mod tone_curve;
 mod varying;
 mod wall_added_mass;
+pub mod written_force;
 
 pub use brightness::Brightness;
 pub use check::{CheckedEffect, Trend, check};

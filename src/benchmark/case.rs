@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::disturbance::Disturbance;
 use super::error::ProveError;
-use super::strange::{NEAR, Strange, UNNAMED};
+use super::strange::{COMPOSED, NEAR, Strange, UNNAMED};
 use super::tank::{Recorded, Tank};
 use super::{faulty, paper, plans, sizes};
 use hydroline_diagnose::Source;
@@ -212,6 +212,24 @@ fn seed_of(seed: u64, category: Category, index: usize) -> u64 {
 /// # Errors
 /// [`ProveError`].
 pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveError> {
+    drawn(seed, category, index, None)
+}
+
+/// A case whose force without a name is drawn by composition.
+///
+/// # Errors
+/// [`ProveError`].
+pub fn make_composed(seed: u64, index: usize) -> Result<Case, ProveError> {
+    drawn(seed, Category::Unnamed, index, Some(COMPOSED))
+}
+
+/// `law` = the kind of unnamed law, where the index does not say it.
+fn drawn(
+    seed: u64,
+    category: Category,
+    index: usize,
+    law: Option<&'static str>,
+) -> Result<Case, ProveError> {
     let id = format!("{}-{index}", category.name());
     let mut rng = StdRng::seed_from_u64(seed_of(seed, category, index));
     let rig = Rig::builtin("lshpi")?;
@@ -249,6 +267,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             Wanted::No => None,
             Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
             Wanted::Unnamed(kind, share) => {
+                let kind = law.unwrap_or(kind);
                 Strange::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
             }
         };

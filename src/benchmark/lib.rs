@@ -9,6 +9,9 @@
 //! model cannot hide on both sides.
 
 pub mod case;
+#[cfg(test)]
+mod closed;
+pub mod composed;
 pub mod coupled;
 pub mod disturbance;
 pub mod error;

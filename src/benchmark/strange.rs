@@ -4,6 +4,8 @@
 
 use rand::{RngExt, rngs::StdRng};
 
+use super::composed::Composed;
+
 /// What a law sees. `load_n` is what reaches the hull.
 #[derive(Debug, Clone, Copy)]
 pub struct Here {
@@ -106,6 +108,8 @@ pub enum Strange {
         /// Length \[s\].
         for_s: f64,
     },
+    /// Drawn by composition.
+    Composed(Composed),
 }
 
 /// Mechanisms with a near law.
@@ -118,6 +122,8 @@ pub const NEAR: [&str; 7] = [
     "thruster_saturation",
     "tether_spring",
 ];
+/// An unnamed law drawn by composition.
+pub const COMPOSED: &str = "composed";
 /// Kinds of unnamed laws.
 pub const UNNAMED: [&str; 4] = ["place_bump", "place_wave", "speed_bump", "pull"];
 
@@ -198,6 +204,7 @@ impl Strange {
                 from_s: std::array::from_fn(|_| between(rng, 3.0, 17.0)),
                 for_s: between(rng, 1.5, 4.0),
             },
+            COMPOSED => Strange::Composed(Composed::draw(f_n, reach_m, rng)),
             _ => return None,
         })
     }
@@ -275,6 +282,7 @@ impl Strange {
                     0.0
                 }
             }
+            Strange::Composed(law) => law.force(here),
             _ => 0.0,
         }
     }

@@ -14,6 +14,7 @@ mod next;
 mod place;
 mod shown;
 mod words;
+mod written;
 
 use std::ops::ControlFlow;
 
@@ -27,8 +28,10 @@ use super::verdict::{DataFault, NoiseFound, Word};
 use found::Judged;
 use giving::Asking;
 use hydroline_identify::data::{CHANNELS, Run, is_still};
+use hydroline_inference::closed::closed;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::recording::Recording;
+use hydroline_inference::search::Options;
 use inputs::Inputs;
 
 /// Diagnoses logs against a rig; `held` are predicted only, and the measured motion of `asked` DOFs is an input.
@@ -81,12 +84,14 @@ pub fn diagnose(
         progress,
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
+    let (found, closed) = closed(found, Options::default(), progress);
     let posterior = Posterior::new(&found);
     progress("predictions");
     let held: Vec<Run> = held.iter().map(|s| s.run.clone()).collect();
-    let mut judged = Judged::new(&found, &posterior, &held, rig).ok_or(DiagnoseError::NoFit {
-        dof: Dof::ALL[dofs[0]].name(),
-    })?;
+    let mut judged =
+        Judged::new(&found, &posterior, &closed, &held, rig).ok_or(DiagnoseError::NoFit {
+            dof: Dof::ALL[dofs[0]].name(),
+        })?;
     let inputs = Inputs::new(&found.problem.body, &asked);
     judged.unexplained.extend(inputs.unexplained());
     let verdict = &mut made.verdict;

@@ -249,6 +249,52 @@ pub struct Unexplained {
     pub force_sd: Vec<f64>,
     /// Log Bayes factor over none.
     pub log_bayes_factor: f64,
+    /// The same force as an expression of its variable, where one was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closed_form: Option<ClosedForm>,
+}
+
+/// A force without a name, written down as an expression of its variable.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClosedForm {
+    /// One form is likely enough to be called the law.
+    pub sure: bool,
+    /// The first form stands in the rig that is written; else the table does.
+    pub written: bool,
+    /// Probability that none of the grammar's forms is it: that of the table.
+    pub none_probability: f64,
+    /// Forms within odds of twenty of the likeliest, that one first.
+    pub forms: Vec<WrittenForm>,
+    /// Force of the first form at the table's knots \[N, N m\].
+    pub force_at: Vec<f64>,
+    /// rms of runs left out, foretold with the first form \[SI\]; empty where that was not asked.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub left_out: BTreeMap<String, f64>,
+    /// The same with the table.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub left_out_table: BTreeMap<String, f64>,
+    /// In words.
+    pub told: String,
+}
+
+/// One form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WrittenForm {
+    /// As it is read, numbers with their sds.
+    pub expression: String,
+    /// Probability among all forms and the table.
+    pub probability: f64,
+    /// Its pieces, which are added.
+    pub pieces: Vec<Piece>,
+}
+
+/// A piece of a form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Piece {
+    /// Form, as rig files name it.
+    pub form: String,
+    /// Numbers by what they are; without an sd those that the form holds.
+    pub numbers: BTreeMap<String, Value>,
 }
 
 /// What to run next.

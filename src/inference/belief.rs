@@ -118,10 +118,10 @@ impl Problem {
     }
 
     /// What a table's sizes are counted in, and their median; `None` where a candidate is no table.
-    fn unit(&self, candidate: usize) -> Option<(f64, f64)> {
+    pub(super) fn unit(&self, candidate: usize) -> Option<(f64, f64)> {
         let prior = &self.body.prior;
         match self.body.candidates[candidate].kind {
-            Kind::Effect => None,
+            Kind::Effect | Kind::Form { .. } => None,
             Kind::Trend { .. } => Some((1.0, prior.inexact_share)),
             Kind::Force { dof } => {
                 // As large as a random force that is worth the tolerance.

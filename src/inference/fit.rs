@@ -449,6 +449,8 @@ impl Problem {
                     let force = |c: &&Candidate| matches!(c.kind, Kind::Force { .. });
                     prior.unnamed / all.iter().filter(force).count() as f64
                 }
+                // As its table, with what the form itself is worth: no probability that others could be counted by.
+                Kind::Form { table, ln_odds, .. } => return self.ln_prior(&[table]) + ln_odds,
                 kind => prior.inexact / all.iter().filter(|c| c.kind == kind).count() as f64,
             };
             (p / (1.0 - p)).ln()

@@ -12,6 +12,7 @@
 
 pub mod belief;
 pub mod body;
+pub mod closed;
 mod equations;
 pub mod filter;
 pub mod fit;

@@ -31,6 +31,12 @@ pub struct PriorTable {
     pub unnamed: f64,
     /// Median of what such a force is worth, over the tolerance (half-Cauchy): one that is worth a term of its own shows.
     pub unnamed_over_tolerance: f64,
+    /// Probability that such a force has a closed form of the grammar: nobody knows.
+    pub closed: f64,
+    /// Probability that such a form is a sum of two pieces: most are one.
+    pub second_piece: f64,
+    /// Probability that it is multiplied by a rate, or by the size or the sign of one: a few are.
+    pub product: f64,
     /// Probability that the law of an effect is only nearly the library's: a table's laws are idealised, most fit.
     pub inexact: f64,
     /// Median of the share by which such a law's number varies (half-Cauchy).
@@ -49,6 +55,9 @@ impl Default for PriorTable {
             colour_ln: 0.7,
             unnamed: 0.03,
             unnamed_over_tolerance: 3.0,
+            closed: 0.5,
+            second_piece: 0.25,
+            product: 0.2,
             inexact: 0.3,
             inexact_share: 0.3,
         }

@@ -243,7 +243,7 @@ impl Problem {
             None
         };
         let asked: Vec<(usize, usize)> = (0..self.body.candidates.len())
-            .filter(|c| !fit.terms.contains(c) && !self.body.candidates[*c].is_table())
+            .filter(|c| !fit.terms.contains(c) && self.body.candidates[*c].kind == Kind::Effect)
             .flat_map(|c| (0..self.body.candidates[c].starts.len()).map(move |s| (c, s)))
             .collect();
         let found: Vec<Vec<Promise>> = asked
@@ -319,7 +319,7 @@ impl Problem {
             .into_par_iter()
             .filter(|c| {
                 let candidate = &self.body.candidates[*c];
-                !fit.terms.contains(c) && !candidate.own && !candidate.is_table()
+                !fit.terms.contains(c) && !candidate.own && candidate.kind == Kind::Effect
             })
             .filter(|c| {
                 let candidate = &self.body.candidates[*c];

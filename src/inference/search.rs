@@ -410,18 +410,34 @@ pub fn search(
 
 /// Searches about a model that is known: the noise stays as it is, and nothing else is asked first.
 pub fn about(problem: Problem, from: &Fit, options: Options) -> Found {
-    let mut search = Search {
+    let found = Found {
         problem,
         models: BTreeMap::from([(from.terms.clone(), from.clone())]),
-        expanded: BTreeSet::new(),
         fits: 0,
+        given_up: Vec::new(),
+    };
+    resumed(found, BTreeSet::new(), options, &|_| {})
+}
+
+/// Goes on from models that joined a search, beside what was expanded; `expanded` = what was there before.
+pub(super) fn resumed(
+    found: Found,
+    expanded: BTreeSet<Vec<usize>>,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Found {
+    let mut search = Search {
+        problem: found.problem,
+        models: found.models,
+        expanded,
+        fits: found.fits,
         cost: 0,
         options,
-        progress: &|_| {},
+        progress,
     };
     search.run();
     Found {
-        given_up: Vec::new(),
+        given_up: search.not_followed(),
         problem: search.problem,
         models: search.models,
         fits: search.fits,

@@ -81,6 +81,12 @@ fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
     })
 }
 
+/// Precision of a table of unit size with this length, by its place.
+#[cfg(test)]
+pub(super) fn precision(length: usize) -> DMatrix<f64> {
+    kernels(false)[length].precision.clone()
+}
+
 /// The same kernel, of functions whose mean over the points is 0: a law's number has the mean already.
 fn without_mean(kernel: &Kernel) -> Kernel {
     let mean = DMatrix::from_element(POINTS, POINTS, NO_MEAN / POINTS as f64);

@@ -70,7 +70,7 @@ impl Problem {
         let asked = |c: &usize| {
             !fit.terms.contains(c)
                 && match self.body.candidates[*c].kind {
-                    Kind::Effect => false,
+                    Kind::Effect | Kind::Form { .. } => false,
                     Kind::Force { dof } => lacking.contains(&dof),
                     // One number varies with one covariate.
                     Kind::Trend { of } => {

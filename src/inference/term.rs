@@ -42,6 +42,15 @@ pub enum Kind {
         /// DOF in which it acts.
         dof: usize,
     },
+    /// The same written down as an expression of that covariate.
+    Form {
+        /// DOF in which it acts.
+        dof: usize,
+        /// The table that it stands for.
+        table: usize,
+        /// Log prior odds of it over that table.
+        ln_odds: f64,
+    },
     /// The law of another candidate is only nearly the library's: its first number varies along a covariate.
     Trend {
         /// That candidate.
@@ -154,7 +163,7 @@ pub fn candidates(ground: &Ground<'_>, on: &[CheckedEffect]) -> Vec<Candidate> {
     // Without a command there is one clock, and nothing to be late against.
     let commanded = ground.largest.iter().any(|load| *load > 0.0);
     let asked = |i: &&&EffectInfo| commanded || i.stage != Stage::Timing;
-    let moves = ALL.iter().filter(|i| !i.is_a_table() && !in_images_only(i));
+    let moves = ALL.iter().filter(|i| !i.is_written() && !in_images_only(i));
     for info in moves.filter(asked) {
         for words in choices(info.words, ground) {
             if is_own_square(info.words, &words) || is_lift(info, &words, ground) {

@@ -14,6 +14,7 @@ pub struct Tank {
     /// Which DOFs are commanded.
     pub driven: Vec<usize>,
     /// Factor on the largest command.
+    pub load: f64,
     pub white: [f64; 2],
     pub coloured: f64,
     pub seconds: f64,
@@ -39,6 +40,7 @@ impl Tank {
             rig: Rig::builtin("lshpi").unwrap(),
             effects,
             driven: driven.to_vec(),
+            load: 1.0,
             white: [1.5e-4, 1.745e-4],
             coloured: 0.7,
             seconds: 24.0,
@@ -70,7 +72,7 @@ impl Tank {
                 while t_s < self.seconds {
                     let mut wrench = [0.0; 6];
                     for &d in &self.driven {
-                        wrench[d] = full[d] * (2.0 * rng.random::<f64>() - 1.0);
+                        wrench[d] = self.load * full[d] * (2.0 * rng.random::<f64>() - 1.0);
                     }
                     if t_s > self.seconds - 4.0 {
                         wrench = [0.0; 6];

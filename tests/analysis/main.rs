@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod diagnose_body;
+mod diagnose_closed;
 mod diagnose_given;
 mod diagnose_images;
 mod diagnose_motion;

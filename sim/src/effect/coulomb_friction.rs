@@ -36,7 +36,7 @@ struct Coulomb<T> {
 }
 
 /// Speed over ground at which the friction has come to tanh(1) of itself \[m/s, rad/s\].
-const SLIP_MPS: f64 = 0.004;
+pub(super) const SLIP_MPS: f64 = 0.004;
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
     Coulomb {

@@ -138,9 +138,14 @@ pub struct EffectInfo {
 }
 
 impl EffectInfo {
-    /// Whether its law is whatever data wrote into it: no hypothesis by itself.
+    /// Whether it is a table of forces.
     pub fn is_a_table(&self) -> bool {
         self.id == super::free_force::INFO.id
+    }
+
+    /// Whether its law is whatever data wrote into it, as a table or in closed form: no hypothesis by itself.
+    pub fn is_written(&self) -> bool {
+        self.is_a_table() || self.id == super::written_force::INFO.id
     }
 
     /// Index of a numeric parameter.

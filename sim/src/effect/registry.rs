@@ -48,6 +48,7 @@ registry! {
     added_mass_coupling,
     cross_flow_coupling,
     free_force,
+    written_force,
     fin_force,
     refraction,
     lens_distortion,

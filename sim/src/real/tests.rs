@@ -69,6 +69,9 @@ impl Real for Dual {
     fn exp(self) -> Self {
         Dual(self.0.exp(), self.1 * self.0.exp())
     }
+    fn ln(self) -> Self {
+        Dual(self.0.ln(), self.1 / self.0)
+    }
     fn sqrt(self) -> Self {
         Dual(self.0.sqrt(), self.1 / (2.0 * self.0.sqrt()))
     }

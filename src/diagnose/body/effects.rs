@@ -86,16 +86,18 @@ impl Judged<'_> {
     pub fn candidates(&self) -> Vec<verdict::Candidate> {
         let all = self.posterior.effects.iter();
         let body = &self.found.problem.body;
-        all.filter(|e| e.probability >= PROBABLE && !body.candidates[e.candidate].is_table())
-            .map(|e| {
-                let c = &self.found.problem.body.candidates[e.candidate];
-                verdict::Candidate {
-                    effect: c.info.id.to_owned(),
-                    words: words(c),
-                    probability: e.probability,
-                }
-            })
-            .collect()
+        all.filter(|e| {
+            e.probability >= PROBABLE && body.candidates[e.candidate].kind == Kind::Effect
+        })
+        .map(|e| {
+            let c = &self.found.problem.body.candidates[e.candidate];
+            verdict::Candidate {
+                effect: c.info.id.to_owned(),
+                words: words(c),
+                probability: e.probability,
+            }
+        })
+        .collect()
     }
 
     /// Effects that are established or not decided, heaviest first.
@@ -107,7 +109,7 @@ impl Judged<'_> {
             if e.probability < LISTED && !first.contains(&e.candidate) {
                 continue;
             }
-            if body.candidates[e.candidate].is_table() {
+            if body.candidates[e.candidate].kind != Kind::Effect {
                 continue;
             }
             // The likeliest model that holds it.
@@ -168,7 +170,7 @@ impl Judged<'_> {
         mixed(&with.collect::<Vec<_>>())
     }
 
-    fn value(&self, fit: &Fit, place: usize) -> Value {
+    pub fn value(&self, fit: &Fit, place: usize) -> Value {
         let (value, slope) = self.found.problem.body.natural(&fit.terms, &fit.point)[place];
         let sd = slope.abs() * fit.covariance[(place, place)].sqrt();
         Value {
@@ -236,7 +238,7 @@ impl Judged<'_> {
         let all = all.filter_map(|(terms, p)| Some((*p, own(self.found.models.get(terms)?))));
         let effect = |m: &usize| {
             let c = &self.found.problem.body.candidates[self.best.terms[*m]];
-            !c.is_table()
+            c.kind == Kind::Effect
         };
         let effects = (0..self.best.terms.len())
             .filter(effect)
@@ -303,10 +305,10 @@ impl Judged<'_> {
     /// A term as a list of models shows it.
     fn told(&self, term: usize) -> String {
         let c = &self.found.problem.body.candidates[term];
-        if c.is_table() {
-            c.name()
-        } else {
+        if c.kind == Kind::Effect {
             self.id(term)
+        } else {
+            c.name()
         }
     }
 
@@ -344,7 +346,7 @@ impl Judged<'_> {
             let at = places[member];
             let c = &body.candidates[*t];
             // How a law varies stands with the effect.
-            if self.probability(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
+            if self.stands(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }
             let numbers = |at: usize, n: usize| -> Vec<f64> {

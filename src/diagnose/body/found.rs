@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::data::Run;
+use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::foretell::Prediction;
 use hydroline_inference::posterior::Posterior;
@@ -71,6 +72,8 @@ pub struct Judged<'a> {
     pub one_run_out: Option<Foretold>,
     /// What the likeliest model leaves, channel by channel.
     pub left: Vec<Left>,
+    /// Forces without a name that were written down.
+    pub closed: &'a [Closed],
     /// Forces without a name that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
@@ -79,6 +82,7 @@ impl<'a> Judged<'a> {
     pub fn new(
         found: &'a Found,
         posterior: &'a Posterior,
+        closed: &'a [Closed],
         held: &[Run],
         rig: &Rig,
     ) -> Option<Judged<'a>> {
@@ -109,6 +113,7 @@ impl<'a> Judged<'a> {
         let mut made = Judged {
             found,
             posterior,
+            closed,
             best,
             alone,
             weights,
@@ -186,7 +191,9 @@ impl<'a> Judged<'a> {
     pub fn id(&self, term: usize) -> String {
         let c = &self.found.problem.body.candidates[term];
         match c.kind {
-            Kind::Force { dof } => format!("a force without a name in {}", Dof::ALL[dof].name()),
+            Kind::Force { dof } | Kind::Form { dof, .. } => {
+                format!("a force without a name in {}", Dof::ALL[dof].name())
+            }
             _ => c.info.id.to_owned(),
         }
     }

@@ -64,6 +64,7 @@ impl Inputs<'_> {
                     force_at: Vec::new(),
                     force_sd: Vec::new(),
                     log_bayes_factor: f64::NAN,
+            closed_form: None,
                 }
             })
             .collect()

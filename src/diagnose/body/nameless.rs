@@ -37,7 +37,7 @@ pub fn mattering(
     heavy
         .filter_map(|(_, (t, _))| match candidates[*t].kind {
             Kind::Effect => Some(*t),
-            Kind::Force { dof } => {
+            Kind::Force { dof } | Kind::Form { dof, .. } => {
                 let same = |c: &Candidate| c.kind == Kind::Force { dof };
                 candidates.iter().position(same)
             }
@@ -121,7 +121,7 @@ impl Judged<'_> {
             let heavy = self.weights.get(terms).is_some_and(|weights| {
                 let each = terms.iter().zip(weights);
                 let mut forces =
-                    each.filter(|(t, _)| self.candidate(**t).kind == Kind::Force { dof });
+                    each.filter(|(t, _)| self.candidate(**t).unnamed_in() == Some(dof));
                 forces.any(|(_, w)| relative(w, tolerance) > 1.0)
             });
             if heavy { *p } else { 0.0 }
@@ -146,29 +146,39 @@ impl Judged<'_> {
         (p / (1.0 - p).max(1e-300)).ln()
     }
 
+    /// Probability that a force without a name acts in a DOF; along a covariate, or any.
+    pub fn force_in(&self, dof: usize, along: Option<&str>) -> f64 {
+        let is = |t: &usize| {
+            let c = self.candidate(*t);
+            c.unnamed_in() == Some(dof) && along.is_none_or(|a| c.runs_along() == Some(a))
+        };
+        let models = self.posterior.models.iter();
+        models.filter(|m| m.0.iter().any(is)).map(|m| m.1).sum()
+    }
+
+    /// Probability of a term, for whoever writes it down: of a force without a name that of its covariate, be it as a table
+    /// or in closed form.
+    pub fn stands(&self, term: usize) -> f64 {
+        let c = self.candidate(term);
+        match c.unnamed_in() {
+            Some(dof) => self.force_in(dof, c.runs_along()),
+            None => self.probability(term),
+        }
+    }
+
     /// The likeliest table in a DOF, where one is likelier than none.
     fn along_a_covariate(&self, dof: usize) -> Option<Unexplained> {
         let body = &self.found.problem.body;
-        let tables = self.posterior.effects.iter();
-        let table = tables
-            .filter(|e| body.candidates[e.candidate].kind == Kind::Force { dof })
-            .max_by(|a, b| a.probability.total_cmp(&b.probability))?;
-        let all: f64 = self
-            .posterior
-            .models
-            .iter()
-            .map(|(terms, p)| {
-                let any = terms
-                    .iter()
-                    .any(|t| body.candidates[*t].kind == Kind::Force { dof });
-                if any { *p } else { 0.0 }
-            })
-            .sum();
+        let all = self.force_in(dof, None);
         if all < UNNAMED {
             return None;
         }
-        let (fit, member) = self.holding(table.candidate)?;
-        let c = &body.candidates[table.candidate];
+        let tables = (0..body.candidates.len())
+            .filter(|c| body.candidates[*c].kind == Kind::Force { dof })
+            .map(|c| (c, self.stands(c)));
+        let (table, probability) = tables.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (fit, member) = self.holding(table)?;
+        let c = &body.candidates[table];
         let (_, (from, to)) = c.along?;
         let covariate = c.covariate()?;
         let at = body.places(&fit.terms)[member];
@@ -192,6 +202,7 @@ impl Judged<'_> {
         let weights = weights.unwrap_or_else(|| self.found.problem.weights(fit)[member]);
         let channel = heaviest(&weights, &body.tolerance);
         let unit = if dof < 3 { "N" } else { "N m" };
+        let closed_form = self.closed_form(table, &knots);
         Some(Unexplained {
             channel: CHANNELS[channel].to_owned(),
             weight: weights[channel],
@@ -199,14 +210,18 @@ impl Judged<'_> {
             range: [knots[first], knots[last]],
             force: force_at[top],
             term: format!(
-                "a force without a name in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}",
+                "a force without a name in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
                 Dof::ALL[dof].name(),
-                table.probability / all,
+                probability / all,
                 force_at[top],
                 knots[top],
                 knots[first],
-                knots[last]
+                knots[last],
+                closed_form
+                    .as_ref()
+                    .map_or(String::new(), |f| format!("; {}", f.told)),
             ),
+            closed_form,
             knots,
             force_at,
             force_sd,
@@ -244,6 +259,7 @@ impl Judged<'_> {
             force_at: Vec::new(),
             force_sd: Vec::new(),
             log_bayes_factor: self.ln_odds(dof),
+            closed_form: None,
         }
     }
 }

@@ -1,10 +1,12 @@
 //! The report's figures: runs without and with what was left out, where the model misses.
 
 use super::{Shown, Trace};
+use crate::verdict::Unexplained;
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 const BEFORE: Colour = Colour::VERMILLION;
 const AFTER: Colour = Colour::BLUE;
+const STRONG: Colour = Colour::GREEN;
 /// Half width of the drawn noise floor, in standard deviations.
 const FLOOR_SD: f64 = 2.0;
 /// Command edges are marks only where they can be told apart.
@@ -91,5 +93,30 @@ pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figur
         .windows("more than noise", BEFORE, more)
         .marks("commands", marks(trace))
         .line("without effects", BEFORE, points(&trace.times_s, &residual));
+    Figure::stack(title, vec![panel])
+}
+
+/// A force without a name over its variable: the table with its band, and the likeliest closed form.
+pub(super) fn without_a_name(u: &Unexplained) -> Figure {
+    let linear = ["x", "y", "z", "u", "v", "w"].iter();
+    let mut linear = linear.filter(|c| u.channel.starts_with(&format!("{c}_")));
+    let load = match linear.next() {
+        Some(_) => "force [N]",
+        None => "moment [N m]",
+    };
+    let within_sd = u.knots.iter().zip(u.force_at.iter().zip(&u.force_sd));
+    let within_sd = within_sd.map(|(x, (a, sd))| [*x, a - sd, a + sd]).collect();
+    let title = format!("force without a name over {}", u.depends_on);
+    let mut panel = Panel::new(
+        title.clone(),
+        Axis::new(u.depends_on.clone()),
+        Axis::new(load),
+    )
+    .height(160.0)
+    .ribbon("table, one sd", Colour::GREY, within_sd)
+    .line("table", BEFORE, points(&u.knots, &u.force_at));
+    if let Some(f) = u.closed_form.as_ref().filter(|f| !f.force_at.is_empty()) {
+        panel = panel.line("closed form", STRONG, points(&u.knots, &f.force_at));
+    }
     Figure::stack(title, vec![panel])
 }

@@ -148,6 +148,9 @@ pub(super) fn unexplained(b: &mut Body, v: &Verdict) {
             u.log_bayes_factor
         )
     }));
+    for u in v.unexplained.iter().filter(|u| !u.knots.is_empty()) {
+        b.figure(&super::figures::without_a_name(u), "");
+    }
 }
 
 pub(super) fn alternatives(b: &mut Body, v: &Verdict) {

@@ -1,0 +1,262 @@
+//! The closed form of a force without a name: the simplest expression of its covariate that the data want instead of a table.
+//!
+//! Of the likeliest model that holds a table, what the data say of the table's points ranks all forms (`rank`) that the
+//! grammar has (`grammar`). The best are fitted to the data in the table's place, by the fit and the score that every model
+//! has, and compete with the table, which stands for every form that the grammar does not have. Where a form is likely
+//! by the evidence it has to foretell runs left out as well as the table does; then it joins the models, and the search
+//! goes on beside it.
+//!
+//! References: Schmidt and Lipson 2009 (laws from data); Duvenaud and others 2013 (Gaussian process to structure).
+
+mod curve;
+mod grammar;
+mod place;
+mod rank;
+#[cfg(test)]
+mod tests;
+
+use hydroline_sim::effect::along::COVARIATES;
+use hydroline_sim::effect::{EffectInfo, find};
+
+use super::fit::{Fit, Problem};
+use super::posterior::{Posterior, UNNAMED};
+use super::search::{Found, Options, resumed};
+use super::summary::Rms;
+use super::term::{Candidate, Kind};
+use grammar::Along;
+use place::Draft;
+use rank::ranked;
+
+/// Probability from which forms stand in a table's place: then one is the better bet, for what is held against it is no less an
+/// assumption. None is called the law for that.
+const STANDS: f64 = 0.5;
+/// Odds within which forms are told beside the likeliest.
+const ODDS: f64 = 20.0;
+/// Share of a DOF's unnamed force from which a covariate's table is written down.
+const SHARE: f64 = 0.2;
+/// Forms fitted per table, and log odds below the best of the ranking at which none is: it is made at the table's own
+/// place, not at the form's.
+const FITTED: usize = 6;
+/// See there.
+const BELOW: f64 = 9.0;
+/// Share of a search's cost for which it goes on beside the forms.
+const GOES_ON: usize = 6;
+
+/// A form fitted to the data.
+#[derive(Debug, Clone)]
+pub struct Form {
+    /// Its model.
+    pub fit: Fit,
+    /// Its candidate.
+    pub candidate: usize,
+    /// Probability among all forms of this table and the table itself.
+    pub probability: f64,
+}
+
+/// What a table was written down as.
+#[derive(Debug, Clone)]
+pub struct Closed {
+    /// The table's candidate.
+    pub table: usize,
+    /// Forms within odds of 20 of the likeliest, the table among what they are held against; likeliest first.
+    pub forms: Vec<Form>,
+    /// Probability that it has no form of the grammar.
+    pub none: f64,
+    /// Its forms stand in its place: together they are likely, and foretell runs left out as well as the table does.
+    pub stands: bool,
+    /// Runs left out: (the likeliest form, the table); `None` where that was not asked.
+    pub left_out: Option<(Rms, Rms)>,
+}
+
+/// Writes down the forces without a name that a search found.
+pub fn closed(
+    mut found: Found,
+    options: Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> (Found, Vec<Closed>) {
+    let Some(info) = find("written_force") else {
+        return (found, Vec::new());
+    };
+    let visited = found.models.keys().cloned().collect();
+    let mut made = Vec::new();
+    for (table, terms) in tables(&found) {
+        let Some(fit) = found.models.get(&terms).cloned() else {
+            continue;
+        };
+        progress(&format!(
+            "closed form of {}",
+            found.problem.body.candidates[table].name()
+        ));
+        if let Some(one) = one(&mut found, info, table, &fit) {
+            if one.stands {
+                let forms = one.forms.iter().map(|f| &f.fit);
+                let fits = forms.map(|f| (f.terms.clone(), f.clone()));
+                found.models.extend(fits);
+            }
+            made.push(one);
+        }
+    }
+    if made.iter().any(|m| m.stands) {
+        let options = Options {
+            cost: options.cost / GOES_ON,
+            ..options
+        };
+        found = resumed(found, visited, options, progress);
+    }
+    (found, made)
+}
+
+/// Tables that are likely, each with the likeliest model that holds it.
+fn tables(found: &Found) -> Vec<(usize, Vec<usize>)> {
+    let posterior = Posterior::new(found);
+    let all = &found.problem.body.candidates;
+    let dof = |c: usize| match all[c].kind {
+        Kind::Force { dof } => Some(dof),
+        _ => None,
+    };
+    let of = |wanted: usize| {
+        let any = |m: &&(Vec<usize>, f64)| m.0.iter().any(|t| dof(*t) == Some(wanted));
+        posterior
+            .models
+            .iter()
+            .filter(any)
+            .map(|m| m.1)
+            .sum::<f64>()
+    };
+    let mut made = Vec::new();
+    for e in &posterior.effects {
+        let Some(d) = dof(e.candidate) else { continue };
+        let whole = of(d);
+        if whole < UNNAMED || e.probability < SHARE * whole {
+            continue;
+        }
+        let holds = |m: &&(Vec<usize>, f64)| m.0.contains(&e.candidate);
+        if let Some((terms, _)) = posterior.models.iter().find(holds) {
+            made.push((e.candidate, terms.clone()));
+        }
+    }
+    made
+}
+
+/// One table, beside the model that holds it.
+fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) -> Option<Closed> {
+    let problem = &mut found.problem;
+    let member = fit.terms.iter().position(|t| *t == table)?;
+    let of = &problem.body.candidates[table];
+    let (Kind::Force { dof }, Some((covariate, range))) = (of.kind, of.along) else {
+        return None;
+    };
+    let (unit, median) = problem.unit(table)?;
+    let along = Along {
+        dof,
+        covariate,
+        range,
+        force: unit * median,
+    };
+    let likelihood = problem.of_table(fit, member)?;
+    let prior = problem.body.prior;
+    let mut forms = ranked(&along, &likelihood, prior.second_piece);
+    let best = forms.first()?.ln_score();
+    forms.retain(|f| f.ln_score() > best - BELOW);
+    forms.truncate(FITTED);
+    let ln_odds = (prior.closed / (1.0 - prior.closed)).ln();
+    let factors = problem.factors(&along);
+    let plain = if factors.is_empty() {
+        0.0
+    } else {
+        (1.0 - prior.product).ln()
+    };
+    let drafts: Vec<Draft> = forms
+        .into_iter()
+        .map(|ranked| Draft {
+            ln_odds: ln_odds + plain + ranked.ln_prior,
+            ranked,
+            times: (0, 1.0),
+        })
+        .collect();
+    let bare = {
+        let (terms, point) = problem.without(fit, member);
+        Fit {
+            terms,
+            point,
+            ..fit.clone()
+        }
+    };
+    let mut fits = problem.fitted(info, table, &along, &bare, &drafts);
+    // The likeliest once more, times a rate.
+    let likeliest = fits
+        .iter()
+        .max_by(|a, b| a.2.ln_score.total_cmp(&b.2.ln_score))?
+        .0;
+    let share = prior.product.ln() - (factors.len().max(1) as f64).ln();
+    let products: Vec<Draft> = factors
+        .into_iter()
+        .map(|times| {
+            let ranked = drafts[likeliest].ranked.clone();
+            Draft {
+                ln_odds: ln_odds + share + ranked.ln_prior,
+                ranked,
+                times,
+            }
+        })
+        .collect();
+    fits.extend(problem.fitted(info, table, &along, &bare, &products));
+    found.fits += fits.len();
+    Some(judged(&found.problem, table, fit, fits))
+}
+
+/// Forms against each other and the table; `fit` = the model with the table.
+fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, Fit)>) -> Closed {
+    let top = fits
+        .iter()
+        .map(|f| f.2.ln_score)
+        .fold(fit.ln_score, f64::max);
+    let share = |score: f64| (score - top).exp();
+    let sum = share(fit.ln_score) + fits.iter().map(|f| share(f.2.ln_score)).sum::<f64>();
+    let mut forms: Vec<Form> = fits
+        .into_iter()
+        .map(|(_, candidate, fit)| Form {
+            probability: share(fit.ln_score) / sum,
+            candidate,
+            fit,
+        })
+        .filter(|f| f.probability * ODDS > 1.0 / sum)
+        .collect();
+    forms.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let none = share(fit.ln_score) / sum;
+    let mut made = Closed {
+        table,
+        none,
+        stands: 1.0 - none >= STANDS && !forms.is_empty(),
+        forms,
+        left_out: None,
+    };
+    // With one run alone there is none to leave out.
+    if made.stands && problem.body.recording.runs.len() > 1 {
+        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?.values));
+        made.left_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
+        made.stands = made
+            .left_out
+            .is_some_and(|(form, table)| !problem.is_worse(&form, &table));
+    }
+    made
+}
+
+impl Candidate {
+    /// Name of the covariate of a force without a name, be it a table or a form.
+    pub fn runs_along(&self) -> Option<&'static str> {
+        match self.kind {
+            Kind::Form { .. } => self.word("along"),
+            Kind::Force { .. } => COVARIATES.get(self.along?.0).copied(),
+            _ => None,
+        }
+    }
+
+    /// DOF of a force without a name.
+    pub fn unnamed_in(&self) -> Option<usize> {
+        match self.kind {
+            Kind::Force { dof } | Kind::Form { dof, .. } => Some(dof),
+            _ => None,
+        }
+    }
+}
