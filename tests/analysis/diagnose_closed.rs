@@ -3,7 +3,7 @@
 
 use crate::diagnose_motion::{clean, simulated};
 use hydroline::diagnose::verdict::Word;
-use hydroline::diagnose::{Engine, Source, diagnose_by};
+use hydroline::diagnose::{Source, diagnose};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 
 /// Something at one place of the tank: 1.2 N exp(-((x - 0.3) / 0.1)^2 / 2).
@@ -43,7 +43,7 @@ fn a_force_without_a_name_is_written_down_and_predicts_twice_the_load() {
     let runs: Vec<Source> = each
         .map(|((name, edges), seed)| clean(simulated(&water, name, edges, seed)))
         .collect();
-    let found = diagnose_by(Engine::Body, &runs, &[], &rig, &|_| {}).unwrap();
+    let found = diagnose(&runs, &[], &rig, &|_| {}).unwrap();
     let v = &found.verdict;
     println!("{}", v.sentence);
     assert_eq!(v.verdict, Word::Unknown, "{}", v.sentence);
