@@ -149,9 +149,12 @@ fn singles(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> 
         .collect()
 }
 
+/// Gain of two atoms together, which, and their forces.
+type Pair = (f64, [usize; 2], [f64; 2]);
+
 fn pairs(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> Vec<Start> {
-    // Of each two pieces the best places: (gain, atoms, forces).
-    let mut best: Vec<Option<(f64, [usize; 2], [f64; 2])>> = vec![None; pieces * pieces];
+    // Of each two pieces the best places.
+    let mut best: Vec<Option<Pair>> = vec![None; pieces * pieces];
     for i in 0..atoms.len() {
         let aa = square[(i, i)] + least;
         for j in 0..i {
@@ -171,7 +174,7 @@ fn pairs(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> Ve
     }
     let mut best: Vec<_> = best.into_iter().flatten().collect();
     best.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let start = |(_, [i, j], forces): (f64, [usize; 2], [f64; 2])| {
+    let start = |(_, [i, j], forces): Pair| {
         let ([b, w], [other_b, other_w]) = (atoms[i].start, atoms[j].start);
         Start {
             pieces: (atoms[i].piece, Some(atoms[j].piece)),
