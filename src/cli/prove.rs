@@ -26,7 +26,7 @@ Examples:
   hydroline prove --only single-7            # one case: whole verdict and key
   hydroline prove --images 70                # an effect of camera, sheet, target or water
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
-  hydroline prove --cases 46 --export cases  # tables for other tools, keys apart; nothing is diagnosed
+  hydroline prove --cases 46 --export cases  # tables for other tools, keys apart
 
 Exit codes: 0 done, whatever the score; 1 a case could not be made or diagnosed; 2 bad arguments, or --keep holds \
 other cases.")]
