@@ -222,7 +222,10 @@ impl Search<'_> {
             let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
             add((terms, point, fit.cells.clone()));
         }
-        let tables = self.problem.tables(fit).into_iter();
+        let tables = self
+            .problem
+            .tables(fit, &self.followed_by_laws())
+            .into_iter();
         for p in tables
             .filter(|p| p.gain > self.options.least_gain)
             .take(self.options.tables)
@@ -281,6 +284,14 @@ impl Search<'_> {
             }
         }
         self.fit(jobs, Effort::default());
+    }
+
+    /// DOFs in which only known laws are asked: a table follows any motion, and what nobody commanded and only a table follows
+    /// is an input. Where nothing at all was commanded every DOF is explained as well as it can be.
+    fn followed_by_laws(&self) -> [bool; 6] {
+        let may = self.options.may_give_up;
+        let commanded = self.problem.body.dofs.iter().any(|d| !may[*d]);
+        may.map(|may| may && commanded)
     }
 
     /// DOFs that the best model does not follow, of those that may be given up; none where nothing would be left to explain.

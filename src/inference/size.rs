@@ -36,8 +36,8 @@ impl Size {
         speed: [1.0; 6],
     };
 
-    /// Of a hull in a recording: by the larger of the loads commanded and the drag at its fastest, and by the righting
-    /// moment over its swing.
+    /// Of a hull in a recording: by the loads commanded, where there are none by the drag at its fastest, and by the
+    /// righting moment over its swing.
     ///
     /// `commanded` = largest load per DOF \[N, N m\]; `fastest` = largest rate \[m/s, rad/s\].
     pub fn of(
@@ -65,7 +65,13 @@ impl Size {
             let beyond =
                 |load_n: f64| Some(load_n / LOADS[d]).filter(|f| *f > ALIKE && f.is_finite());
             let speed = fastest[d] / SPEED;
-            if let Some(load) = beyond(commanded[d].max(drag)).filter(|_| speed > 0.0) {
+            // A rig's drag may be off by five; what was commanded is known.
+            let driven = if commanded[d] > 0.0 {
+                commanded[d]
+            } else {
+                drag
+            };
+            if let Some(load) = beyond(driven).filter(|_| speed > 0.0) {
                 made.load[d] = load;
                 made.speed[d] = speed;
             }

@@ -61,8 +61,8 @@ impl Problem {
         each.collect()
     }
 
-    /// Tables beside a model, best first.
-    pub(super) fn tables(&self, fit: &Fit) -> Vec<TablePromise> {
+    /// Tables beside a model, best first; no forces in DOFs in which only laws are asked.
+    pub(super) fn tables(&self, fit: &Fit, only_laws: &[bool; 6]) -> Vec<TablePromise> {
         let lacking = self.lacking(fit, LEFT);
         if self.lacking(fit, LEFT_OF_A_LAW).is_empty() {
             return Vec::new();
@@ -71,7 +71,7 @@ impl Problem {
             !fit.terms.contains(c)
                 && match self.body.candidates[*c].kind {
                     Kind::Effect | Kind::Form { .. } => false,
-                    Kind::Force { dof } => lacking.contains(&dof),
+                    Kind::Force { dof } => lacking.contains(&dof) && !only_laws[dof],
                     // One number varies with one covariate.
                     Kind::Trend { of } => {
                         let member = fit.terms.iter().position(|t| *t == of);

@@ -192,20 +192,24 @@ impl Judged<'_> {
             return false;
         };
         let problem = &self.found.problem;
-        let size = |of: &Prediction| -> f64 {
+        // (squared error within noise and tolerance alone, twice minus the log score but for its constant).
+        let size = |of: &Prediction| -> (f64, f64) {
             let left = problem.left_by_run(&of.values);
+            let runs = left.len().max(1) as f64;
             let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
                 let channels = problem.noises.channels.iter().enumerate();
                 channels.filter_map(|(c, noise)| {
                     let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
-                    Some(rms[c].powi(2) / (least.powi(2) + sd[c].powi(2))).filter(|v| v.is_finite())
+                    let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));
+                    let score = error / (1.0 + open) + open.ln_1p();
+                    score.is_finite().then_some((error / runs, score / runs))
                 })
             });
-            each.sum::<f64>() / left.len().max(1) as f64
+            each.fold((0.0, 0.0), |sum, e| (sum.0 + e.0, sum.1 + e.1))
         };
         let (before, after) = (size(&foretold.before), size(&foretold.after));
         // Within noise and tolerance nobody is worse.
         let channels = problem.noises.channels.iter().flatten().count() as f64;
-        after > channels && after > (1.0 + WORSE) * before
+        after.0 > channels && after.1 > (1.0 + WORSE) * before.1
     }
 }

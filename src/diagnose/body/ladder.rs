@@ -44,13 +44,15 @@ impl Judged<'_> {
         })
     }
 
-    /// A member of the likeliest model with what varies with it; a force stands for every table of its DOF.
+    /// A member of the likeliest model with what varies with it; a force stands for every table and
+    /// form of its DOF.
     fn with_its_own(&self, term: usize) -> Vec<usize> {
-        let kind = |t: usize| self.found.problem.body.candidates[t].kind;
+        let all = &self.found.problem.body.candidates;
         let of = |t: &&usize| {
+            let unnamed = all[term].unnamed_in();
             **t == term
-                || kind(**t) == Kind::Trend { of: term }
-                || matches!(kind(term), Kind::Force { .. }) && kind(**t) == kind(term)
+                || all[**t].kind == Kind::Trend { of: term }
+                || unnamed.is_some() && all[**t].unnamed_in() == unnamed
         };
         self.best.terms.iter().filter(of).copied().collect()
     }

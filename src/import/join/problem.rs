@@ -61,13 +61,23 @@ pub(super) fn ways(run: &Run) -> [Vec<f64>; 3] {
     let mut out: [Vec<f64>; 3] = Default::default();
     let mut way = [0.0; 3];
     let mut before: Option<([f64; 3], f64)> = None;
+    let measured: [bool; 3] =
+        std::array::from_fn(|axis| run.samples.iter().any(|s| s.values[axis].is_finite()));
+    // Rows of another topic hold no place, or no heading: the last one stands.
+    let mut psi = 0.0;
     for s in &run.samples {
         let place = [s.values[0], s.values[1], s.values[2]];
-        let psi = if s.values[5].is_finite() {
-            s.values[5]
-        } else {
-            0.0
-        };
+        if s.values[5].is_finite() {
+            psi = s.values[5];
+        }
+        if place
+            .iter()
+            .zip(measured)
+            .any(|(v, there)| there && !v.is_finite())
+        {
+            out.iter_mut().for_each(|values| values.push(f64::NAN));
+            continue;
+        }
         // An axis that is not measured moves nothing.
         let known = place.map(|v| if v.is_finite() { v } else { 0.0 });
         if let Some((last, turn)) = before {
@@ -161,8 +171,8 @@ impl Problem {
                 let mut last = None;
                 let scale = 1.0 / (s.sd * (1.0 - s.rho * s.rho).sqrt());
                 for (value, state) in s.values.iter().zip(&states) {
+                    // Noise is correlated from one measured sample to the next, as it was learnt.
                     if !value.is_finite() {
-                        last = None;
                         continue;
                     }
                     let r = value - if s.is_way { state.1 } else { state.0 };
