@@ -242,6 +242,23 @@ pub struct FileMap {
     pub last_line: Option<u64>,
 }
 
+impl FileMap {
+    /// A table whose first line is its header, of numbers with a point.
+    pub(crate) fn plain() -> FileMap {
+        FileMap {
+            separator: None,
+            decimal: '.',
+            encoding: None,
+            comment: None,
+            header: true,
+            header_line: None,
+            units_line: None,
+            first_line: None,
+            last_line: None,
+        }
+    }
+}
+
 /// A checked map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {

@@ -16,7 +16,10 @@ impl Judged<'_> {
         if heavy.len() < 2 {
             return Vec::new();
         }
-        let mut made = Vec::from_iter(self.rung(String::new(), self.alone));
+        let Some((alone, _)) = self.foretold_already() else {
+            return Vec::new();
+        };
+        let mut made = vec![self.rung(String::new(), self.alone, &alone)];
         let mut last = self.alone.clone();
         let mut open = heavy;
         while !open.is_empty() {
@@ -25,23 +28,30 @@ impl Judged<'_> {
                 with.extend(self.with_its_own(*added));
                 let fit = self.part(&with)?;
                 let held = self.foretold_by(&fit)?;
-                Some((place, fit, self.size(&held)))
+                Some((place, fit, held))
             });
-            let Some((place, fit, _)) = tried.min_by(|a, b| a.2.total_cmp(&b.2)) else {
+            let better = tried.min_by(|a, b| self.size(&a.2).total_cmp(&self.size(&b.2)));
+            let Some((place, fit, held)) = better else {
                 return Vec::new();
             };
-            made.extend(self.rung(self.id(open.remove(place)), &fit));
+            made.push(self.rung(self.id(open.remove(place)), &fit, &held));
             last = fit;
         }
         made
     }
 
-    fn rung(&self, effect: String, fit: &Fit) -> Option<Rung> {
-        Some(Rung {
+    fn rung(&self, effect: String, fit: &Fit, held: &Rms) -> Rung {
+        Rung {
             effect,
             train: table(&self.found.problem.left(&fit.terms, &fit.point)),
-            held_out: table(&self.foretold_by(fit)?),
-        })
+            held_out: table(held),
+        }
+    }
+
+    /// What the vehicle alone and the likeliest model miss of runs held out, or left out in turn.
+    fn foretold_already(&self) -> Option<(Rms, Rms)> {
+        let held = self.held.as_ref().map(|(_, foretold)| foretold);
+        Some(held.or(self.one_run_out.as_ref())?.rms)
     }
 
     /// A member of the likeliest model with what varies with it; a force stands for every table and
@@ -76,6 +86,9 @@ impl Judged<'_> {
 
     /// rms of the runs held out under a model, or of each run by the others.
     fn foretold_by(&self, fit: &Fit) -> Option<Rms> {
+        if fit.terms == self.best.terms {
+            return Some(self.foretold_already()?.1);
+        }
         match &self.held {
             Some((over, _)) => Some(over.left_of(&over.foretell(fit)?.values)),
             None => {

@@ -98,12 +98,7 @@ pub(super) fn file(head: &Head, separator: Separator, decimal: char) -> FileMap 
         separator: Some(separator),
         decimal,
         encoding: head.encoding,
-        comment: None,
-        header: true,
-        header_line: None,
-        units_line: None,
-        first_line: None,
-        last_line: None,
+        ..FileMap::plain()
     }
 }
 

@@ -213,7 +213,7 @@ impl Columns {
     /// The same map for the table: where several topics share it, a row need not hold them all.
     pub fn map_for_table(&self, map: &Map) -> Map {
         let mut own = map.clone();
-        own.file = plain_file();
+        own.file = crate::map::FileMap::plain();
         if self.topics().len() > 1 {
             let relax = |m: &mut Missing| {
                 if *m == Missing::Fault {
@@ -230,20 +230,5 @@ impl Columns {
             }
         }
         own
-    }
-}
-
-/// The table as it is written here.
-pub(crate) fn plain_file() -> crate::map::FileMap {
-    crate::map::FileMap {
-        separator: None,
-        decimal: '.',
-        encoding: None,
-        comment: None,
-        header: true,
-        header_line: None,
-        units_line: None,
-        first_line: None,
-        last_line: None,
     }
 }
