@@ -284,7 +284,8 @@ impl Problem {
                 continue;
             }
             let matrix = DMatrix::from_vec(right.len(), places.len(), data);
-            let square = matrix.tr_mul(&matrix);
+            // nalgebra's `tr_mul` is a dot product per number; this is one matrix product.
+            let square = matrix.transpose() * &matrix;
             let slope = matrix.tr_mul(&right);
             for (a, i) in places.iter().enumerate() {
                 made.gradient[*i] += slope[a];

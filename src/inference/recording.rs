@@ -125,11 +125,33 @@ impl Recording {
     }
 }
 
-/// Robust deviation of a channel from its median, over that of its fast part, from which a DOF is said to move.
+/// Robust deviation of a channel's means from their median, over what noise leaves of them, from which a DOF is said to
+/// move.
 pub const MOVES: f64 = 3.0;
+/// Time over which these means are taken \[s\]: an instrument's noise must not hide a slow motion that others feel (a
+/// Doppler log's heave, by which surge pitches).
+const MEAN_S: f64 = 1.0;
+
+/// Means of the values there are within each [`MEAN_S`], and of how many one is, usually.
+fn means(times_s: &[f64], values: &[f64]) -> (Vec<f64>, f64) {
+    let mut made: Vec<(i64, f64, f64)> = Vec::new();
+    for (t_s, v) in times_s.iter().zip(values).filter(|(_, v)| v.is_finite()) {
+        let place = (t_s / MEAN_S).floor() as i64;
+        match made.last_mut() {
+            Some((at, sum, n)) if *at == place => {
+                *sum += v;
+                *n += 1.0;
+            }
+            _ => made.push((place, *v, 1.0)),
+        }
+    }
+    let mut counts: Vec<f64> = made.iter().map(|m| m.2).collect();
+    let usual = median(&mut counts).unwrap_or(1.0);
+    (made.into_iter().map(|(_, sum, n)| sum / n).collect(), usual)
+}
 
 impl Recording {
-    /// DOFs that are driven, or move by more than their noise and a third of the tolerance.
+    /// DOFs that are driven, or whose means over a second move by more than their noise and a third of the tolerance.
     pub fn moving(&self, tolerance: &[f64; 12]) -> Vec<usize> {
         let driven = |d: usize| {
             let any = |r: &Recorded| r.commands.iter().any(|c| c.1[d] != 0.0);
@@ -138,16 +160,15 @@ impl Recording {
         let moves = |c: usize| {
             self.channels[c]
                 && self.runs.iter().any(|r| {
-                    let mut seen: Vec<f64> = (0..r.values.len())
-                        .map(|k| r.measured(k)[c])
-                        .filter(|v| v.is_finite())
-                        .collect();
+                    let all: Vec<f64> = (0..r.values.len()).map(|k| r.measured(k)[c]).collect();
+                    let seen: Vec<f64> = all.iter().copied().filter(|v| v.is_finite()).collect();
                     let second: Vec<f64> =
                         seen.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
                     let fast = robust_sd(&second) / 6f64.sqrt();
-                    let middle = median(&mut seen).unwrap_or(0.0);
-                    let off: Vec<f64> = seen.iter().map(|v| v - middle).collect();
-                    robust_sd(&off) > (MOVES * fast).max(tolerance[c] / 3.0)
+                    let (mut slow, of) = means(&r.times_s, &all);
+                    let middle = median(&mut slow).unwrap_or(0.0);
+                    let off: Vec<f64> = slow.iter().map(|v| v - middle).collect();
+                    robust_sd(&off) > (MOVES * fast / of.sqrt()).max(tolerance[c] / 3.0)
                 })
         };
         (0..6)

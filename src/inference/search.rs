@@ -23,6 +23,11 @@ pub struct Options {
     pub window: f64,
     /// Candidates fitted beside each model.
     pub additions: usize,
+    /// The first so many of these are the most promising; then come the best of the DOFs that have none yet.
+    pub foremost: usize,
+    /// Log score by which a model may stay behind one that has all but one of its effects and still be expanded: what an
+    /// effect that does not pay its way leads to, the smaller model leads to (Madigan and Raftery 1994, eq. 8).
+    pub behind: f64,
     /// Candidates fitted in a member's place.
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
@@ -36,6 +41,8 @@ pub struct Options {
     pub rescored: usize,
     /// Gain in log likelihood below which a promise is not worth a fit.
     pub least_gain: f64,
+    /// Log score by which one step must better the best model for the noise to be estimated anew at once.
+    pub renewed_after: f64,
     /// Times that the noise is estimated beside the best model and the models are scored anew.
     pub noise_rounds: usize,
     /// Change of a noise's logarithm below which it stays.
@@ -51,12 +58,15 @@ impl Default for Options {
         Options {
             window: 100f64.ln(),
             additions: 5,
+            foremost: 3,
+            behind: 1.0,
             exchanges: 2,
             tables: 2,
             laws: 3,
             cost: 150,
             rescored: 24,
             least_gain: 3.0,
+            renewed_after: 20.0,
             noise_rounds: 2,
             noise_change: 0.03,
             may_give_up: [false; 6],
@@ -194,14 +204,44 @@ impl Search<'_> {
             .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
     }
 
+    /// Whether a model with one effect less is likelier by more than `behind`.
+    fn is_behind_a_part(&self, fit: &Fit) -> bool {
+        (0..fit.terms.len()).any(|member| {
+            let (part, _) = self.problem.without(fit, member);
+            let part = self.models.get(&part);
+            part.is_some_and(|p| p.ln_score > fit.ln_score + self.options.behind)
+        })
+    }
+
     /// The likeliest model within the window that was not looked at.
     fn next(&self) -> Option<Fit> {
         let floor = self.best()?.ln_score - self.options.window;
         self.models
             .values()
             .filter(|f| f.ln_score >= floor && !self.expanded.contains(&f.terms))
+            .filter(|f| !self.is_behind_a_part(f))
             .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
             .cloned()
+    }
+
+    /// Which additions are fitted: what explains one DOF's residual is alike, and must not crowd out the others.
+    fn proposed<'p>(&self, promises: &'p [Promise]) -> Vec<&'p Promise> {
+        let dof = |p: &Promise| self.problem.body.candidates[p.candidate].dof();
+        let worth = |p: &&Promise| p.instead.is_none() && p.gain > self.options.least_gain;
+        let all: Vec<&Promise> = promises.iter().filter(worth).collect();
+        let (first, others) = all.split_at(self.options.foremost.min(all.len()));
+        let mut chosen = first.to_vec();
+        let mut left = Vec::new();
+        for p in others {
+            if chosen.iter().all(|c| dof(c) != dof(p)) {
+                chosen.push(p);
+            } else {
+                left.push(*p);
+            }
+        }
+        chosen.extend(left);
+        chosen.truncate(self.options.additions);
+        chosen
     }
 
     fn expand(&mut self, fit: Fit) {
@@ -214,11 +254,7 @@ impl Search<'_> {
                 jobs.push(job);
             }
         };
-        let additions = promises.iter().filter(|p| p.instead.is_none());
-        for p in additions
-            .filter(|p| p.gain > self.options.least_gain)
-            .take(self.options.additions)
-        {
+        for p in self.proposed(&promises) {
             let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
             add((terms, point, fit.cells.clone()));
         }
@@ -330,7 +366,13 @@ impl Search<'_> {
                 0 => "beside the vehicle alone".to_owned(),
                 _ => format!("beside {}", self.names(&fit).join(" + ")),
             });
+            let before = self.best().map_or(f64::INFINITY, |b| b.ln_score);
             self.expand(fit);
+            // Beside a model that misses so much the instruments looked worse than they are.
+            let gained = self.best().map_or(0.0, |b| b.ln_score - before);
+            if gained > self.options.renewed_after && self.renew_noise() {
+                self.rescore();
+            }
         }
     }
 
@@ -443,7 +485,11 @@ pub(super) fn resumed(
         expanded,
         fits: found.fits,
         cost: 0,
-        options,
+        // The noise is known.
+        options: Options {
+            renewed_after: f64::INFINITY,
+            ..options
+        },
         progress,
     };
     search.run();
