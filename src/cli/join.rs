@@ -38,9 +38,12 @@ pub struct Args {
     /// How well --offset-s is known (one standard deviation) [s]
     #[arg(long, value_name = "S", default_value = "0", requires = "offset_s", value_parser = inputs::not_negative)]
     offset_sd_s: f64,
-    /// How much faster the motion's clock goes [ppm]; default: found with the offset, 0 beside a given one
+    /// How much faster the motion's clock goes [ppm]; default: found with the offset; beside a given one 0 with an sd of 50
     #[arg(long, value_name = "PPM", allow_negative_numbers = true, value_parser = parts)]
     drift_ppm: Option<f64>,
+    /// How well --drift-ppm is known (one standard deviation) [ppm]
+    #[arg(long, value_name = "PPM", default_value = "0", requires = "drift_ppm", value_parser = inputs::not_negative)]
+    drift_sd_ppm: f64,
     /// How far from the stamps an offset is looked for [s]
     #[arg(long, value_name = "S", default_value = "600", value_parser = inputs::not_negative)]
     search_s: f64,
@@ -76,6 +79,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         offset_s: args.offset_s,
         offset_sd_s: args.offset_sd_s,
         drift_ppm: args.drift_ppm,
+        drift_sd_ppm: args.drift_sd_ppm,
         search_s: args.search_s,
     };
     let joined = join(

@@ -75,6 +75,9 @@ impl Relation {
     }
 }
 
+/// How far apart two computers' crystals go, usually: each is specified to some 20-50 ppm \[ppm\].
+const CRYSTALS_PPM: f64 = 50.0;
+
 /// What the caller says of the two clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Given {
@@ -82,8 +85,10 @@ pub struct Given {
     pub offset_s: Option<f64>,
     /// How well that is known \[s\].
     pub offset_sd_s: f64,
-    /// `None` = to be found with the offset, and 0 beside a given one.
+    /// `None` = to be found with the offset; beside a given one 0, known as well as two crystals are alike.
     pub drift_ppm: Option<f64>,
+    /// How well a given one is known.
+    pub drift_sd_ppm: f64,
     /// An estimated offset is looked for within so much of that given by the stamps \[s\].
     pub search_s: f64,
 }
@@ -156,7 +161,7 @@ pub fn join(
             offset_s,
             offset_sd_s: given.offset_sd_s,
             drift_ppm: given.drift_ppm.unwrap_or(0.0),
-            drift_sd_ppm: 0.0,
+            drift_sd_ppm: given.drift_ppm.map_or(CRYSTALS_PPM, |_| given.drift_sd_ppm),
             reference_ns: read.reference_ns(),
             warnings: if given.offset_sd_s > 0.0 {
                 Vec::new()

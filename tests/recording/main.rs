@@ -10,6 +10,7 @@ mod cli_errors;
 mod flat;
 mod formats;
 mod import_logs;
+mod join;
 mod notebook;
 mod readme;
 mod record_clock;

@@ -139,14 +139,19 @@ impl Judged<'_> {
     /// Coefficients at a limit or far from the rig's, with their factor.
     pub fn far_off(&self) -> BTreeMap<String, Value> {
         let body = &self.found.problem.body;
-        let natural = body.natural(&self.best.terms, &self.best.point);
+        let after = self.own_after();
         let bounds = body.bounds(&self.best.terms);
         let mut made = BTreeMap::new();
         for (i, own) in body.own.iter().enumerate() {
             let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
-            let factor = natural[i].0 / unit;
+            let Some(number) = after.get(own.name()) else {
+                continue;
+            };
+            let factor = number.value / unit;
             // Of the logarithm: the share by which it is known.
-            let sd = self.best.covariance[(i, i)].sqrt();
+            let sd = number
+                .sd
+                .map_or(f64::INFINITY, |sd| (sd / number.value).abs());
             // Of what the rig says nothing there is no factor.
             let known = self.is_said(own)
                 && factor.ln().abs() > FAR_OFF.ln()

@@ -227,15 +227,22 @@ impl Judged<'_> {
         said.into_iter().collect()
     }
 
+    fn own_numbers(&self, fit: &Fit) -> BTreeMap<String, Value> {
+        let own = self.found.problem.body.own.iter().enumerate();
+        own.map(|(i, own)| (own.name().to_owned(), self.value(fit, i)))
+            .collect()
+    }
+
+    /// Coefficients of all models, by their probabilities.
+    pub fn own_after(&self) -> BTreeMap<String, Value> {
+        let all = self.posterior.models.iter().filter(|m| m.1 >= LEAST_SHARE);
+        let all = all
+            .filter_map(|(terms, p)| Some((*p, self.own_numbers(self.found.models.get(terms)?))));
+        mixed(&all.collect::<Vec<_>>())
+    }
+
     /// Coefficients without and with the effects.
     pub fn parameters(&self) -> Parameters {
-        let own = |fit: &Fit| -> BTreeMap<String, Value> {
-            let own = self.found.problem.body.own.iter().enumerate();
-            own.map(|(i, own)| (own.name().to_owned(), self.value(fit, i)))
-                .collect()
-        };
-        let all = self.posterior.models.iter().filter(|m| m.1 >= LEAST_SHARE);
-        let all = all.filter_map(|(terms, p)| Some((*p, own(self.found.models.get(terms)?))));
         let effect = |m: &usize| {
             let c = &self.found.problem.body.candidates[self.best.terms[*m]];
             c.kind == Kind::Effect
@@ -244,9 +251,9 @@ impl Judged<'_> {
             .filter(effect)
             .map(|m| (self.id(self.best.terms[m]), self.numbers(self.best, m)));
         Parameters {
-            before: own(self.alone),
-            after: mixed(&all.collect::<Vec<_>>()),
-            written: own(self.best),
+            before: self.own_numbers(self.alone),
+            after: self.own_after(),
+            written: self.own_numbers(self.best),
             written_effects: effects.collect(),
         }
     }

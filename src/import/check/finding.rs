@@ -52,7 +52,7 @@ impl Finding {
     }
 
     /// What it is about: the words before the first colon, or none.
-    pub(super) fn subject(&self) -> &str {
+    pub(crate) fn subject(&self) -> &str {
         self.message.split_once(':').map_or("", |(s, _)| s)
     }
 }

@@ -2,10 +2,11 @@
 
 mod fields;
 
+use std::collections::BTreeSet;
 use std::io;
 
 use super::file::quoted;
-use super::{Draft, Faults, Guess, GuessError};
+use super::{Draft, Guess, GuessError};
 use crate::check::{Finding, Severity};
 use crate::map::{Map, dimension, place_name};
 use crate::recorded::{RecordedError, Recording, TopicContents};
@@ -42,7 +43,10 @@ fn is_ros(recording: &Recording) -> bool {
     recording.one_clock()
 }
 
-fn bundles(recording: &Recording) -> Vec<Bundle<'_>> {
+/// Channels that never move in this log, by their topic: a field that its writer leaves at nothing.
+type Dead = BTreeSet<(String, usize)>;
+
+fn bundles<'a>(recording: &'a Recording, dead: &Dead) -> Vec<Bundle<'a>> {
     let mut all: Vec<Bundle<'_>> = Vec::new();
     for topic in &recording.contents().topics {
         if !recording.is_chosen(&topic.topic) || topic.messages < 4 || is_wish(&topic.topic) {
@@ -57,7 +61,8 @@ fn bundles(recording: &Recording) -> Vec<Bundle<'_>> {
                 } else {
                     autopilot(topic, &f.path)
                 }?;
-                Some((what, f.path.as_str(), f.unit.as_deref()))
+                let is_dead = matches!(what, Channel(place, ..) if dead.contains(&(topic.topic.clone(), place)));
+                (!is_dead).then_some((what, f.path.as_str(), f.unit.as_deref()))
             })
             .collect::<Vec<_>>();
         if !fields.is_empty() {
@@ -102,8 +107,8 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn of(recording: &'a Recording) -> Plan<'a> {
-        let bundles = bundles(recording);
+    fn of(recording: &'a Recording, dead: &Dead) -> Plan<'a> {
+        let bundles = bundles(recording, dead);
         let sources = std::array::from_fn(|g| bundles.iter().position(|b| b.has(g)));
         Plan {
             recording,
@@ -121,6 +126,21 @@ impl<'a> Plan<'a> {
                 .filter(move |f| group(f.0) == Some(own))
                 .map(|f| (f.0, format!("{}.{}", b.topic.topic, f.1), f.2))
         })
+    }
+
+    /// The topic that a channel of a name is taken from, and its place.
+    fn source_of(&self, name: &str) -> Option<(String, usize)> {
+        let (own, bundle) = self.sources.iter().enumerate().find_map(|(own, source)| {
+            let bundle = &self.bundles[(*source)?];
+            let is_own = |w: &What| {
+                matches!(*w, Channel(place, ..) if place_name(place) == name)
+                    && group(*w) == Some(own)
+            };
+            let what = bundle.fields.iter().map(|f| f.0).find(is_own)?;
+            Some((what, bundle))
+        })?;
+        let Channel(place, ..) = own else { return None };
+        Some((bundle.topic.topic.clone(), place))
     }
 
     fn loads(&self) -> Vec<(usize, bool, String)> {
@@ -349,7 +369,8 @@ impl<'a> Plan<'a> {
 /// # Errors
 /// Those of its files.
 pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError>, RecordedError> {
-    let plan = Plan::of(recording);
+    let mut dead = Dead::new();
+    let mut plan = Plan::of(recording, &dead);
     if plan.is_empty() {
         let topics = recording.contents().topics.iter();
         let columns = topics
@@ -365,6 +386,22 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
     };
     let mut draft = plan.write(first);
     let mut found = faults(recording, &draft)?;
+    // What never moves is left out, or taken from another topic that has it; each time some channel goes.
+    loop {
+        let own = found.2.iter().filter_map(|name| plan.source_of(name));
+        let more: Vec<(String, usize)> = own.collect();
+        let next = Plan::of(
+            recording,
+            &dead.iter().cloned().chain(more.clone()).collect(),
+        );
+        if more.is_empty() || next.is_empty() {
+            break;
+        }
+        dead.extend(more);
+        plan = next;
+        draft = plan.write(first);
+        found = faults(recording, &draft)?;
+    }
     let others = [
         Open {
             unix: false,
@@ -389,6 +426,15 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
             (draft, found) = (other, tried);
         }
     }
+    if !dead.is_empty() {
+        let all: Vec<String> = dead
+            .iter()
+            .map(|(topic, place)| format!("{} of {topic}", place_name(*place)))
+            .collect();
+        let words = format!("left out, for they never change: {}", all.join(", "));
+        draft.toml.insert(1, format!("# {words}"));
+        draft.remarks.push(words);
+    }
     for (kind, message) in found.0 {
         draft
             .remarks
@@ -401,11 +447,15 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
     }))
 }
 
-/// What an import with the drafted map would say, and how bad that is.
-fn faults(recording: &Recording, draft: &Draft) -> Result<Faults, RecordedError> {
+/// What an import with the drafted map would say, how bad that is, and which channels never move.
+type Found = (Vec<(&'static str, String)>, usize, Vec<String>);
+
+fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> {
     let map = match Map::from_toml(&draft.toml.join("\n"), "guessed map") {
         Ok(map) => map,
-        Err(error) => return Ok((vec![("map", error.to_string())], usize::MAX)),
+        Err(error) => {
+            return Ok((vec![("map", error.to_string())], usize::MAX, Vec::new()));
+        }
     };
     let table = recording.table(&map)?;
     let own = survey(&table, &table.map, None).map_err(io::Error::other)?;
@@ -420,5 +470,7 @@ fn faults(recording: &Recording, draft: &Draft) -> Result<Faults, RecordedError>
         .map(|f| (f.kind, f.message.clone()))
         .collect();
     let bad = 100 * serious.len() + strange;
-    Ok((serious, bad))
+    let dead = all.iter().filter(|f| f.kind == "dead_channel");
+    let dead = dead.map(|f| f.subject().to_owned()).collect();
+    Ok((serious, bad, dead))
 }

@@ -30,11 +30,19 @@ fn line(points: &[(f64, f64)]) -> Option<(f64, f64, f64, f64, f64)> {
     Some((my, slope, variance / n, variance / sxx, mx))
 }
 
-/// `None` = no such records in both, or of two starts of the host.
+/// `None` = no such records in both, or of two hosts or two starts of one.
 pub(super) fn relation(pair: &Pair) -> Option<Relation> {
     let (a, b) = (&pair.motion_clocks, &pair.command_clocks);
     let ends = |p: &Pairs| Some((p.first()?.0, p.last()?.0));
     let ((a0, a1), (b0, b1)) = (ends(a)?, ends(b)?);
+    let [boot_a, boot_b] = &pair.boots;
+    if boot_a
+        .as_ref()
+        .zip(boot_b.as_ref())
+        .is_some_and(|(a, b)| a != b)
+    {
+        return None;
+    }
     // Clocks of one start of one host overlap when the recordings do; of others it would be chance.
     if a1 < b0 || b1 < a0 {
         return None;

@@ -100,13 +100,16 @@ fn unexplained(
     }
 }
 
-/// Where about the offset is: (offset, what is left unexplained), best first.
-pub(super) fn coarse(problem: &Problem, search_s: f64) -> Vec<(f64, f64)> {
+/// Where about the offset is within a range: (offset, what is left unexplained), best first.
+pub(super) fn coarse(problem: &Problem, within_s: (f64, f64)) -> Vec<(f64, f64)> {
     let last = problem.times_s.last().copied().unwrap_or(0.0);
     let shorter = last.min(problem.end_s);
     // Half of the shorter must overlap.
-    let low = (-(problem.end_s - 0.5 * shorter)).max(-search_s);
-    let high = (last - 0.5 * shorter).min(search_s);
+    let low = (-(problem.end_s - 0.5 * shorter)).max(within_s.0);
+    let high = (last - 0.5 * shorter).min(within_s.1);
+    if high < low {
+        return Vec::new();
+    }
     let step = ((high - low) / COARSE_OFFSETS as f64).max(COARSE_STEP_S);
     let stride = problem.times_s.len().div_ceil(COARSE_SAMPLES).max(1);
     let picked: Vec<usize> = (0..problem.times_s.len()).step_by(stride).collect();

@@ -98,20 +98,24 @@ impl LeastSquares<Dyn> for Fit<'_> {
     }
 }
 
-/// Finds offset and drift; `drift` holds it.
+/// Finds offset and drift; the offset lies `within_s`, between the two zeros; `drift` holds it.
 ///
 /// # Errors
 /// Why it cannot be done, in words.
-pub fn align(problem: &Problem, drift: Option<f64>, search_s: f64) -> Result<Aligned, String> {
+pub fn align(
+    problem: &Problem,
+    drift: Option<f64>,
+    within_s: (f64, f64),
+) -> Result<Aligned, String> {
     if problem.dofs.is_empty() {
         return Err(
             "no degree of freedom is both commanded (with a load that changes) and measured"
                 .to_owned(),
         );
     }
-    let minima = coarse(problem, search_s);
+    let minima = coarse(problem, within_s);
     let Some(best) = minima.first().copied() else {
-        return Err("the logs do not overlap by half at any offset".to_owned());
+        return Err("at no offset within --search-s of the stamps does half of the shorter log overlap the other; a larger --search-s looks further".to_owned());
     };
     if best.1 > -0.1 * problem.series.len() as f64 {
         return Err("the motion does not answer to the commands at any offset".to_owned());

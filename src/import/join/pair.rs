@@ -1,5 +1,6 @@
 //! Both logs, as far as the clocks need them.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use hydroline_identify::data::load_messages;
@@ -12,17 +13,61 @@ use super::estimate::align;
 use super::problem::Problem;
 use super::{From, Given, JoinError, Relation};
 
-/// Samples that are looked at: half an hour at 100 Hz.
+/// Samples, and clock records, that are looked at; of more every second one is dropped, again and again: half an hour at
+/// 100 Hz.
 const SAMPLES_MAX: usize = 200_000;
-/// Commands that are looked at.
-const COMMANDS_MAX: usize = 200_000;
+/// Changes of a command that an estimate takes: half a day at 20 Hz.
+const CHANGES_MAX: usize = 1_000_000;
+
+/// Values of which there may be any number: every n-th of them, n as small as memory allows.
+struct Thinned<T> {
+    kept: Vec<T>,
+    every: usize,
+    seen: usize,
+}
+
+impl<T> Thinned<T> {
+    fn new() -> Thinned<T> {
+        Thinned {
+            kept: Vec::new(),
+            every: 1,
+            seen: 0,
+        }
+    }
+
+    fn push(&mut self, value: T) {
+        if self.kept.len() == SAMPLES_MAX {
+            let mut place = 0;
+            self.kept.retain(|_| {
+                place += 1;
+                place % 2 == 1
+            });
+            self.every *= 2;
+        }
+        if self.seen.is_multiple_of(self.every) {
+            self.kept.push(value);
+        }
+        self.seen += 1;
+    }
+}
+
+/// Which start of which host a log was written in; a log of others says none.
+fn boot_id(reader: &LogReader) -> Option<String> {
+    let id = reader.metadata().get("session")?.get("boot_id")?;
+    (!id.is_empty()).then(|| id.clone())
+}
 
 /// What both logs hold of motion, commands and clocks.
 pub struct Pair {
     motion_name: String,
     command_name: String,
     motion: Vec<pb::VehicleMotion>,
+    /// Where they change.
     commands: Vec<pb::ThrusterCommand>,
+    /// Changes beyond what an estimate takes.
+    more_changes: usize,
+    /// Start of the host of either log.
+    pub(super) boots: [Option<String>; 2],
     pub(super) motion_clocks: Pairs,
     pub(super) command_clocks: Pairs,
     /// First and last stamp of all motion and of all commands \[ns\].
@@ -46,6 +91,8 @@ impl Pair {
             command_name: name(commands),
             motion: Vec::new(),
             commands: Vec::new(),
+            more_changes: 0,
+            boots: [None, None],
             motion_clocks: Vec::new(),
             command_clocks: Vec::new(),
             motion_ns: (0, 0),
@@ -54,43 +101,51 @@ impl Pair {
         };
         let clock = |c: &pb::ClockPair| (i128::from(c.monotonic_ns), i128::from(c.realtime_ns));
         let mut ends = None;
+        let (mut samples, mut clocks) = (Thinned::new(), Thinned::new());
         let mut reader = LogReader::open(motion)?;
         for message in reader.by_ref() {
             match message?.record {
                 Record::Motion(m) => {
                     widen(&mut ends, m.stamp_ns().unwrap_or(0));
-                    if pair.motion.len() < SAMPLES_MAX {
-                        pair.motion.push(m);
-                    }
+                    samples.push(m);
                 }
-                Record::Clock(c) if pair.motion_clocks.len() < SAMPLES_MAX => {
-                    pair.motion_clocks.push(clock(&c));
-                }
+                Record::Clock(c) => clocks.push(clock(&c)),
                 _ => {}
             }
         }
         pair.motion_ns = ends.ok_or(JoinError::NoMotion { log: name(motion) })?;
+        (pair.motion, pair.motion_clocks) = (samples.kept, clocks.kept);
+        pair.boots[0] = boot_id(&reader);
         let own_rig = |toml: &str| Rig::from_toml(toml, "the log's rig", None).is_ok();
         pair.rig_toml = reader.rig_toml().filter(|t| own_rig(t)).map(str::to_owned);
         let mut ends = None;
+        let mut clocks = Thinned::new();
+        let mut last: BTreeMap<String, u64> = BTreeMap::new();
         let mut reader = LogReader::open(commands)?;
         for message in reader.by_ref() {
             match message?.record {
                 Record::Command(c) => {
                     widen(&mut ends, c.stamp_ns().unwrap_or(0));
-                    if pair.commands.len() < COMMANDS_MAX {
+                    // What is sent again says nothing of the offset.
+                    let value = c.thrust_n.to_bits();
+                    if last.insert(c.thruster.clone(), value) == Some(value) {
+                        continue;
+                    }
+                    if pair.commands.len() < CHANGES_MAX {
                         pair.commands.push(c);
+                    } else {
+                        pair.more_changes += 1;
                     }
                 }
-                Record::Clock(c) if pair.command_clocks.len() < SAMPLES_MAX => {
-                    pair.command_clocks.push(clock(&c));
-                }
+                Record::Clock(c) => clocks.push(clock(&c)),
                 _ => {}
             }
         }
         pair.commands_ns = ends.ok_or(JoinError::NoCommands {
             log: name(commands),
         })?;
+        pair.command_clocks = clocks.kept;
+        pair.boots[1] = boot_id(&reader);
         if let Some(rig) = reader.rig_toml().filter(|t| own_rig(t)) {
             pair.rig_toml = Some(rig.to_owned());
         }
@@ -131,6 +186,14 @@ impl Pair {
 
     /// Offset and drift from the motion's answer.
     pub fn estimate(&self, rig: Option<&Rig>, given: Given) -> Result<Relation, JoinError> {
+        if self.more_changes > 0 {
+            return Err(JoinError::NotFound {
+                why: format!(
+                    "the commands change {} times, and an estimate takes {CHANGES_MAX}",
+                    CHANGES_MAX + self.more_changes
+                ),
+            });
+        }
         let rig = self.rig(rig)?;
         let motion = load_messages(&self.motion_name, &[], &self.motion, &rig)?;
         let commands = load_messages(&self.command_name, &self.commands, &[], &rig)?;
@@ -138,8 +201,8 @@ impl Pair {
         // Between the two zeros, as the stamps have it.
         let nominal_s = (i128::from(commands.start_ns) - i128::from(motion.start_ns)) as f64 * 1e-9;
         let drift = given.drift_ppm.map(|d| d * 1e-6);
-        let found =
-            align(&problem, drift, given.search_s).map_err(|why| JoinError::NotFound { why })?;
+        let within_s = (nominal_s - given.search_s, nominal_s + given.search_s);
+        let found = align(&problem, drift, within_s).map_err(|why| JoinError::NotFound { why })?;
         let mut warnings = vec![
             "the offset is estimated from how the motion answers to the commands: any latency between command and load is part of it, and neither this log nor its diagnosis can tell the two apart".to_owned(),
         ];

@@ -98,7 +98,7 @@ fn coverage(pairs: u64, has_velocity: bool) -> [(f64, f64); 2] {
     for seed in 0..pairs {
         let p = pair(seed, has_velocity);
         let problem = Problem::new(&p.motion, &p.commands);
-        let found = align(&problem, None, 10.0).unwrap();
+        let found = align(&problem, None, (-10.0, 10.0)).unwrap();
         let sds = if has_velocity {
             vec![SD_M, SD_MPS]
         } else {
@@ -141,7 +141,7 @@ fn what_cannot_be_aligned_is_said() {
     // One step well before the motion: nothing changes within it.
     constant.commands[0].t_s = 0.0;
     let problem = Problem::new(&p.motion, &constant);
-    assert!(align(&problem, None, 0.0).is_err());
+    assert!(align(&problem, None, (0.0, 0.0)).is_err());
     let none = Problem::new(&p.motion, &Run::default());
-    assert!(align(&none, None, 10.0).is_err());
+    assert!(align(&none, None, (-10.0, 10.0)).is_err());
 }

@@ -215,18 +215,19 @@ impl Columns {
         let mut own = map.clone();
         own.file = crate::map::FileMap::plain();
         if self.topics().len() > 1 {
-            let relax = |m: &mut Missing| {
-                if *m == Missing::Fault {
-                    *m = Missing::Skip;
-                }
-            };
+            // What holds is held within its own topic, where the table is written: in a row of another topic nothing was
+            // measured. A command holds anyway.
             own.channels
                 .iter_mut()
                 .filter(|c| matches!(c.origin, Origin::Column(_)))
-                .for_each(|c| relax(&mut c.missing));
-            own.commands.iter_mut().for_each(|c| relax(&mut c.missing));
+                .for_each(|c| c.missing = Missing::Skip);
+            for c in &mut own.commands {
+                if c.missing == Missing::Fault {
+                    c.missing = Missing::Skip;
+                }
+            }
             if let Some(q) = &mut own.quaternion {
-                relax(&mut q.missing);
+                q.missing = Missing::Skip;
             }
         }
         own

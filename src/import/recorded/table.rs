@@ -15,6 +15,9 @@ use crate::map::Missing;
 
 /// Topics that were recorded so far apart are still brought into order \[ns\].
 const WINDOW_NS: i128 = 2_000_000_000;
+/// A stamp that steps so much further than the log's own time, or back, orders nothing \[ns\]: it is wrong, or a clock was
+/// set.
+const STEP_NS: i128 = 60_000_000_000;
 /// Rows that wait at most.
 const ROWS_MAX: usize = 1 << 16;
 /// Name of the column of stamps, and of that of the times at which messages were recorded.
@@ -24,6 +27,8 @@ pub(crate) const LOG_TIME: &str = "log_time";
 struct Row {
     /// What orders it.
     key: Option<i128>,
+    /// Rows of several topics with the same one are one.
+    own_key: Option<i128>,
     stamp_ns: Option<i128>,
     log_ns: Option<i128>,
     cells: Vec<(usize, Number)>,
@@ -38,6 +43,10 @@ pub(super) struct Writer<'a, W: Write> {
     /// Column numbers of a topic.
     of_topic: HashMap<String, (usize, Vec<usize>)>,
     queues: Vec<VecDeque<Row>>,
+    /// Of each queue's newest row: what orders it, and when it was recorded.
+    last: Vec<Option<(i128, i128)>>,
+    /// Last finite number of each column.
+    held: Vec<Option<Number>>,
     waiting: usize,
     newest: i128,
     /// A message without a stamp takes the time at which it was recorded, where that is the same clock.
@@ -86,6 +95,8 @@ impl<'a, W: Write> Writer<'a, W> {
         Ok(Writer {
             cells: vec![None; columns.wanted.len()],
             queues: own.iter().map(|_| VecDeque::new()).collect(),
+            last: vec![None; own.len()],
+            held: vec![None; columns.wanted.len()],
             columns,
             out,
             places,
@@ -127,7 +138,8 @@ impl<'a, W: Write> Writer<'a, W> {
             };
             self.waiting -= 1;
             for queue in &mut self.queues {
-                if row.key.is_some() && queue.front().is_some_and(|r| r.key == row.key) {
+                if row.own_key.is_some() && queue.front().is_some_and(|r| r.own_key == row.own_key)
+                {
                     // Of one topic two equal stamps stay two rows: one of them is wrong.
                     let same = queue.front().is_some_and(|r| {
                         r.cells.iter().any(|c| row.cells.iter().any(|o| o.0 == c.0))
@@ -222,17 +234,29 @@ impl<W: Write> Sink for Writer<'_, W> {
         let Some((queue, own)) = self.of_topic.get(message.topic) else {
             return Ok(());
         };
+        let several = self.queues.len() > 1;
         let mut cells = Vec::with_capacity(own.len());
-        for (path, value) in message.leaves.numbers() {
+        for (path, mut value) in message.leaves.numbers() {
             if let Some(place) = places.get(path) {
-                self.columns.wanted[*place].not_finite += u64::from(!value.is_finite());
+                let wanted = &mut self.columns.wanted[*place];
+                wanted.not_finite += u64::from(!value.is_finite());
+                if value.is_finite() {
+                    self.held[*place] = Some(value);
+                } else if several && wanted.missing == Missing::Hold {
+                    value = self.held[*place].unwrap_or(value);
+                }
                 cells.push((*place, value));
             }
         }
         if cells.len() < own.len() {
             for place in own {
-                let there = cells.iter().any(|c| c.0 == *place);
-                self.columns.wanted[*place].absent += u64::from(!there);
+                if cells.iter().any(|c| c.0 == *place) {
+                    continue;
+                }
+                let wanted = &mut self.columns.wanted[*place];
+                wanted.absent += 1;
+                let holds = several && wanted.missing == Missing::Hold;
+                cells.extend(self.held[*place].filter(|_| holds).map(|v| (*place, v)));
             }
         }
         let mut stamp_ns = message.stamp_ns;
@@ -243,19 +267,29 @@ impl<W: Write> Sink for Writer<'_, W> {
                 *self.stood_in.entry(topic).or_default() += 1;
             }
         }
-        let key = if self.columns.by_log_time {
+        let own_key = if self.columns.by_log_time {
             message.log_ns
         } else {
             stamp_ns
         };
+        let queue = *queue;
+        // One absurd stamp must not hold up all that comes after it.
+        let expected = self.last[queue]
+            .zip(message.log_ns)
+            .map(|((key, before), now)| key + now - before);
+        let key = match (own_key, expected) {
+            (Some(own), Some(expected)) if (own - expected).abs() > STEP_NS => Some(expected),
+            _ => own_key,
+        };
+        self.last[queue] = key.zip(message.log_ns).or(self.last[queue]);
         self.newest = self.newest.max(message.log_ns.unwrap_or(i128::MIN));
         let row = Row {
             key,
+            own_key,
             stamp_ns,
             log_ns: message.log_ns,
             cells,
         };
-        let queue = *queue;
         self.queues[queue].push_back(row);
         self.waiting += 1;
         self.drain(false)

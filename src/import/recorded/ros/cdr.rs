@@ -141,8 +141,13 @@ fn structure(
                 break;
             }
             let outside = leaves.enter_element(index);
+            let begin = cdr.at;
             element(definition, &field.base, cdr, leaves, depth)?;
             leaves.leave(outside);
+            // A structure of nothing but empty arrays has no byte; a claim of any number of them costs none.
+            if cdr.at == begin {
+                break;
+            }
         }
         leaves.leave(before);
     }
@@ -233,6 +238,13 @@ mod tests {
         // An array that claims more than there is.
         let huge = Definition::parse("a/B", "uint8[4000000000] data").unwrap();
         assert!(decode(&huge, &[0, 1, 0, 0, 1], &mut Leaves::default()).is_err());
+        // Elements without a byte, any number of them.
+        let head = "=".repeat(80);
+        let text = format!(
+            "B[4000000000] many\n{head}\nMSG: a/B\nC[4000000000] more\n{head}\nMSG: a/C\nuint8[0] none\n"
+        );
+        let empty = Definition::parse("a/A", &text).unwrap();
+        assert!(decode(&empty, &[0, 1, 0, 0], &mut Leaves::default()).is_ok());
         let endless = Definition::parse("a/B", "B again").unwrap();
         assert!(decode(&endless, &[0, 1, 0, 0, 1], &mut Leaves::default()).is_err());
     }
