@@ -21,6 +21,7 @@ mod response;
 mod service_files;
 mod simulate_light;
 mod simulate_reproducible;
+mod third_party;
 
 #[path = "../support/inputs.rs"]
 mod inputs;
