@@ -74,7 +74,7 @@ enum Input {
     Log(Recording),
 }
 
-fn about(path: &Path, error: RecordedError) -> CliError {
+pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
         // Says what can be named.

@@ -5,7 +5,7 @@ use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_identify::merged::Merged;
-use hydroline_import::recorded::{Contents, Recording};
+use hydroline_import::recorded::{Contents, RecordedError, Recording};
 use hydroline_log::export::ExportOptions;
 use std::path::PathBuf;
 
@@ -113,15 +113,22 @@ fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Res
 }
 
 pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
-    let recording = Recording::open(&args.log).ok().flatten();
     // An MCAP file of anyone is a log as well; of other kinds there is only what can be imported.
-    match (hydroline_log::info::info(&args.log), &recording) {
+    match (
+        hydroline_log::info::info(&args.log),
+        Recording::open(&args.log),
+    ) {
         (Ok(info), recording) => {
+            let recording = recording.ok().flatten();
             let importable = recording.as_ref().map(Recording::contents);
             print(args.json, &LogInfo { info, importable })?;
         }
-        (Err(_), Some(recording)) => print(args.json, recording.contents())?,
-        (Err(error), None) => return Err(error.into()),
+        (Err(_), Ok(Some(recording))) => print(args.json, recording.contents())?,
+        // It is a log of another program, and that is why it cannot be read.
+        (Err(_), Err(error @ (RecordedError::Container(_) | RecordedError::Nothing { .. }))) => {
+            return Err(super::import::about(&args.log, error));
+        }
+        (Err(error), _) => return Err(error.into()),
     }
     Ok(Outcome::Done)
 }

@@ -12,6 +12,7 @@ mod json;
 mod mcap;
 mod message;
 mod packed;
+mod packed_file;
 mod protobuf;
 mod ros;
 mod stamps;
@@ -30,6 +31,7 @@ use crate::source::Source;
 pub use contents::{Contents, FieldContents, TopicContents};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
+use packed_file::Unpacked;
 
 /// Bytes that tell the kind.
 const HEAD_BYTES: u64 = 4096;
@@ -85,7 +87,7 @@ impl Kind {
 /// A log of another program.
 #[derive(Debug)]
 pub struct Recording {
-    files: Vec<PathBuf>,
+    files: Unpacked,
     kind: Kind,
     contents: Contents,
     topics: Vec<String>,
@@ -96,8 +98,10 @@ fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        let ending = path.extension().and_then(|e| e.to_str());
-        if matches!(ending, Some("mcap" | "db3")) {
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
+        // Packed or not.
+        let name = name.strip_suffix(".zstd").unwrap_or(name);
+        if name.ends_with(".mcap") || name.ends_with(".db3") {
             files.push(path);
         }
     }
@@ -127,14 +131,15 @@ impl Recording {
         } else {
             vec![path.to_owned()]
         };
-        let Some(first) = files.first() else {
+        let files = Unpacked::of(files)?;
+        let Some(first) = files.files.first() else {
             return Ok(None);
         };
         let Some(kind) = Kind::of(&head_of(first)?) else {
             return Ok(None);
         };
         let mut gather = contents::Gather::default();
-        let account = read(kind, &files, &mut gather)?;
+        let account = read(kind, &files.files, &mut gather)?;
         let contents = gather.finish(kind.words(), account);
         if contents.topics.iter().all(|t| t.fields.is_empty()) && contents.messages > 0 {
             let reasons: Vec<String> = contents
@@ -216,7 +221,7 @@ impl Recording {
             self.one_clock(),
             &mut scratch,
         )?;
-        read(self.kind, &self.files, &mut writer)?;
+        read(self.kind, &self.files.files, &mut writer)?;
         let (rows, found) = writer.finish()?;
         findings.extend(found);
         self.damage(&mut findings);

@@ -228,6 +228,7 @@ fn ros2_bags_are_read_as_rosbags_reads_them() {
         "bag_db3",
         "bag_db3_old",
         "bag_mcap",
+        "bag_packed",
     ] {
         let log = dir.path().join(name);
         println!("{name}: {} numbers", compare(&log, 0));

@@ -69,7 +69,7 @@ def flat(value, path, out):
 
 def ros2(folder):
     import numpy
-    from rosbags.rosbag2 import Reader, Writer, StoragePlugin
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, Writer, StoragePlugin
     from rosbags.typesys import Stores, get_typestore
     from mcap.writer import CompressionType, Writer as McapWriter
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -132,9 +132,12 @@ def ros2(folder):
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             own.add(topic, stamp and stamp.sec * 10**9 + stamp.nanosec, log, fields)
 
-    def write_bag(name, plugin, version):
+    def write_bag(name, plugin, version, packed=False):
         path = os.path.join(folder, name)
-        with Writer(path, version=version, storage_plugin=plugin) as bag:
+        writer = Writer(path, version=version, storage_plugin=plugin)
+        if packed:
+            writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        with writer as bag:
             open_ = {}
             for topic, schema, log, message in messages:
                 if topic not in open_:
@@ -146,6 +149,7 @@ def ros2(folder):
     write_bag("bag_db3", StoragePlugin.SQLITE3, 9)
     write_bag("bag_db3_old", StoragePlugin.SQLITE3, 8)
     write_bag("bag_mcap", StoragePlugin.MCAP, 9)
+    write_bag("bag_packed", StoragePlugin.SQLITE3, 9, packed=True)
     for name, kind in [("none", CompressionType.NONE), ("lz4", CompressionType.LZ4), ("zstd", CompressionType.ZSTD)]:
         path = os.path.join(folder, f"{name}.mcap")
         with open(path, "wb") as file:
