@@ -143,6 +143,19 @@ impl<const N: usize> Neg for Dual<N> {
 }
 
 impl<const N: usize> Real for Dual<N> {
+    /// In place: by value a table's neighbours cost more to copy than to add.
+    fn weighted(values: &[Self], weights: &[f64]) -> Self {
+        let mut sum = Self::constant(0.0);
+        for (v, w) in values.iter().zip(weights) {
+            if *w != 0.0 {
+                sum.value += v.value * w;
+                for (s, d) in sum.slope.iter_mut().zip(&v.slope) {
+                    *s += d * w;
+                }
+            }
+        }
+        sum
+    }
     fn from_f64(value: f64) -> Self {
         Self::constant(value)
     }

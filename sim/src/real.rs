@@ -43,6 +43,17 @@ pub trait Real:
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
 
+    /// Sum of values by plain weights; a weight of 0 asks for no value.
+    fn weighted(values: &[Self], weights: &[f64]) -> Self {
+        let mut sum = Self::zero();
+        for (v, w) in values.iter().zip(weights) {
+            if *w != 0.0 {
+                sum = sum + *v * *w;
+            }
+        }
+        sum
+    }
+
     /// 0.
     fn zero() -> Self {
         Self::from_f64(0.0)

@@ -345,7 +345,7 @@ mod tests {
 
     fn worst(seen: &[usize]) -> [f64; 6] {
         let run = run(seen);
-        let r = Recorded::new(&run, 0.0);
+        let r = Recorded::new(&run, 0.0, 60.0);
         let rest = std::array::from_fn(|c| r.first(c).unwrap_or(0.0));
         let made = given(&r, &[0, 1, 2, 3, 4, 5], &[], &rest, &[1e-3; 12]);
         std::array::from_fn(|d| {
@@ -377,7 +377,7 @@ mod tests {
             times_s: vec![0.0, 1.0],
             values: vec![[0.1, f64::NAN, f64::NAN, f64::NAN]; 2],
         };
-        let r = Recorded::new(&run, 0.0);
+        let r = Recorded::new(&run, 0.0, 60.0);
         let mut rest = [0.0; 12];
         rest[5] = std::f64::consts::FRAC_PI_2;
         let made = given(&r, &[], &[3], &rest, &[1e-3; 12]);

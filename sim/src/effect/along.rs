@@ -42,23 +42,45 @@ pub fn interpolated<T: Real>(values: &[T], range: (f64, f64), at: T) -> T {
         return values[last];
     }
     let i = (place.value() as usize).min(last - 1);
-    let s = place - T::from_f64(i as f64);
-    let (p1, p2) = (values[i], values[i + 1]);
+    let s = place.value() - i as f64;
+    // Weights of the four neighbours and their derivatives by the place.
+    let mut weights = [
+        0.5 * s * (-1.0 + s * (2.0 - s)),
+        1.0 + 0.5 * s * s * (-5.0 + 3.0 * s),
+        0.5 * s * (1.0 + s * (4.0 - 3.0 * s)),
+        0.5 * s * s * (s - 1.0),
+    ];
+    let mut slopes = [
+        0.5 * (-1.0 + s * (4.0 - 3.0 * s)),
+        0.5 * s * (-10.0 + 9.0 * s),
+        0.5 * (1.0 + s * (8.0 - 9.0 * s)),
+        0.5 * s * (3.0 * s - 2.0),
+    ];
     // Beyond the ends the table goes on as a straight line: no point is asked for that is not there.
-    let p0 = if i > 0 { values[i - 1] } else { p1 * 2.0 - p2 };
-    let p3 = if i + 2 <= last {
-        values[i + 2]
-    } else {
-        p2 * 2.0 - p1
-    };
-    let a = (p1 - p2) * 3.0 + p3 - p0;
-    let b = p0 * 2.0 - p1 * 5.0 + p2 * 4.0 - p3;
-    p1 + s * (p2 - p0 + s * (b + s * a)) * 0.5
+    for own in [&mut weights, &mut slopes] {
+        if i == 0 {
+            own[1] += 2.0 * own[0];
+            own[2] -= own[0];
+        }
+        if i + 2 > last {
+            own[2] += 2.0 * own[3];
+            own[1] -= own[3];
+        }
+    }
+    let (from, skip) = if i == 0 { (0, 1) } else { (i - 1, 0) };
+    let near = &values[from..values.len().min(i + 3)];
+    let slope: f64 = near
+        .iter()
+        .zip(&slopes[skip..])
+        .map(|(v, w)| v.value() * w)
+        .sum();
+    T::weighted(near, &weights[skip..]) + (place - T::from_f64(place.value())) * slope
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dual::Dual;
     use proptest::prelude::*;
 
     #[test]
@@ -80,6 +102,25 @@ mod tests {
     }
 
     proptest! {
+        /// Derivatives by place and by values are those of the table's own numbers, the first and the last gap included.
+        #[test]
+        fn it_is_differentiated(v in prop::collection::vec(-3.0..3.0f64, 5), x in 0.01..3.99f64) {
+            let duals: Vec<Dual<6>> = v.iter().enumerate().map(|(i, v)| Dual::variable(*v, i)).collect();
+            let made = interpolated(&duals, (0.0, 4.0), Dual::variable(x, 5));
+            prop_assert_eq!(made.value, interpolated(&v, (0.0, 4.0), x));
+            let h = 1e-5;
+            for (i, slope) in made.slope.iter().enumerate() {
+                let at = |h: f64| {
+                    let mut moved = v.clone();
+                    if let Some(own) = moved.get_mut(i) {
+                        *own += h;
+                    }
+                    interpolated(&moved, (0.0, 4.0), if i == 5 { x + h } else { x })
+                };
+                prop_assert!((slope - (at(h) - at(-h)) / (2.0 * h)).abs() < 1e-3, "{i} {slope}");
+            }
+        }
+
         /// Linear in the values, so that amplitudes can be integrated out exactly.
         #[test]
         fn it_is_linear_in_its_values(a in prop::collection::vec(-3.0..3.0f64, 8), b in prop::collection::vec(-3.0..3.0f64, 8), x in -1.0..9.0f64) {

@@ -184,7 +184,8 @@ impl Along {
             Shape::Power => {
                 let usual = USUAL.into_iter().filter(|n| {
                     let even_one = parity == Parity::Even && *n == 0.5;
-                    !even_one && !self.is_own(*n) && (self.has_a_zero() || *n == 1.0)
+                    let own = parity == Parity::Odd && self.is_own(*n);
+                    !even_one && !own && (self.has_a_zero() || *n == 1.0)
                 });
                 let mut made: Vec<Piece> = usual
                     .map(|n| piece(held(n), held(size), vec![[n, size]]))
@@ -270,16 +271,22 @@ mod tests {
 
     #[test]
     fn what_the_vehicle_has_already_is_no_piece() {
-        let powers = |a: &Along| -> Vec<f64> {
+        let powers = |form: &str, a: &Along| -> Vec<f64> {
             let all = a.pieces();
-            let odd = all.iter().filter(|p| FORMS[p.form] == "odd_power");
-            odd.filter(|p| !p.is_free(1))
+            let own = all.iter().filter(|p| FORMS[p.form] == form);
+            own.filter(|p| !p.is_free(1))
                 .map(|p| p.grid[0][0])
                 .collect()
         };
-        assert_eq!(powers(&along(0, "u", (-0.3, 0.3))), [0.5, 3.0]);
-        assert_eq!(powers(&along(5, "u", (-0.3, 0.3))), USUAL);
-        assert_eq!(powers(&along(3, "phi", (-0.3, 0.3))), [0.5, 2.0, 3.0]);
+        let rate = along(0, "u", (-0.3, 0.3));
+        assert_eq!(powers("odd_power", &rate), [0.5, 3.0]);
+        // A drag that does not turn with the rate is no law of the vehicle's.
+        assert_eq!(powers("even_power", &rate), [1.0, 2.0, 3.0]);
+        assert_eq!(powers("odd_power", &along(5, "u", (-0.3, 0.3))), USUAL);
+        assert_eq!(
+            powers("odd_power", &along(3, "phi", (-0.3, 0.3))),
+            [0.5, 2.0, 3.0]
+        );
     }
 
     #[test]
