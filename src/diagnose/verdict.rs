@@ -265,7 +265,7 @@ pub struct ClosedForm {
     pub none_probability: f64,
     /// Forms within odds of twenty of the likeliest, that one first.
     pub forms: Vec<WrittenForm>,
-    /// Force of the first form at the table's knots \[N, N m\].
+    /// Force of the first form at the table's knots \[N, N m\]; of a product at the rate that scales it.
     pub force_at: Vec<f64>,
     /// rms of runs left out, foretold with the first form \[SI\]; empty where that was not asked.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]

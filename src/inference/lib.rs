@@ -14,6 +14,8 @@ pub mod belief;
 pub mod body;
 pub mod closed;
 mod equations;
+#[cfg(test)]
+mod exact;
 pub mod filter;
 pub mod fit;
 pub mod foretell;

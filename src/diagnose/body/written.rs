@@ -149,18 +149,27 @@ impl Judged<'_> {
         let dof = self.found.problem.body.candidates[table].unnamed_in()?;
         // Where forms stand they are terms like any other: the force may also run along another covariate.
         let share = |term: usize| self.probability(term) / self.force_in(dof, None).max(1e-300);
-        let (forms, none): (Vec<(&Form, f64)>, f64) = if closed.stands {
-            let each = closed.forms.iter().map(|f| (f, share(f.candidate)));
-            let all: Vec<(&Form, f64)> = each.collect();
+        let (mut ranked, none): (Vec<(Form, f64)>, f64) = if closed.stands {
+            let each = closed.forms.iter().map(|f| (f.clone(), share(f.candidate)));
+            let all: Vec<(Form, f64)> = each.collect();
             let rest = 1.0 - all.iter().map(|f| f.1).sum::<f64>();
             (all, rest.max(0.0))
         } else {
-            let each = closed.forms.iter().map(|f| (f, f.probability));
+            let each = closed.forms.iter().map(|f| (f.clone(), f.probability));
             (each.collect(), closed.none)
         };
-        let forms: Vec<WrittenForm> = forms
-            .into_iter()
-            .filter_map(|(f, p)| self.written(f, p))
+        // The search went on after the forms joined: what their numbers are the likeliest model of each says now.
+        for (form, _) in ranked.iter_mut().filter(|_| closed.stands) {
+            let holds = |f: &&Fit| f.terms.contains(&form.candidate);
+            let of = self.found.models.values().filter(holds);
+            if let Some(fit) = of.max_by(|a, b| a.ln_score.total_cmp(&b.ln_score)) {
+                form.fit = fit.clone();
+            }
+        }
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let forms: Vec<WrittenForm> = ranked
+            .iter()
+            .filter_map(|(f, p)| self.written(f, *p))
             .collect();
         let first = forms.first().map_or(0.0, |f| f.probability);
         let sure = closed.stands && first >= ESTABLISHED;
@@ -183,11 +192,15 @@ impl Judged<'_> {
             }
         };
         let left_out = closed.left_out.as_ref();
-        let likeliest = closed.forms.first();
+        let likeliest = ranked.first().map(|r| &r.0);
         let at = likeliest.and_then(|f| self.forces_of(f, knots));
+        // The rig is written from the likeliest model, what is established of it.
+        let in_the_rig = likeliest.is_some_and(|f| {
+            self.best.terms.contains(&f.candidate) && self.stands(f.candidate) >= ESTABLISHED
+        });
         Some(ClosedForm {
             sure,
-            written: closed.stands && self.stands(table) >= ESTABLISHED,
+            written: in_the_rig,
             none_probability: none,
             forms,
             force_at: at.unwrap_or_default(),
