@@ -42,11 +42,13 @@ pub enum Category {
     Paper,
     /// The data are wrong.
     Fault,
+    /// A law without a name, drawn by composition; not in the full set.
+    Composed,
 }
 
 impl Category {
     /// All, in order.
-    pub const ALL: [Category; 7] = [
+    pub const ALL: [Category; 8] = [
         Category::Nothing,
         Category::Single,
         Category::Pair,
@@ -54,6 +56,7 @@ impl Category {
         Category::Unnamed,
         Category::Paper,
         Category::Fault,
+        Category::Composed,
     ];
 
     /// Name in ids.
@@ -66,6 +69,7 @@ impl Category {
             Category::Unnamed => "unnamed",
             Category::Paper => "paper",
             Category::Fault => "fault",
+            Category::Composed => "composed",
         }
     }
 
@@ -79,6 +83,7 @@ impl Category {
             Category::Unnamed => 50,
             Category::Paper => 16,
             Category::Fault => 14,
+            Category::Composed => 0,
         }
     }
 }
@@ -86,13 +91,14 @@ impl Category {
 /// Size of the full set.
 pub const FULL: usize = 460;
 
-/// The cases of a run of `count` in the proportions of the full set, at least one of each kind.
+/// The cases of a run of `count` in the proportions of the full set, at least one of each of its kinds.
 pub fn catalogue(count: usize, only: Option<Category>) -> Vec<(Category, usize)> {
     if let Some(category) = only {
         return (0..count).map(|i| (category, i)).collect();
     }
     Category::ALL
         .into_iter()
+        .filter(|c| c.full() > 0)
         .flat_map(|c| {
             let n = ((c.full() * count) as f64 / FULL as f64).round().max(1.0) as usize;
             (0..n).map(move |i| (c, i))
@@ -212,24 +218,6 @@ fn seed_of(seed: u64, category: Category, index: usize) -> u64 {
 /// # Errors
 /// [`ProveError`].
 pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveError> {
-    drawn(seed, category, index, None)
-}
-
-/// A case whose force without a name is drawn by composition.
-///
-/// # Errors
-/// [`ProveError`].
-pub fn make_composed(seed: u64, index: usize) -> Result<Case, ProveError> {
-    drawn(seed, Category::Unnamed, index, Some(COMPOSED))
-}
-
-/// `law` = the kind of unnamed law, where the index does not say it.
-fn drawn(
-    seed: u64,
-    category: Category,
-    index: usize,
-    law: Option<&'static str>,
-) -> Result<Case, ProveError> {
     let id = format!("{}-{index}", category.name());
     let mut rng = StdRng::seed_from_u64(seed_of(seed, category, index));
     let rig = Rig::builtin("lshpi")?;
@@ -267,7 +255,6 @@ fn drawn(
             Wanted::No => None,
             Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
             Wanted::Unnamed(kind, share) => {
-                let kind = law.unwrap_or(kind);
                 Strange::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
             }
         };
@@ -389,8 +376,11 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
             };
             (mains, strange, index % 4 != 3)
         }
-        Category::Unnamed => {
-            let kind = UNNAMED[index % UNNAMED.len()];
+        Category::Unnamed | Category::Composed => {
+            let kind = match category {
+                Category::Composed => COMPOSED,
+                _ => UNNAMED[index % UNNAMED.len()],
+            };
             let mains = if index.is_multiple_of(3) {
                 vec![others(&[], rng)]
             } else {

@@ -1,5 +1,6 @@
 //! One case: diagnosed without the key, then compared with it.
 
+mod composed;
 mod sets;
 mod tally;
 mod thresholds;
@@ -144,9 +145,8 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
     };
     let sealed = &case.sealed;
     let began = std::time::Instant::now();
-    let verdict = diagnose(&sealed.sources, &sealed.held, &sealed.rig, &|_| {})
-        .map_err(wrong)?
-        .verdict;
+    let made = diagnose(&sealed.sources, &sealed.held, &sealed.rig, &|_| {}).map_err(wrong)?;
+    let verdict = made.verdict.clone();
     let seconds = began.elapsed().as_secs_f64();
     // From here on with the key.
     let truth = case.key.truth.clone();
@@ -184,13 +184,14 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             judged.passed.push(("paper_split".into(), outcome.split));
             judged.paper = Some(outcome);
         }
-        Category::Unnamed => {
+        Category::Unnamed | Category::Composed => {
             let all: Vec<&str> = judged.found.iter().map(|f| f.effect.as_str()).collect();
             let known = |f: &&Found| is_there(&judged.truth, &f.effect, &all);
             let no_wrong = judged.found.iter().filter(|f| f.matters).all(|f| known(&f));
             let unknown = verdict.verdict == Word::Unknown;
             judged.passed.push(("unknown".into(), unknown && no_wrong));
             judged.passed.push(("unknown_word".into(), unknown));
+            composed::ask(case, &made, &mut judged)?;
         }
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);

@@ -9,8 +9,6 @@
 //! model cannot hide on both sides.
 
 pub mod case;
-#[cfg(test)]
-mod closed;
 pub mod composed;
 pub mod coupled;
 pub mod disturbance;

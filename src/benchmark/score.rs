@@ -166,6 +166,21 @@ pub fn score(all: &[Judged]) -> Score {
         passed("unknown"),
     ));
     lines.push(alone("  the word alone", "", passed("unknown_word")));
+    lines.push(alone(
+        "  its covariate right",
+        ">= 80 %",
+        passed("covariate"),
+    ));
+    lines.push(beside(
+        "  written down, twice the load to 1.5 noise",
+        ">= 60 %",
+        "closed_form",
+    ));
+    lines.push(alone(
+        "  no wrong form called sure",
+        ">= 98 %",
+        passed("closed_form_true"),
+    ));
     lines.push(beside("near law: mechanism named", ">= 90 %", "mechanism"));
     lines.push(beside("near law: said to be inexact", ">= 90 %", "inexact"));
     lines.push(beside(
