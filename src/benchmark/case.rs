@@ -5,6 +5,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::disturbance::Disturbance;
 use super::error::ProveError;
+use super::modulated::{MODULATED, Modulated, Ranges};
 use super::strange::{COMPOSED, NEAR, Strange, UNNAMED};
 use super::tank::{Recorded, Tank};
 use super::{faulty, paper, plans, sizes};
@@ -44,11 +45,13 @@ pub enum Category {
     Fault,
     /// A law without a name, drawn by composition; not in the full set.
     Composed,
+    /// A known mechanism, one number of which goes with place, rate, time or load; not in the full set.
+    Modulated,
 }
 
 impl Category {
     /// All, in order.
-    pub const ALL: [Category; 8] = [
+    pub const ALL: [Category; 9] = [
         Category::Nothing,
         Category::Single,
         Category::Pair,
@@ -57,6 +60,7 @@ impl Category {
         Category::Paper,
         Category::Fault,
         Category::Composed,
+        Category::Modulated,
     ];
 
     /// Name in ids.
@@ -70,6 +74,7 @@ impl Category {
             Category::Paper => "paper",
             Category::Fault => "fault",
             Category::Composed => "composed",
+            Category::Modulated => "modulated",
         }
     }
 
@@ -83,7 +88,7 @@ impl Category {
             Category::Unnamed => 50,
             Category::Paper => 16,
             Category::Fault => 14,
-            Category::Composed => 0,
+            Category::Composed | Category::Modulated => 0,
         }
     }
 }
@@ -254,6 +259,14 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
         tank.strange = match wanted.strange {
             Wanted::No => None,
             Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
+            Wanted::Modulated(mechanism, share) => {
+                let ranges = Ranges {
+                    reach_m: tank.reach_m(&runs)?,
+                    top_n,
+                    run_s: plans::RUN_S,
+                };
+                Modulated::draw(mechanism, share, &ranges, &mut rng).map(Strange::Modulated)
+            }
             Wanted::Unnamed(kind, share) => {
                 Strange::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
             }
@@ -338,6 +351,7 @@ fn off(rig: &Rig, rng: &mut StdRng) -> hydroline_rigs::Vehicle {
 enum Wanted {
     No,
     Near(&'static str, f64),
+    Modulated(&'static str, f64),
     Unnamed(&'static str, f64),
 }
 
@@ -388,6 +402,15 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
             };
             (mains, Wanted::Unnamed(kind, share), index % 4 != 3)
         }
+        Category::Modulated => {
+            let mechanism = MODULATED[index % MODULATED.len()];
+            let mains = if index % 4 == 1 {
+                vec![others(&[mechanism], rng)]
+            } else {
+                Vec::new()
+            };
+            (mains, Wanted::Modulated(mechanism, share), index % 4 != 3)
+        }
         Category::Paper => (
             vec![paper::SET[(index + index / SHIFT) % paper::SET.len()]],
             Wanted::No,
@@ -402,7 +425,7 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
         }
     };
     let mut taken = mains.clone();
-    if let Wanted::Near(m, _) = strange {
+    if let Wanted::Near(m, _) | Wanted::Modulated(m, _) = strange {
         taken.push(m);
     }
     let mut entries: Vec<PhysicsEntry> = mains
@@ -463,7 +486,7 @@ fn truths(tank: &Tank, wanted: &Drawn, weights: &[f64]) -> Vec<Truth> {
     if let (Some(_), Some(weight)) = (&tank.strange, weights.get(tank.entries.len())) {
         truth.push(Truth {
             effect: match wanted.strange {
-                Wanted::Near(m, _) => m.to_owned(),
+                Wanted::Near(m, _) | Wanted::Modulated(m, _) => m.to_owned(),
                 _ => UNNAMED_ID.to_owned(),
             },
             weight_m: *weight,

@@ -192,6 +192,7 @@ mod tests {
                     u_mps,
                     drag: [0.0; 2],
                     run: 0,
+                    load_n: 0.0,
                 };
                 let force = law.force(&here);
                 assert!(force.is_finite());

@@ -198,7 +198,7 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             judged.passed.push(("nothing".into(), quiet));
             by_effect(case, &verdict, &mut judged, how.observe)?;
         }
-        Category::Single | Category::Pair | Category::Triple => {
+        Category::Single | Category::Pair | Category::Triple | Category::Modulated => {
             if let Some(main) = judged.near().cloned() {
                 near(case, &mut judged, &main, how.observe);
             } else {

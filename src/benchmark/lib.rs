@@ -20,6 +20,7 @@ pub mod faulty;
 pub mod images;
 pub mod judge;
 pub mod keep;
+pub mod modulated;
 pub mod motion;
 pub mod observer;
 pub mod paper;

@@ -130,8 +130,7 @@ impl Mover<'_> {
         let mut load = load_n;
         let mut force = 0.0;
         if let Some(law) = self.strange {
-            load = law.thrust(load_n, &state.own, &mut own);
-            force = law.force(&Here {
+            let here = Here {
                 t_s,
                 x_m: state.model.vehicle.eta[0],
                 u_mps: state.model.vehicle.nu[0],
@@ -140,7 +139,10 @@ impl Mover<'_> {
                     model.hydrodynamics.quadratic[0],
                 ],
                 run,
-            });
+                load_n,
+            };
+            load = law.thrust(&here, &state.own, &mut own);
+            force = law.force(&here);
         }
         let wrench = [load, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut rate = model.rate(t_s, begin_s, &state.model, &wrench);

@@ -5,8 +5,9 @@
 use rand::{RngExt, rngs::StdRng};
 
 use super::composed::Composed;
+use super::modulated::Modulated;
 
-/// What a law sees. `load_n` is what reaches the hull.
+/// What a law sees.
 #[derive(Debug, Clone, Copy)]
 pub struct Here {
     /// Time \[s\].
@@ -19,6 +20,8 @@ pub struct Here {
     pub drag: [f64; 2],
     /// Which run.
     pub run: usize,
+    /// Load commanded \[N\].
+    pub load_n: f64,
 }
 
 /// A law outside of the vocabulary.
@@ -110,6 +113,8 @@ pub enum Strange {
     },
     /// Drawn by composition.
     Composed(Composed),
+    /// A known mechanism one number of which varies.
+    Modulated(Modulated),
 }
 
 /// Mechanisms with a near law.
@@ -210,7 +215,8 @@ impl Strange {
     }
 
     /// Load behind the law, and the rates of its own states.
-    pub fn thrust(&self, load_n: f64, own: &[f64; 2], rate: &mut [f64; 2]) -> f64 {
+    pub fn thrust(&self, here: &Here, own: &[f64; 2], rate: &mut [f64; 2]) -> f64 {
+        let load_n = here.load_n;
         match *self {
             Strange::SoftDeadband { width_n } => load_n - width_n * (load_n / width_n).tanh(),
             Strange::SoftSaturation { limit_n } => {
@@ -226,6 +232,7 @@ impl Strange {
                 rate[0] = left.abs() / 100.0 - own[0] / recovery_s;
                 left
             }
+            Strange::Modulated(law) => law.thrust(load_n, here),
             _ => load_n,
         }
     }
@@ -283,6 +290,7 @@ impl Strange {
                 }
             }
             Strange::Composed(law) => law.force(here),
+            Strange::Modulated(law) => law.force(here),
             _ => 0.0,
         }
     }
@@ -307,14 +315,22 @@ mod tests {
     #[test]
     fn near_laws_become_the_vocabularys_far_from_what_makes_them_soft() {
         let mut rate = [0.0; 2];
+        let here = |load_n| Here {
+            t_s: 0.0,
+            x_m: 0.0,
+            u_mps: 0.0,
+            drag: [0.0; 2],
+            run: 0,
+            load_n,
+        };
         let dead = Strange::SoftDeadband { width_n: 0.5 };
-        assert!((dead.thrust(8.0, &[0.0; 2], &mut rate) - 7.5).abs() < 1e-6);
-        assert!(dead.thrust(0.1, &[0.0; 2], &mut rate).abs() < 2e-3);
+        assert!((dead.thrust(&here(8.0), &[0.0; 2], &mut rate) - 7.5).abs() < 1e-6);
+        assert!(dead.thrust(&here(0.1), &[0.0; 2], &mut rate).abs() < 2e-3);
         let limit = Strange::SoftSaturation { limit_n: 6.0 };
-        assert!((limit.thrust(1.0, &[0.0; 2], &mut rate) - 1.0).abs() < 1e-4);
-        assert!((limit.thrust(-60.0, &[0.0; 2], &mut rate) + 6.0).abs() < 1e-5);
+        assert!((limit.thrust(&here(1.0), &[0.0; 2], &mut rate) - 1.0).abs() < 1e-4);
+        assert!((limit.thrust(&here(-60.0), &[0.0; 2], &mut rate) + 6.0).abs() < 1e-5);
         let lag = Strange::TwoStageLag { lag_s: 0.4 };
-        assert_eq!(lag.thrust(5.0, &[5.0, 5.0], &mut rate), 5.0);
+        assert_eq!(lag.thrust(&here(5.0), &[5.0, 5.0], &mut rate), 5.0);
         assert_eq!(rate, [0.0, 0.0]);
     }
 
@@ -334,6 +350,7 @@ mod tests {
                         u_mps: f64::from(i % 37) * 0.005,
                         drag: [-20.0, -200.0],
                         run: 0,
+                        load_n: 0.0,
                     };
                     law.force(&here).abs()
                 })

@@ -91,6 +91,7 @@ fn off(law: &Composed, knots: &[f64], form: &ClosedForm) -> f64 {
             u_mps: if law.of_speed { *c } else { RATE_MPS },
             drag: [0.0; 2],
             run: 0,
+            load_n: 0.0,
         })
     };
     let truth: Vec<f64> = knots.iter().map(force).collect();
