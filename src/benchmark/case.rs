@@ -5,6 +5,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::disturbance::Disturbance;
 use super::error::ProveError;
+use super::instrument::{Flaw, flawed};
 use super::modulated::{MODULATED, Modulated, Ranges};
 use super::strange::{COMPOSED, NEAR, Strange, UNNAMED};
 use super::tank::{Recorded, Tank};
@@ -47,11 +48,13 @@ pub enum Category {
     Composed,
     /// A known mechanism, one number of which goes with place, rate, time or load; not in the full set.
     Modulated,
+    /// Stamps and positions as an instrument spoils them; not in the full set.
+    Instrument,
 }
 
 impl Category {
     /// All, in order.
-    pub const ALL: [Category; 9] = [
+    pub const ALL: [Category; 10] = [
         Category::Nothing,
         Category::Single,
         Category::Pair,
@@ -61,6 +64,7 @@ impl Category {
         Category::Fault,
         Category::Composed,
         Category::Modulated,
+        Category::Instrument,
     ];
 
     /// Name in ids.
@@ -75,6 +79,7 @@ impl Category {
             Category::Fault => "fault",
             Category::Composed => "composed",
             Category::Modulated => "modulated",
+            Category::Instrument => "instrument",
         }
     }
 
@@ -88,7 +93,7 @@ impl Category {
             Category::Unnamed => 50,
             Category::Paper => 16,
             Category::Fault => 14,
-            Category::Composed | Category::Modulated => 0,
+            Category::Composed | Category::Modulated | Category::Instrument => 0,
         }
     }
 }
@@ -166,6 +171,8 @@ pub struct Key {
     pub held_noise_m: Option<f64>,
     /// What was done to the data.
     pub fault: Option<faulty::Fault>,
+    /// What the instrument does.
+    pub flaws: Vec<Flaw>,
 }
 
 impl Key {
@@ -296,13 +303,23 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             .map(|(k, p)| tank.record(p, fitted + k, length_s(p)))
             .collect::<Result<_, _>>()?;
         let fault = (category == Category::Fault).then(|| faulty::Fault::of(index));
-        let read = |r: &Recorded| match &fault {
-            Some(f) => f.source(r, &rig, seed_of(seed, category, index)),
-            None => r.source(&rig),
+        let flaws = match category {
+            Category::Instrument => Flaw::draw(index, &mut rng),
+            _ => Vec::new(),
         };
+        let read = |(k, r): (usize, &Recorded)| match &fault {
+            Some(f) => f.source(r, &rig, seed_of(seed, category, index)),
+            None if flaws.is_empty() => r.source(&rig),
+            None => flawed(&flaws, k, r, &rig, seed_of(seed, category, index)),
+        };
+        let behind = held.iter().enumerate().map(|(k, r)| (runs.len() + k, r));
         let sealed = Sealed {
-            sources: runs.iter().map(read).collect::<Result<_, _>>()?,
-            held: held.iter().map(read).collect::<Result<_, _>>()?,
+            sources: runs
+                .iter()
+                .enumerate()
+                .map(read)
+                .collect::<Result<_, _>>()?,
+            held: behind.map(read).collect::<Result<_, _>>()?,
             rig,
         };
         return Ok(Case {
@@ -316,6 +333,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
                 truth,
                 runs,
                 fault,
+                flaws,
             },
         });
     }
@@ -401,6 +419,14 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
                 Vec::new()
             };
             (mains, Wanted::Unnamed(kind, share), index % 4 != 3)
+        }
+        Category::Instrument => {
+            let mains = if index % 3 == 1 {
+                vec![first]
+            } else {
+                Vec::new()
+            };
+            (mains, Wanted::No, index % 4 != 3)
         }
         Category::Modulated => {
             let mechanism = MODULATED[index % MODULATED.len()];

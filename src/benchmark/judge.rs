@@ -17,7 +17,7 @@ use self::undecided::Undecided;
 use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
-use super::{paper, plans};
+use super::{instrument, paper, plans};
 use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Law, Verdict, Word};
 
@@ -192,6 +192,10 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             judged.passed.push(("unknown".into(), unknown && no_wrong));
             judged.passed.push(("unknown_word".into(), unknown));
             composed::ask(case, &made, &mut judged)?;
+        }
+        Category::Instrument => {
+            let invented = !instrument::invents_nothing(&verdict, &judged.truth);
+            judged.passed.push(("no_physics".into(), !invented));
         }
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);

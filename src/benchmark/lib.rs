@@ -18,6 +18,7 @@ pub mod export;
 mod eyes;
 pub mod faulty;
 pub mod images;
+pub mod instrument;
 pub mod judge;
 pub mod keep;
 pub mod modulated;

@@ -181,6 +181,11 @@ pub fn score(all: &[Judged]) -> Score {
         ">= 98 %",
         passed("closed_form_true"),
     ));
+    lines.push(alone(
+        "instrument's flaws: no physics invented",
+        ">= 95 %",
+        passed("no_physics"),
+    ));
     lines.push(beside("near law: mechanism named", ">= 90 %", "mechanism"));
     lines.push(beside("near law: said to be inexact", ">= 90 %", "inexact"));
     lines.push(beside(

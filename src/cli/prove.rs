@@ -23,6 +23,7 @@ Examples:
   hydroline prove --cases 460                # the full set
   hydroline prove --cases 460 --keep proof   # the same, in as many sittings as it takes
   hydroline prove --category unnamed --cases 8
+  hydroline prove --category modulated       # or composed, instrument: beside the full set
   hydroline prove --only single-7            # one case: whole verdict and key
   hydroline prove --images 70                # an effect of camera, sheet, target or water
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
@@ -146,6 +147,7 @@ fn key(case: &Case) -> serde_json::Value {
         "vehicle": case.key.coefficients().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
         "disturbance": case.key.tank.disturbance,
         "fault": case.key.fault,
+        "flaws": case.key.flaws,
     })
 }
 
