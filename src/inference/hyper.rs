@@ -29,6 +29,23 @@ pub struct Noises {
 }
 
 impl Noises {
+    /// Channels that are noisier than before stay as they were.
+    pub fn no_larger_than(&mut self, before: &Noises) {
+        for c in 0..self.channels.len() {
+            let (Some(new), Some(old)) = (&self.channels[c], &before.channels[c]) else {
+                continue;
+            };
+            if new.total_sd() <= old.total_sd() {
+                continue;
+            }
+            self.channels[c] = before.channels[c];
+            let runs = self.used.iter_mut().zip(&before.used);
+            for (new, old) in runs.flat_map(|(new, old)| new.iter_mut().zip(old)) {
+                new[c] = old[c];
+            }
+        }
+    }
+
     /// Nothing measured.
     pub fn none() -> Noises {
         Noises {

@@ -11,7 +11,7 @@ use hydroline_identify::parameter::Term;
 
 use super::body::Own;
 use super::fit::{Effort, Fit, Problem};
-use super::hyper::{Cell, Cells, SIZES};
+use super::hyper::{Cell, Cells, Noises, SIZES};
 use super::noise::estimate;
 use super::posterior::{UNNAMED, above_tolerance};
 use super::promise::Promise;
@@ -28,6 +28,8 @@ pub struct Options {
     /// Log score by which a model may stay behind one that has all but one of its effects and still be expanded: what an
     /// effect that does not pay its way leads to, the smaller model leads to (Madigan and Raftery 1994, eq. 8).
     pub behind: f64,
+    /// The same beside the vehicle alone: far from everything the linear view ranks worst, and fits are cheapest.
+    pub first_additions: usize,
     /// Candidates fitted in a member's place.
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
@@ -45,6 +47,8 @@ pub struct Options {
     pub renewed_after: f64,
     /// Times that the noise is estimated beside the best model and the models are scored anew.
     pub noise_rounds: usize,
+    /// Log score by which a model under a new noise may lie behind the same one under the old noise for the new one to stand.
+    pub noise_gain: f64,
     /// Change of a noise's logarithm below which it stays.
     pub noise_change: f64,
     /// DOFs that nothing commanded: where no model follows one, its motion is an input, and there is no use in going on.
@@ -58,6 +62,7 @@ impl Default for Options {
         Options {
             window: 100f64.ln(),
             additions: 5,
+            first_additions: 12,
             foremost: 3,
             behind: 1.0,
             exchanges: 2,
@@ -68,6 +73,7 @@ impl Default for Options {
             least_gain: 3.0,
             renewed_after: 20.0,
             noise_rounds: 2,
+            noise_gain: 1.0,
             noise_change: 0.03,
             may_give_up: [false; 6],
             give_up_after: 30,
@@ -225,7 +231,12 @@ impl Search<'_> {
     }
 
     /// Which additions are fitted: what explains one DOF's residual is alike, and must not crowd out the others.
-    fn proposed<'p>(&self, promises: &'p [Promise]) -> Vec<&'p Promise> {
+    fn proposed<'p>(&self, fit: &Fit, promises: &'p [Promise]) -> Vec<&'p Promise> {
+        let most = match fit.terms.is_empty() {
+            true => self.options.first_additions,
+            false => self.options.additions,
+        };
+
         let dof = |p: &Promise| self.problem.body.candidates[p.candidate].dof();
         let worth = |p: &&Promise| p.instead.is_none() && p.gain > self.options.least_gain;
         let all: Vec<&Promise> = promises.iter().filter(worth).collect();
@@ -240,7 +251,7 @@ impl Search<'_> {
             }
         }
         chosen.extend(left);
-        chosen.truncate(self.options.additions);
+        chosen.truncate(most);
         chosen
     }
 
@@ -254,7 +265,7 @@ impl Search<'_> {
                 jobs.push(job);
             }
         };
-        for p in self.proposed(&promises) {
+        for p in self.proposed(fit, &promises) {
             let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
             add((terms, point, fit.cells.clone()));
         }
@@ -370,21 +381,26 @@ impl Search<'_> {
             self.expand(fit);
             // Beside a model that misses so much the instruments looked worse than they are.
             let gained = self.best().map_or(0.0, |b| b.ln_score - before);
-            if gained > self.options.renewed_after && self.renew_noise() {
+            if gained > self.options.renewed_after && self.renew_noise(true) {
                 self.rescore();
             }
         }
     }
 
     /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
-    fn renew_noise(&mut self) -> bool {
+    ///
+    /// What a model on the way misses is in what it leaves: with `only_less` no channel's noise becomes larger by it.
+    fn renew_noise(&mut self, only_less: bool) -> bool {
         let Some(best) = self.best().cloned() else {
             return false;
         };
         let Some(predicted) = self.problem.closest(&best.terms, &best.point) else {
             return false;
         };
-        let noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
+        let mut noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
+        if only_less {
+            noises.no_larger_than(&self.problem.noises);
+        }
         let pairs = noises.channels.iter().zip(&self.problem.noises.channels);
         let change = pairs
             .filter_map(|(a, b)| Some((a.as_ref()?.total_sd() / b.as_ref()?.total_sd()).ln().abs()))
@@ -397,8 +413,30 @@ impl Search<'_> {
             "noise {:?}",
             noises.channels.iter().flatten().collect::<Vec<_>>()
         );
-        self.problem.noises = noises;
-        true
+        // On the samples that count now the new noise has to make the model likelier: what a residual looks like by itself
+        // does not always.
+        let kept = Noises {
+            channels: self.problem.noises.channels,
+            used: noises.used.clone(),
+        };
+        let [old, new] = [kept, noises].map(|noises| {
+            self.problem.noises = noises;
+            self.problem
+                .fit(
+                    &best.terms,
+                    &best.point,
+                    best.cells.clone(),
+                    Effort::default(),
+                )
+                .map(|f| (f.ln_score, self.problem.noises.clone()))
+        });
+        let Some((score, noises)) = new else {
+            return false;
+        };
+        let worse = old.filter(|(before, _)| *before > score + self.options.noise_gain);
+        let is_worse = worse.is_some();
+        self.problem.noises = worse.map_or(noises, |w| w.1);
+        !is_worse || rejected
     }
 
     /// Scores of the models at the front under the present noise; the others are dropped.
@@ -441,12 +479,12 @@ pub fn search(
     };
     search.alone();
     search.best()?;
-    if search.renew_noise() {
+    if search.renew_noise(false) {
         search.rescore();
     }
     search.run();
     for _ in 0..options.noise_rounds {
-        if search.gives_up() || !search.renew_noise() {
+        if search.gives_up() || !search.renew_noise(false) {
             break;
         }
         search.rescore();

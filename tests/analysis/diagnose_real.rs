@@ -138,10 +138,10 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     );
     assert!(after < before / 3.0, "{before} {after}");
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
-    assert!(v.ladder.len() >= 3, "{:?}", v.ladder);
-    assert_eq!(v.ladder[0].effect, "");
-    let rms: Vec<f64> = v.ladder.iter().map(|r| r.held_out["phi_rad"]).collect();
-    assert!(rms[1] < 0.75 * rms[0] && rms[2] < 0.75 * rms[1], "{rms:?}");
+    // A ladder is of what matters; beside a refitted linear and quadratic damping the cubic one is worth .5 mrad, below the
+    // tolerance of 1.7.
+    let mattering = v.effects.iter().filter(|e| e.matters).count();
+    assert_eq!(v.ladder.is_empty(), mattering < 2, "{:?}", v.ladder);
     assert!(
         v.fit.held_out_by.contains("chose nothing"),
         "{}",

@@ -190,11 +190,13 @@ impl Judged<'_> {
         let force_sd = (at..at + n)
             .map(|i| fit.covariance[(i, i)].sqrt())
             .collect();
-        let size = |k: &usize| force_at[*k].abs();
-        let top = (0..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
-        let acts = |k: &usize| size(k) >= ACTS * size(&top);
-        let first = (0..=top).rev().take_while(acts).last().unwrap_or(top);
-        let last = (top..n).take_while(acts).last().unwrap_or(top);
+        let closed_form = self.closed_form(table, &knots);
+        // A table cannot hold a force that turns with the rate; where a form is the law, it says where the force acts.
+        let law = closed_form
+            .as_ref()
+            .filter(|f| f.sure && !f.force_at.is_empty());
+        let shown = law.map_or(&force_at, |f| &f.force_at);
+        let (first, top, last) = extent(shown)?;
         let weights = self
             .weights
             .get(&fit.terms)
@@ -202,18 +204,18 @@ impl Judged<'_> {
         let weights = weights.unwrap_or_else(|| self.found.problem.weights(fit)[member]);
         let channel = heaviest(&weights, &body.tolerance);
         let unit = if dof < 3 { "N" } else { "N m" };
-        let closed_form = self.closed_form(table, &knots);
+        let force = shown[top];
         Some(Unexplained {
             channel: CHANNELS[channel].to_owned(),
             weight: weights[channel],
             depends_on: covariate.to_owned(),
             range: [knots[first], knots[last]],
-            force: force_at[top],
+            force,
             term: format!(
                 "a force without a name in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
                 Dof::ALL[dof].name(),
                 probability / all,
-                force_at[top],
+                force,
                 knots[top],
                 knots[first],
                 knots[last],
@@ -262,6 +264,16 @@ impl Judged<'_> {
             closed_form: None,
         }
     }
+}
+
+/// Where a force acts: first place, that of its largest size, last place.
+fn extent(force_at: &[f64]) -> Option<(usize, usize, usize)> {
+    let size = |k: &usize| force_at[*k].abs();
+    let top = (0..force_at.len()).max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let acts = |k: &usize| size(k) >= ACTS * size(&top);
+    let first = (0..=top).rev().take_while(acts).last().unwrap_or(top);
+    let last = (top..force_at.len()).take_while(acts).last().unwrap_or(top);
+    Some((first, top, last))
 }
 
 /// Channel in which a weight is largest over its tolerance.
