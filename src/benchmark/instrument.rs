@@ -22,7 +22,7 @@ pub enum Flaw {
         /// sd \[s\].
         sd_s: f64,
     },
-    /// Every second sample is stamped late: two are sent at once.
+    /// Every second sample is stamped late, as where two are sent one behind the other.
     Pairs {
         /// By so much \[s\].
         late_s: f64,

@@ -105,6 +105,11 @@ fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
             files.push(path);
         }
     }
+    // A player may have left the unpacked file beside the packed one.
+    let all = files.clone();
+    files.retain(|p| {
+        p.extension().is_none_or(|e| e != "zstd") || !all.contains(&p.with_extension(""))
+    });
     files.sort_by_key(|p| (p.as_os_str().len(), p.clone()));
     Ok(files)
 }

@@ -3,6 +3,8 @@
 //! Errors of x and y are looked at along the body's own axes (turned by the measured heading): there a DOF's misfit shows
 //! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
 
+use std::collections::BTreeMap;
+
 use hydroline_identify::data::{CHANNELS, COMPANIONS, Companions, Run, Sample};
 use hydroline_numerics::statistics::{median, robust_sd};
 
@@ -75,11 +77,38 @@ fn rate_most_hz(runs: &[Run]) -> f64 {
     (SAMPLES_MOST / whole_s.max(1.0)).clamp(RATE_LEAST_HZ, RATE_MOST_HZ)
 }
 
-/// Every n-th sample of a run that has more per second.
+/// Every n-th of the samples that measure the same channels, where there are more per second: rows of several instruments
+/// stand between each other.
 fn thinned(run: &Run, most_hz: f64) -> Vec<&Sample> {
-    let interval_s = run.interval_s().unwrap_or(1.0).max(1e-9);
-    let every = (1.0 / (interval_s * most_hz) - 1e-6).ceil().max(1.0) as usize;
-    run.samples.iter().step_by(every).collect()
+    let measured = |s: &Sample| s.values.map(f64::is_finite);
+    let mut counts: BTreeMap<[bool; 12], usize> = BTreeMap::new();
+    for s in &run.samples {
+        *counts.entry(measured(s)).or_default() += 1;
+    }
+    let long_s = match run.samples.as_slice() {
+        [first, .., last] => (last.t_s - first.t_s).max(1e-9),
+        _ => return run.samples.iter().collect(),
+    };
+    let every = |count: usize| {
+        let rate_hz = count as f64 / long_s;
+        let wanted = (rate_hz / most_hz - 1e-2).ceil();
+        wanted
+            .min((rate_hz / RATE_LEAST_HZ + 1e-2).floor())
+            .max(1.0) as usize
+    };
+    let every: BTreeMap<[bool; 12], usize> =
+        counts.into_iter().map(|(set, n)| (set, every(n))).collect();
+    let mut seen: BTreeMap<[bool; 12], usize> = BTreeMap::new();
+    let mut kept = Vec::new();
+    for s in &run.samples {
+        let set = measured(s);
+        let place = seen.entry(set).or_default();
+        if every.get(&set).is_none_or(|n| place.is_multiple_of(*n)) {
+            kept.push(s);
+        }
+        *place += 1;
+    }
+    kept
 }
 
 /// One run.
@@ -169,7 +198,7 @@ fn means(times_s: &[f64], values: &[f64]) -> (Vec<f64>, f64) {
 }
 
 impl Recording {
-    /// DOFs that are driven, or whose means over a second move by more than their noise and a third of the tolerance.
+    /// DOFs that are driven, or whose values or means over a second move by more than their noise and a third of the tolerance.
     pub fn moving(&self, tolerance: &[f64; 12]) -> Vec<usize> {
         let driven = |d: usize| {
             let any = |r: &Recorded| r.commands.iter().any(|c| c.1[d] != 0.0);
@@ -186,7 +215,12 @@ impl Recording {
                     let (mut slow, of) = means(&r.times_s, &all);
                     let middle = median(&mut slow).unwrap_or(0.0);
                     let off: Vec<f64> = slow.iter().map(|v| v - middle).collect();
-                    robust_sd(&off) > (MOVES * fast / of.sqrt()).max(tolerance[c] / 3.0)
+                    let slow = robust_sd(&off) > (MOVES * fast / of.sqrt()).max(tolerance[c] / 3.0);
+                    // What swings within a second has no means.
+                    let mut each = seen.clone();
+                    let middle = median(&mut each).unwrap_or(0.0);
+                    let off: Vec<f64> = seen.iter().map(|v| v - middle).collect();
+                    slow || robust_sd(&off) > (MOVES * fast).max(tolerance[c] / 3.0)
                 })
         };
         (0..6)
@@ -373,8 +407,22 @@ mod tests {
         let short: Vec<Run> = (0..4).map(|s| doppler(0.0, 24.0, s)).collect();
         assert_eq!(count(&short), 2400);
         assert_eq!(count(&[doppler(0.0, 400.0, 1)]), 5000);
-        // Never below ten per second, of 25 every second or third.
-        assert!(count(&[doppler(0.0, 2000.0, 1)]) >= 16_000);
+        // Never below ten per second.
+        assert!(count(&[doppler(0.0, 2000.0, 1)]) >= 20_000);
+        // Two instruments row by row: each keeps its own.
+        let mut both = doppler(0.0, 400.0, 1);
+        for (k, s) in both.samples.iter_mut().enumerate() {
+            s.values[if k % 2 == 0 { 6 } else { 8 }] = f64::NAN;
+        }
+        let made = Recording::new(&[both], 0.0);
+        let seen = |c: usize| {
+            made.runs[0]
+                .values
+                .iter()
+                .filter(|v| v[c].is_finite())
+                .count()
+        };
+        assert!(seen(6) > 3000 && seen(8) > 3000, "{} {}", seen(6), seen(8));
     }
 
     proptest! {

@@ -23,13 +23,13 @@ pub struct Options {
     pub window: f64,
     /// Candidates fitted beside each model.
     pub additions: usize,
+    /// The same beside the vehicle alone: far from everything the linear view ranks worst, and fits are cheapest.
+    pub first_additions: usize,
     /// The first so many of these are the most promising; then come the best of the DOFs that have none yet.
     pub foremost: usize,
     /// Log score by which a model may stay behind one that has all but one of its effects and still be expanded: what an
     /// effect that does not pay its way leads to, the smaller model leads to (Madigan and Raftery 1994, eq. 8).
     pub behind: f64,
-    /// The same beside the vehicle alone: far from everything the linear view ranks worst, and fits are cheapest.
-    pub first_additions: usize,
     /// Candidates fitted in a member's place.
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
@@ -413,10 +413,11 @@ impl Search<'_> {
             "noise {:?}",
             noises.channels.iter().flatten().collect::<Vec<_>>()
         );
-        // On the samples that count now the new noise has to make the model likelier: what a residual looks like by itself
-        // does not always.
+        // On the samples that count now the new noise must not make the model less likely by more than that: noise that is
+        // estimated of a residual by itself sometimes does.
+        let before = self.problem.noises.clone();
         let kept = Noises {
-            channels: self.problem.noises.channels,
+            channels: before.channels,
             used: noises.used.clone(),
         };
         let [old, new] = [kept, noises].map(|noises| {
@@ -431,6 +432,7 @@ impl Search<'_> {
                 .map(|f| (f.ln_score, self.problem.noises.clone()))
         });
         let Some((score, noises)) = new else {
+            self.problem.noises = before;
             return false;
         };
         let worse = old.filter(|(before, _)| *before > score + self.options.noise_gain);

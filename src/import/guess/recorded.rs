@@ -394,13 +394,16 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
             recording,
             &dead.iter().cloned().chain(more.clone()).collect(),
         );
-        if more.is_empty() || next.is_empty() {
+        if more.is_empty() || next.sources.iter().all(Option::is_none) {
+            break;
+        }
+        let without = next.write(first);
+        let tried = faults(recording, &without)?;
+        if tried.1 > found.1 {
             break;
         }
         dead.extend(more);
-        plan = next;
-        draft = plan.write(first);
-        found = faults(recording, &draft)?;
+        (plan, draft, found) = (next, without, tried);
     }
     let others = [
         Open {

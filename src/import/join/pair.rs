@@ -120,17 +120,21 @@ impl Pair {
         pair.rig_toml = reader.rig_toml().filter(|t| own_rig(t)).map(str::to_owned);
         let mut ends = None;
         let mut clocks = Thinned::new();
-        let mut last: BTreeMap<String, u64> = BTreeMap::new();
+        let mut last: BTreeMap<String, (u64, u64)> = BTreeMap::new();
+        let mut again = None;
         let mut reader = LogReader::open(commands)?;
         for message in reader.by_ref() {
             match message?.record {
                 Record::Command(c) => {
                     widen(&mut ends, c.stamp_ns().unwrap_or(0));
                     // What is sent again says nothing of the offset.
-                    let value = c.thrust_n.to_bits();
+                    // Of a pulse the load is the curve's, whatever stands beside it.
+                    let value = (c.thrust_n.to_bits(), c.pulse_us.to_bits());
                     if last.insert(c.thruster.clone(), value) == Some(value) {
+                        again = Some(c);
                         continue;
                     }
+                    again = None;
                     if pair.commands.len() < CHANGES_MAX {
                         pair.commands.push(c);
                     } else {
@@ -144,6 +148,8 @@ impl Pair {
         pair.commands_ns = ends.ok_or(JoinError::NoCommands {
             log: name(commands),
         })?;
+        // Until when there are commands is known by the last one.
+        pair.commands.extend(again);
         pair.command_clocks = clocks.kept;
         pair.boots[1] = boot_id(&reader);
         if let Some(rig) = reader.rig_toml().filter(|t| own_rig(t)) {

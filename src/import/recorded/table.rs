@@ -43,8 +43,8 @@ pub(super) struct Writer<'a, W: Write> {
     /// Column numbers of a topic.
     of_topic: HashMap<String, (usize, Vec<usize>)>,
     queues: Vec<VecDeque<Row>>,
-    /// Of each queue's newest row: what orders it, and when it was recorded.
-    last: Vec<Option<(i128, i128)>>,
+    /// Of each queue's newest row: what orders it, its own stamp, and when it was recorded.
+    last: Vec<Option<(i128, i128, i128)>>,
     /// Last finite number of each column.
     held: Vec<Option<Number>>,
     waiting: usize,
@@ -273,15 +273,18 @@ impl<W: Write> Sink for Writer<'_, W> {
             stamp_ns
         };
         let queue = *queue;
-        // One absurd stamp must not hold up all that comes after it.
-        let expected = self.last[queue]
-            .zip(message.log_ns)
-            .map(|((key, before), now)| key + now - before);
-        let key = match (own_key, expected) {
-            (Some(own), Some(expected)) if (own - expected).abs() > STEP_NS => Some(expected),
+        // One absurd stamp must not hold up all that comes after it: a stamp orders its row where it went on from the one
+        // before as the log did, else the log's own time goes on.
+        let key = match (own_key, self.last[queue], message.log_ns) {
+            (Some(own), Some((key, before, then)), Some(now)) => {
+                let agrees = (own - before - (now - then)).abs() <= STEP_NS;
+                Some(if agrees { own } else { key + now - then })
+            }
             _ => own_key,
         };
-        self.last[queue] = key.zip(message.log_ns).or(self.last[queue]);
+        if let (Some(key), Some(own), Some(now)) = (key, own_key, message.log_ns) {
+            self.last[queue] = Some((key, own, now));
+        }
         self.newest = self.newest.max(message.log_ns.unwrap_or(i128::MIN));
         let row = Row {
             key,
