@@ -14,7 +14,8 @@ use serde_json::Value;
 
 /// Logs of a kind, in a folder of their own.
 fn made(kind: &str) -> Option<tempfile::TempDir> {
-    let python = crate::inputs::python(&["mcap", "rosbags", "pymavlink", "pyulog", "google.protobuf"])?;
+    let python =
+        crate::inputs::python(&["mcap", "rosbags", "pymavlink", "pyulog", "google.protobuf"])?;
     let dir = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/import_logs/make.py");
     let out = Command::new(python)

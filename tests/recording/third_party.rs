@@ -93,7 +93,9 @@ fn with_thrusters(map: &str) -> String {
 
 #[test]
 fn three_commands_from_a_foreign_file_to_a_verdict() {
-    let Some(python) = crate::inputs::python(&["rosbags", "pymavlink", "numpy"]) else { return };
+    let Some(python) = crate::inputs::python(&["rosbags", "pymavlink", "numpy"]) else {
+        return;
+    };
     let dir = tempfile::tempdir().unwrap();
     let tables = runs(dir.path());
     let script =
