@@ -2,6 +2,7 @@
 //!
 //! What a kind of run does not have (`aim` no thrusters, `replay` no disk) is absent, and the page leaves it out.
 
+use hydroline_core::event::Severity;
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -204,19 +205,30 @@ pub const EVENTS_MAX: usize = 50;
 /// Longest message that is shown, in characters.
 const MESSAGE_MAX: usize = 400;
 
-impl From<&hydroline_core::event::Event> for Event {
-    fn from(event: &hydroline_core::event::Event) -> Self {
-        use hydroline_core::event::Severity;
+impl Event {
+    /// One event; a long message is cut.
+    pub fn new(timestamp_ns: u64, severity: Severity, kind: &str, message: &str) -> Self {
         Self {
-            at_s: event.timestamp_ns as f64 * 1e-9,
-            severity: match event.severity {
+            at_s: timestamp_ns as f64 * 1e-9,
+            severity: match severity {
                 Severity::Info => "info",
                 Severity::Warning => "warning",
                 Severity::Error => "error",
             },
-            kind: event.kind.to_owned(),
-            message: event.message.chars().take(MESSAGE_MAX).collect(),
+            kind: kind.to_owned(),
+            message: message.chars().take(MESSAGE_MAX).collect(),
         }
+    }
+}
+
+impl From<&hydroline_core::event::Event> for Event {
+    fn from(event: &hydroline_core::event::Event) -> Self {
+        Self::new(
+            event.timestamp_ns,
+            event.severity,
+            event.kind,
+            &event.message,
+        )
     }
 }
 
