@@ -11,11 +11,13 @@ use hydroline_capture::{Captured, FrameSource};
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::event::Event;
 use hydroline_core::frame::{Frame, GreyRule};
+use hydroline_core::thread_class::step_back;
 use hydroline_daemon::analysis::Analyst;
-use hydroline_daemon::live::outline::Scene;
+use hydroline_daemon::live::outline::{Outline, Scene};
 use hydroline_daemon::live::{Live, picture};
 use hydroline_daemon::record::floor::points;
 use hydroline_daemon::record::glance::{Gatherer, Glance};
+use hydroline_daemon::record::newest::{Newest, Taken};
 use hydroline_live::State;
 use hydroline_live::state;
 use hydroline_log::messages::pb::StripeProfile;
@@ -24,7 +26,7 @@ use hydroline_rigs::Rig;
 use hydroline_stripe::{Extractor, ExtractorConfig, annotate};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Between two lines.
 const WINDOW: Duration = Duration::from_millis(500);
@@ -183,12 +185,12 @@ fn show(
 /// What is analysed, and shown on the live page: pictures as fast as they are looked at, words with each window.
 struct Screen {
     analyst: Analyst,
-    rule: GreyRule,
     scene: Scene,
     start: Pose,
     live: Option<Live>,
     state: State,
-    pictured: Option<Instant>,
+    /// Frames on their way to the page; closed at the end.
+    newest: Arc<Newest<Frame>>,
 }
 
 /// Between two pictures.
@@ -197,24 +199,39 @@ const PICTURE: Duration = Duration::from_millis(100);
 impl Screen {
     fn new(rig: &Rig, live: Option<Live>) -> Self {
         let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(rig));
-        let state = State {
-            mode: "aim",
-            title: live.as_ref().map_or_else(String::new, |l| l.title.clone()),
-            phase: "aiming; the blue line is where floor and target should be".to_owned(),
-            ..State::default()
-        };
-        Self {
-            analyst: Analyst::new(
+        let analyst = || {
+            Analyst::new(
                 ExtractorConfig::default(),
                 Some(map.clone()),
                 rig.grey_rule(),
-            ),
-            rule: rig.grey_rule(),
-            scene: Scene::new(rig, map),
-            start: Pose::from_array(rig.tank.start_pose),
+            )
+        };
+        let scene = Scene::new(rig, map.clone());
+        let start = Pose::from_array(rig.tank.start_pose);
+        let newest = Arc::new(Newest::default());
+        if let Some(live) = &live {
+            let expected = scene.outline(&start);
+            let pictures = Pictures {
+                analyst: analyst(),
+                rule: rig.grey_rule(),
+                expected,
+                live: live.clone(),
+            };
+            pictures.start(newest.clone());
+        }
+        let state = State {
+            mode: "aim",
+            title: live.as_ref().map_or_else(String::new, |l| l.title.clone()),
+            phase: "aiming: the blue line is where it should be".to_owned(),
+            ..State::default()
+        };
+        Self {
+            analyst: analyst(),
+            scene,
+            start,
             live,
             state,
-            pictured: None,
+            newest,
         }
     }
 
@@ -225,18 +242,12 @@ impl Screen {
         (profile, on_target)
     }
 
-    /// Shows a frame, if somebody looks.
+    /// Leaves a frame for the page, if somebody looks.
     fn frame(&mut self, frame: &Frame) {
-        let due = self.pictured.is_none_or(|at| at.elapsed() >= PICTURE);
-        let Some(live) = self.live.as_ref().filter(|l| due && l.feed.is_watched()) else {
-            return;
-        };
-        let profile = self.analyst.analyse(frame);
-        let expected = self.scene.outline(&self.start);
-        live.feed
-            .show(picture(frame, &profile, self.rule, Some(expected)));
-        self.pictured = Some(Instant::now());
-        self.state.frames.received = u64::from(frame.meta.sequence) + 1;
+        self.state.frames.received += 1;
+        if self.live.as_ref().is_some_and(|l| l.feed.is_watched()) {
+            self.newest.put(frame.clone());
+        }
     }
 
     fn event(&mut self, event: &Event) {
@@ -258,10 +269,46 @@ impl Screen {
     }
 
     fn end(&mut self) {
+        self.newest.close();
         self.state.ended = true;
         self.state.phase = "aiming is over".to_owned();
         if let Some(live) = &self.live {
             live.feed.publish(self.state.clone());
+        }
+    }
+}
+
+/// Makes the page's pictures on a thread of its own: the camera's loop goes on meanwhile.
+struct Pictures {
+    analyst: Analyst,
+    rule: GreyRule,
+    expected: Outline,
+    live: Live,
+}
+
+impl Pictures {
+    fn start(mut self, frames: Arc<Newest<Frame>>) {
+        let work = move || {
+            step_back(10);
+            loop {
+                match frames.take(Duration::from_secs(1)) {
+                    Taken::Item(frame) => {
+                        let profile = self.analyst.analyse(&frame);
+                        let expected = Some(self.expected.clone());
+                        let shown = picture(&frame, &profile, self.rule, expected);
+                        self.live.feed.show(shown);
+                        std::thread::sleep(PICTURE);
+                    }
+                    Taken::Nothing => {}
+                    Taken::Closed => return,
+                }
+            }
+        };
+        let spawned = std::thread::Builder::new()
+            .name("pictures".to_owned())
+            .spawn(work);
+        if let Err(error) = spawned {
+            errln!("hydroline: no pictures on the live page: {error}");
         }
     }
 }

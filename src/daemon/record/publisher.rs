@@ -189,6 +189,10 @@ struct Board {
     newest: (&'static str, u32),
     events: VecDeque<state::Event>,
     pose: Option<(MeasuredPose, u64, u64)>,
+    /// The newest pose beside the prediction of its own time: later the prediction knows it no more.
+    predicted: Option<[f64; 6]>,
+    /// The newest pose has not been compared yet.
+    uncompared: bool,
     prediction: Prediction,
     excited: Excited,
     looked_ns: Option<u64>,
@@ -211,6 +215,8 @@ impl Board {
             newest: ("", 0),
             events: VecDeque::new(),
             pose: None,
+            predicted: None,
+            uncompared: false,
             prediction: Prediction::new(&job.rig),
             excited: Excited::new(&job.rig),
             looked_ns: None,
@@ -242,7 +248,10 @@ impl Board {
                 }
             }
             Note::Event(event) => state::keep(&mut self.events, event),
-            Note::Pose(pose, at_ns, stamp_ns) => self.pose = Some((pose, at_ns, stamp_ns)),
+            Note::Pose(pose, at_ns, stamp_ns) => {
+                self.pose = Some((pose, at_ns, stamp_ns));
+                self.uncompared = true;
+            }
             Note::End(words) => self.end = Some(words),
         }
     }
@@ -259,13 +268,17 @@ impl Board {
             .map_or(0.0, |last| now_ns.saturating_sub(last) as f64 * 1e-9);
         self.looked_ns = Some(now_ns);
         let drives = shared.drives;
+        if let Some((_, at_ns, _)) = self.pose.filter(|_| self.uncompared) {
+            self.predicted = self.prediction.at(at_ns).filter(|_| drives);
+            self.uncompared = false;
+        }
         if let Some(motion) = motion.filter(|_| drives && self.status.elapsed_s.is_some()) {
             self.excited.look(&motion, step_s);
         }
         State {
             mode: "record",
             title: desk.live.title.clone(),
-            phase: self.phase(desk),
+            phase: self.phase(shared, desk),
             ended: self.end.is_some(),
             run: Run {
                 elapsed_s: self.status.elapsed_s,
@@ -279,13 +292,12 @@ impl Board {
             clock: clock(shared),
             pose: self.pose.map(|(pose, at_ns, stamp_ns)| {
                 let age_s = now_ns.saturating_sub(at_ns) as f64 * 1e-9;
-                let predicted = self.prediction.at(at_ns).filter(|_| drives);
                 state::Pose::new(
                     "measured",
                     stamp_ns as f64 * 1e-9,
                     age_s,
                     pose.eta,
-                    predicted,
+                    self.predicted,
                 )
             }),
             thrusters: if drives {
@@ -303,9 +315,12 @@ impl Board {
         }
     }
 
-    fn phase(&self, desk: &Desk) -> String {
+    fn phase(&self, shared: &Shared, desk: &Desk) -> String {
         if let Some(words) = &self.end {
             return format!("ended: {words}");
+        }
+        if let Some(reason) = shared.shutdown.reason() {
+            return format!("closing the log: {reason}");
         }
         if desk.live.feed.pressed() {
             return "STOP was pressed: thrusters at neutral, recording goes on".to_owned();

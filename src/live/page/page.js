@@ -17,12 +17,13 @@
     if (text !== undefined) e.textContent = text;
     return e;
   };
-  const num = (v, digits) => (v === null || v === undefined || !isFinite(v) ? "–" : v.toFixed(digits).replace("-", "−"));
+  const num = (v, digits) => (v === null || v === undefined || !isFinite(v) ? "–" : v.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−"));
+  const withUnit = (v, digits, unit) => (v === null || v === undefined ? "–" : num(v, digits) + " " + unit);
   const deg = 180 / Math.PI;
   // Name on the page, unit, factor, digits; sd and residual in their own finer unit.
   const channels = {
-    x_m: ["x", "m", 1, 4, "mm", 1e3], y_m: ["y", "m", 1, 4, "mm", 1e3], z_m: ["z", "m", 1, 4, "mm", 1e3],
-    phi_rad: ["roll", "°", deg, 2, "°", deg], theta_rad: ["pitch", "°", deg, 2, "°", deg], psi_rad: ["yaw", "°", deg, 2, "°", deg],
+    x_m: ["x", "m", 1, 4, "mm", 1e3, 2], y_m: ["y", "m", 1, 4, "mm", 1e3, 2], z_m: ["z", "m", 1, 4, "mm", 1e3, 2],
+    phi_rad: ["roll", "°", deg, 2, "°", deg, 3], theta_rad: ["pitch", "°", deg, 2, "°", deg, 3], psi_rad: ["yaw", "°", deg, 2, "°", deg, 3],
   };
   const clock = (s) => {
     const m = Math.floor(s / 60);
@@ -36,13 +37,19 @@
     stroke: () => colour("soft"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("grid"), width: 1 },
     font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", label, labelSize: label ? 18 : 0, ...extra,
   });
-  const lineOf = (label, name, extra) => ({ label, stroke: () => colour(name), width: 1.5, points: { show: false }, value: (_, v) => num(v, 2), ...extra });
-  const plot = (id, series, xLabel, extra) => {
+  const lineOf = (label, name, extra) => ({ label, stroke: () => colour(name), width: 1.5, points: { show: false }, ...extra });
+  // Some air, and never a range so narrow that noise fills it.
+  const around = (low, high, least) => {
+    if (low === null) return [-least, least];
+    const air = Math.max(0.08 * (high - low), 0.5 * (least - (high - low)), 0);
+    return [low - air, high + air];
+  };
+  const plot = (id, series, xLabel, least) => {
     const box = $(id);
     const height = 190;
     const p = new uPlot({
       width: Math.max(box.clientWidth, 200), height, cursor: { drag: { x: false, y: false } },
-      scales: { x: { time: false } }, axes: [axis(xLabel, {}), axis("", { size: 46 })], series: [{ label: xLabel, value: (_, v) => num(v, 2) }, ...series], ...extra,
+      scales: { x: { time: false }, y: { range: (_, low, high) => around(low, high, least) } }, legend: { show: false }, axes: [axis(xLabel, {}), axis("", { size: 46 })], series: [{}, ...series],
     }, series.map(() => []).concat([[]]), box);
     plots.push([box, p]);
     new ResizeObserver(() => { if (box.clientWidth > 50 && box.clientWidth !== p.width) p.setSize({ width: box.clientWidth, height }); }).observe(box);
@@ -51,7 +58,7 @@
   const profile = plot("profile", [
     lineOf("stripe", "orange", { width: 0, points: { show: true, size: 3, fill: () => colour("orange"), stroke: () => colour("orange") } }),
     lineOf("floor and target", "blue", { spanGaps: false }),
-  ], "ξ to port, m; η up");
+  ], "", 0.02);
   let position = null, attitude = null, thrust = null;
   const residuals = { t: [], rows: [[], [], [], [], [], []] };
   const loads = { t: [], rows: [] };
@@ -94,11 +101,11 @@
     }
     let any = false;
     s.pose.channels.forEach((c, i) => {
-      const [name, unit, factor, digits, fine, fineFactor] = channels[c.name];
+      const [name, unit, factor, digits, fine, fineFactor, fineDigits] = channels[c.name];
       const cells = body.rows[i].cells;
       const of = (v, f) => (v === null ? null : v * f);
-      const words = [name, num(of(c.value, factor), digits) + " " + unit, num(of(c.sd, fineFactor), 2) + " " + fine,
-        num(of(c.predicted, factor), digits) + " " + unit, num(of(c.residual, fineFactor), 2) + " " + fine];
+      const words = [name, withUnit(of(c.value, factor), digits, unit), withUnit(of(c.sd, fineFactor), fineDigits, fine),
+        withUnit(of(c.predicted, factor), digits, unit), withUnit(of(c.residual, fineFactor), fineDigits, fine)];
       words.forEach((w, k) => { if (cells[k].textContent !== w) cells[k].textContent = w; });
       any = any || c.residual !== null;
     });
@@ -112,8 +119,8 @@
       show("position-box", true);
       show("attitude-box", true);
       const names = ["blue", "orange", "green"];
-      position = position || plot("position", ["x", "y", "z"].map((n, i) => lineOf(n, names[i])), "s before the newest");
-      attitude = attitude || plot("attitude", ["roll", "pitch", "yaw"].map((n, i) => lineOf(n, names[i])), "s before the newest");
+      position = position || plot("position", ["x", "y", "z"].map((n, i) => lineOf(n, names[i])), "s before the newest", 2);
+      attitude = attitude || plot("attitude", ["roll", "pitch", "yaw"].map((n, i) => lineOf(n, names[i])), "s before the newest", 0.2);
       position.setData([since(residuals, lastPoseAt), ...residuals.rows.slice(0, 3)]);
       attitude.setData([since(residuals, lastPoseAt), ...residuals.rows.slice(3)]);
     }
@@ -153,7 +160,7 @@
     show("thrust-box", true);
     const names = ["blue", "orange", "green", "purple"];
     thrust = thrust || plot("thrust", s.thrusters.map((t, i) => lineOf(t.name, names[i % 4]))
-      .concat(s.thrusters.map((t, i) => lineOf(t.name + " echoed", names[i % 4], { dash: [4, 4] }))), "s before now", { legend: { show: false } });
+      .concat(s.thrusters.map((t, i) => lineOf(t.name + " echoed", names[i % 4], { dash: [4, 4] }))), "s before now", 2);
     thrust.setData([since(loads, now), ...loads.rows]);
   };
   const list = (id, items, row) => {
@@ -168,7 +175,8 @@
     const rows = [["frames received", String(f.received)], ["lost by the camera", String(f.lost)], ["dropped by the log", String(f.dropped)],
       ["not analysed live", String(f.skipped)], ["frames per second", num(f.rate_fps, 1)], ["stripe points", String(f.points)]];
     if (s.clock) rows.push(["controller's clock", "± " + num(s.clock.offset_sd_us, 0) + " µs, drift " + num(s.clock.drift_ppm, 1) + " ppm"], ["round trip", num(s.clock.round_trip_us / 1e3, 2) + " ms"]);
-    if (s.disk) rows.push(["log", num(s.disk.bytes / 1e6, 1) + " MB"], ["disk left for", s.disk.left_min === null ? "–" : num(s.disk.left_min, 0) + " min"]);
+    if (s.disk && s.disk.bytes > 0) rows.push(["log", num(s.disk.bytes / 1e6, 1) + " MB"]);
+    if (s.disk) rows.push(["disk left for", s.disk.left_min === null ? "–" : num(s.disk.left_min, 0) + " min"]);
     list("account", rows.flat(), (text, i) => make(i % 2 ? "dd" : "dt", (i === 3 || i === 5) && text !== "0" ? "bad" : "", text));
   };
   const drawWords = (s) => {
@@ -252,7 +260,7 @@
     let answer;
     try { answer = await ask("/state?after=" + stateNumber, 5000); } catch (e) {
       if (ended) lost("The run is over; this is its last state.");
-      else if (performance.now() - heardAt > 2000) lost("No answer from hydroline: what is shown is old, and STOP does not work from here.");
+      else if (performance.now() - heardAt > 2000) lost("No answer from hydroline: what is shown is old" + ($("stop").hidden ? "." : ", and STOP does not work from here."));
       throw e;
     }
     heardAt = performance.now();
