@@ -495,10 +495,6 @@ impl Replay<'_> {
                 if let Some((profile, pixels)) = analysed {
                     self.count(&frame, &profile);
                     self.writer.write(log_ns, &Entry::profile(&profile))?;
-                    if let Some(screen) = &mut self.screen {
-                        screen.frame(&frame, &profile);
-                        screen.done(self.report.frames, frame.meta.mid_exposure_ns, None);
-                    }
                     if self.options.keep_images {
                         self.writer.write(
                             log_ns,
@@ -506,6 +502,10 @@ impl Replay<'_> {
                         )?;
                     }
                     self.write_pose(log_ns, frame.meta.mid_exposure_ns, pixels)?;
+                    if let Some(screen) = &mut self.screen {
+                        screen.frame(&frame, &profile);
+                        screen.done(self.report.frames, frame.meta.mid_exposure_ns, None);
+                    }
                 }
                 return Ok(());
             }

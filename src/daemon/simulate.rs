@@ -177,7 +177,10 @@ pub fn simulate(
             sequence = sequence.wrapping_add(1);
         }
         let stamp_ns = at_ns(t_s);
-        let truth = world.state_at(t_s)?;
+        let truth = motion_message(stamp_ns, &world.state_at(t_s)?);
+        if let Some(screen) = &mut screen {
+            screen.unhurried.motion("simulated", &truth);
+        }
         match &renderer {
             Some(renderer) => {
                 let pixels = match &board {
@@ -198,10 +201,8 @@ pub fn simulate(
                 )?;
             }
         }
-        let truth = motion_message(stamp_ns, &truth);
         log.write(stamp_ns, &Entry::truth(&truth))?;
         if let Some(screen) = &mut screen {
-            screen.unhurried.motion("simulated", &truth);
             screen.unhurried.done(k + 1, stamp_ns, Some(frames));
         }
         progress(k + 1, frames);

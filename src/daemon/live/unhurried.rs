@@ -45,7 +45,7 @@ impl Unhurried {
         let state = State {
             mode,
             title: live.title.clone(),
-            phase: mode.to_owned(),
+            phase: format!("{mode} is running"),
             thrusters: rig.map(thrusters).unwrap_or_default(),
             ..State::default()
         };

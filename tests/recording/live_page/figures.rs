@@ -112,7 +112,7 @@ fn a_browser_shows_it_all_and_its_stop_stops() {
         return;
     };
     let _alone = crate::support::alone();
-    let running = Recording::start(State::Viewed, 40.0);
+    let running = Recording::start(State::Viewed, 120.0);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/live_page/browser.py");
     let out = Command::new(python)
         .arg(script)
@@ -142,6 +142,7 @@ fn a_browser_shows_it_all_and_its_stop_stops() {
         (neutral_ns - pressed_ns) as f64 * 1e-6
     );
     assert_eq!(found["after"], "STOPPED: neutral");
+    running.end();
     let ended = finish(running);
     assert!(ended.pushes_after(neutral_ns).is_empty());
 }

@@ -7,7 +7,7 @@ use hydroline::clock::{Clock, SystemClock};
 use hydroline::live::{Feed, Server};
 use hydroline::log::FileParts;
 use hydroline::record::{self, Parts, Report};
-use hydroline::shutdown::Shutdown;
+use hydroline::shutdown::{Shutdown, StopReason};
 use hydroline::thruster::controller::{
     ControllerConfig, ControllerEvent, PtyController, SimController,
 };
@@ -74,6 +74,7 @@ pub struct Recording {
     outputs: Arc<Mutex<Vec<ControllerEvent>>>,
     away: Arc<Mutex<Vec<Duration>>>,
     neutral_us: f64,
+    shutdown: Shutdown,
     thread: JoinHandle<Report>,
     _controller: PtyController,
     _dir: tempfile::TempDir,
@@ -156,14 +157,17 @@ impl Recording {
             map: Some(Arc::new(IdealMap::of(&rig))),
             live,
         };
+        let shutdown = Shutdown::new();
+        let raised = shutdown.clone();
         let thread = std::thread::spawn(move || {
-            record::run(parts, &job, &Shutdown::new(), Box::new(|_| {})).unwrap()
+            record::run(parts, &job, &raised, Box::new(|_| {})).unwrap()
         });
         Self {
             server,
             outputs,
             away,
             neutral_us,
+            shutdown,
             thread,
             _controller: controller,
             _dir: dir,
@@ -172,6 +176,11 @@ impl Recording {
 
     pub fn address(&self) -> SocketAddr {
         self.server.as_ref().unwrap().address()
+    }
+
+    /// Ends it before its time.
+    pub fn end(&self) {
+        self.shutdown.raise(StopReason::Finished);
     }
 
     pub fn now_ns(&self) -> u64 {
