@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn a_wide_stripe_is_thinned_and_gaps_are_left_out() {
         let x: Vec<f32> = (0..4000u16).map(f32::from).collect();
-        let mut y = vec![100.123_456; 4000];
+        let mut y = vec![100.123_4; 4000];
         y[0] = f32::NAN;
         let points = points(&x, &y, 0.01);
         assert_eq!((points.len(), points[0]), (POINTS_MAX - 1, [10.0, 100.12]));

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 /// What a rig's curve may give at the neutral pulse \[N\]: no push.
 const NEUTRAL_N: f64 = 0.05;
-/// Kept \[ns\]: a pose older than this is not compared any more.
-const KEPT_NS: u64 = 10_000_000_000;
+/// Kept \[ns\]: a pose older than this is not compared any more. On a busy computer one takes many seconds to fit.
+const KEPT_NS: u64 = 60_000_000_000;
 
 /// The model beside the run.
 pub struct Prediction {
@@ -105,15 +105,16 @@ impl Prediction {
         })
     }
 
-    /// Where the vehicle was to be at `at_ns`, linear between two looks; the start before the first, nothing after the
+    /// Where the vehicle was to be at `at_ns`: the start until it is pushed, linear between two looks, nothing after the
     /// last.
     pub fn at(&self, at_ns: u64) -> Option<[f64; 6]> {
         self.world.as_ref()?;
+        if self.start_ns.is_none_or(|start_ns| at_ns <= start_ns) {
+            return Some(self.start_pose);
+        }
         let after = self.past.iter().position(|(t, _)| *t >= at_ns)?;
         let (t1, b) = self.past[after];
-        let Some((t0, a)) = after.checked_sub(1).map(|i| self.past[i]) else {
-            return self.start_ns.is_none().then_some(b);
-        };
+        let (t0, a) = self.past[after.checked_sub(1)?];
         let part = (at_ns - t0) as f64 / (t1 - t0).max(1) as f64;
         Some(std::array::from_fn(|i| a[i] + part * (b[i] - a[i])))
     }
@@ -160,5 +161,6 @@ mod tests {
         let exact = world.state_at(2.05).unwrap().eta[0];
         assert!((between - exact).abs() < 1e-4, "{between} {exact}");
         assert_eq!(prediction.at(20 * S), None, "nothing of what is to come");
+        assert_eq!(prediction.at(S), Some(rig.tank.start_pose));
     }
 }

@@ -282,7 +282,7 @@ fn viewer(address: SocketAddr, stop: Arc<AtomicBool>) -> JoinHandle<Seen> {
     std::thread::spawn(move || {
         let mut connection = Viewer::new(address);
         let mut seen = Seen::default();
-        let (mut state, mut picture) = (0, 0);
+        let (mut state, mut picture) = (0u64, 0u64);
         while !stop.load(Ordering::Acquire) {
             let Some(answer) = connection.try_ask(&format!("GET /state?after={state}"), "") else {
                 return seen;
