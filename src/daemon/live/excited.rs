@@ -49,9 +49,9 @@ impl Excited {
     /// The next look, `step_s` after the last one.
     pub fn look(&mut self, motion: &Motion, step_s: f64) {
         let nu = motion.state.nu;
-        for i in 0..6 {
-            self.fastest[i] = self.fastest[i].max(nu[i]);
-            self.backwards[i] = self.backwards[i].min(nu[i]);
+        for (i, nu) in nu.into_iter().enumerate() {
+            self.fastest[i] = self.fastest[i].max(nu);
+            self.backwards[i] = self.backwards[i].min(nu);
             self.largest[i] = self.largest[i].max(motion.wrench[i].abs());
             let change = self
                 .last

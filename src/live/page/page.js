@@ -115,7 +115,7 @@
       lastPoseAt = s.pose.at_s;
       forget(residuals, lastPoseAt);
     }
-    if (residuals.t.length) {
+    if (residuals.t.length > 1) {
       show("position-box", true);
       show("attitude-box", true);
       const names = ["blue", "orange", "green"];
