@@ -248,6 +248,14 @@ impl Clock {
         }
         self.report_zones(findings);
         let origin_s = origin_ns as f64 * 1e-9;
+        if !time.unix && time.start_unix_s.is_none() && origin_ns != 0 {
+            findings.push(Finding::info(
+                "clock_zero",
+                format!(
+                    "the file's clock begins at {origin_s:.6} s: the log counts from there, and keeps that number for join"
+                ),
+            ));
+        }
         let numbers = matches!(time.source, TimeSource::Numbers(_)) && time.epoch_ns == 0;
         if time.unix && numbers && (0.0..UNIX_EARLIEST_S).contains(&origin_s) {
             findings.push(Finding::fault(

@@ -40,7 +40,9 @@ fn shape(
 
 /// A word for the section, its rate, the bodies, names, units.
 pub(super) fn vicon(head: &Head) -> Option<Shape> {
-    const SECTIONS: [&str; 6] = [
+    const SECTIONS: [&str; 7] = [
+        // Vicon Tracker's.
+        "Objects",
         "Segments",
         "Trajectories",
         "Model Outputs",
@@ -81,8 +83,8 @@ pub(super) fn vicon(head: &Head) -> Option<Shape> {
             group: groups.get(i).cloned().unwrap_or_default(),
             unit: units.get(i).filter(|u| !u.is_empty()).cloned(),
         })
-        .map(segment)
         .collect();
+    let (columns, rotations) = turns(columns);
     let decimal = if separator != Separator::Byte(b',')
         && head.lines[start + 5..]
             .iter()
@@ -106,18 +108,66 @@ pub(super) fn vicon(head: &Head) -> Option<Shape> {
         length: Some("mm"),
         ..Defaults::default()
     };
-    Some(shape("Vicon Nexus", file, columns, rate_hz, units))
+    let kind = if bare(start) == "Objects" {
+        "Vicon Tracker"
+    } else {
+        "Vicon Nexus"
+    };
+    let mut found = shape(kind, file, columns, rate_hz, units);
+    match rotations {
+        Rotations::None => {}
+        // Names are not the file's any more.
+        Rotations::Quaternion => found.by_number = true,
+        Rotations::Vector => found.remarks.push(
+            "RX RY RZ are a rotation vector, no roll, pitch and yaw: not mapped; an export with quaternions (RX RY RZ RW) or of a model's angles is".to_owned(),
+        ),
+    }
+    Some(found)
 }
 
-/// Segments have RX RY RZ TX TY TZ: the turns are a rotation vector, no angles of roll, pitch and yaw.
-fn segment(column: Named) -> Named {
-    match column.name.as_str() {
-        "RX" | "RY" | "RZ" => Named {
-            group: format!("{} rot", column.group),
-            ..column
-        },
-        _ => column,
+/// How a file of Vicon's writes orientations.
+enum Rotations {
+    None,
+    Vector,
+    Quaternion,
+}
+
+/// RX RY RZ are a rotation vector, no angles of roll, pitch and yaw; with RW beside them they are a quaternion.
+fn turns(mut columns: Vec<Named>) -> (Vec<Named>, Rotations) {
+    let has = |name: &str| columns.iter().any(|c| c.name == name);
+    let kind = match (has("RX"), has("RW")) {
+        (_, true) => Rotations::Quaternion,
+        (true, false) => Rotations::Vector,
+        (false, false) => Rotations::None,
+    };
+    for column in &mut columns {
+        let axis = match column.name.as_str() {
+            "RX" => "x",
+            "RY" => "y",
+            "RZ" => "z",
+            "RW" => "w",
+            _ => continue,
+        };
+        match kind {
+            Rotations::Quaternion => column.name = format!("q{axis}"),
+            _ => column.group += " rot",
+        }
     }
+    (columns, kind)
+}
+
+/// Columns of one marker in Qualisys's exports (with its residual), and of one body (with its residual and matrix).
+const MARKER_WIDTHS: [usize; 2] = [3, 4];
+const BODY_WIDTHS: [usize; 3] = [16, 7, 6];
+
+/// Columns before the first group, and of each: frame and time may both, one, or none of them be exported.
+fn leading(width: usize, groups: usize, widths: &[usize]) -> (usize, usize) {
+    let groups = groups.max(1);
+    let known = widths.iter().find_map(|w| {
+        let lead = width.checked_sub(w * groups)?;
+        (lead <= 2).then_some((lead, *w))
+    });
+    known.unwrap_or((2, width.saturating_sub(2) / groups))
 }
 
 /// Lines of keys, then `Frame Time` and the bodies.
@@ -179,10 +229,24 @@ pub(super) fn qualisys(head: &Head) -> Option<Shape> {
         } else {
             (bodies, &six)
         };
-        let wide = cells.len().saturating_sub(2) / groups.len().max(1);
-        for lead in ["Frame", "Time"] {
-            columns.push(shape::named(lead));
-        }
+        let width = cells
+            .iter()
+            .rposition(|c| !c.is_empty())
+            .map_or(0, |i| i + 1);
+        let widths: &[usize] = if own.len() == 3 {
+            &MARKER_WIDTHS
+        } else {
+            &BODY_WIDTHS
+        };
+        let (lead, wide) = leading(width, groups.len(), widths);
+        let whole = cells.first().is_some_and(|c| c.parse::<u64>().is_ok());
+        let leads: &[&str] = match lead {
+            0 => &[],
+            1 if whole => &["Frame"],
+            1 => &["Time"],
+            _ => &["Frame", "Time"],
+        };
+        columns.extend(leads.iter().map(|name| shape::named(name)));
         for group in &groups {
             for i in 0..wide {
                 columns.push(Named {
