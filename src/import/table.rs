@@ -249,7 +249,7 @@ pub(crate) fn pass(
     }
     form.report(&layout, &mut findings);
     reader.report(&mut findings);
-    clock.report(&map.time, origin.map_or(0, |o| o.0), &mut findings);
+    clock.report(&map.time, origin.map(|o| o.0), &mut findings);
     let own_zero = !map.time.unix && map.time.start_unix_s.is_none();
     Ok(Passed {
         start_ns: origin.map_or(0, |o| o.1),

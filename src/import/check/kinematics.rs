@@ -29,6 +29,8 @@ const BETTER: f64 = 0.3;
 /// Share of the way's mean square that velocities in the wrong frame are away at least, and what they come closer in the right one.
 const AWAY: f64 = 0.3;
 const CLOSER: f64 = 0.25;
+/// The same of velocities that may be in the wrong frame: a heading that is off by 8 degrees makes as much.
+const AWAY_SOMEWHAT: f64 = 0.02;
 
 /// What the map says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -247,7 +249,23 @@ fn frame(
     };
     // What is away by no more than noise and sampling make says nothing.
     let unexplained = MOVES * seen.noise + seen.unresolved;
-    if seen.own <= unexplained || seen.own <= AWAY * seen.way {
+    if seen.own <= unexplained || seen.own <= AWAY_SOMEWHAT * seen.way {
+        return false;
+    }
+    let share = |of: f64| 100.0 * (of / seen.way).sqrt();
+    if seen.own <= AWAY * seen.way {
+        // A heading that is off by a little does the same.
+        if seen.other < CLOSER * seen.own {
+            findings.push(Finding::warning(
+                "kinematics",
+                None,
+                format!(
+                    "u_mps, v_mps: {:.0} % away from what the positions and the heading make, {:.0} % in the other frame: is frame right, or the heading off?",
+                    share(seen.own),
+                    share(seen.other)
+                ),
+            ));
+        }
         return false;
     }
     if seen.other >= CLOSER * seen.own || seen.other >= AWAY * seen.way {
@@ -258,7 +276,7 @@ fn frame(
                 None,
                 format!(
                     "u_mps, v_mps: {:.0} % away from what the positions and the heading make: another frame, unit or heading?",
-                    100.0 * (seen.own / seen.way).sqrt()
+                    share(seen.own)
                 ),
             ));
         }
@@ -274,8 +292,8 @@ fn frame(
         None,
         format!(
             "u_mps, v_mps: the map says frame = \"{says}\", but they follow the positions as velocities in the {is}'s frame do (residual {:.0} % instead of {:.0} %): frame = \"{is}\"?",
-            100.0 * (seen.other / seen.way).sqrt(),
-            100.0 * (seen.own / seen.way).sqrt()
+            share(seen.other),
+            share(seen.own)
         ),
     ));
     true

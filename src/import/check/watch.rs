@@ -144,10 +144,9 @@ impl<'a> Watch<'a> {
             channel::check(place, values, &data, &mut findings);
             let found = jumps::check(place, self.zero(place), &data);
             // Where a unit is wrong everything jumps.
-            if !findings
-                .iter()
-                .any(|f| f.kind == "units" && f.subject() == name(place))
-            {
+            if !findings.iter().any(|f| {
+                f.kind == "units" && f.severity == Severity::Fault && f.subject() == name(place)
+            }) {
                 findings.extend(found.findings);
                 let spoilt = found.spoilt.into_iter().map(|r| (place, lines(r)));
                 self.spoilt.extend(spoilt);
@@ -196,6 +195,10 @@ impl<'a> Watch<'a> {
 
     /// What the file's 0 becomes; NaN where it is mixed with other columns.
     fn zero(&self, place: usize) -> f64 {
+        // A lost body's quaternion is that of no turn.
+        if (3..6).contains(&place) && self.map.quaternion.is_some() {
+            return 0.0;
+        }
         let own = self.map.channels.iter().find(|c| c.place == place);
         own.filter(|c| !c.in_tank).map_or(f64::NAN, |c| c.offset)
     }

@@ -204,5 +204,6 @@ fn labview(head: &Head) -> Option<Shape> {
         rate_hz: step_s.map(|d| 1.0 / d),
         units: Defaults::default(),
         remarks,
+        open: Vec::new(),
     })
 }

@@ -68,6 +68,42 @@ const UNCERTAINTY: [&str; 16] = [
     "err",
     "rms",
 ];
+/// Behind a name: that it is the measured one.
+const MEASURED: [&str; 12] = [
+    "meas",
+    "measured",
+    "ist",
+    "act",
+    "actual",
+    "filt",
+    "filtered",
+    "raw",
+    "est",
+    "estimated",
+    "true",
+    "gt",
+];
+/// Words for what somebody wished the value to be; of a load that is the command.
+const WISHED: [&str; 17] = [
+    "setpoint",
+    "sp",
+    "desired",
+    "des",
+    "target",
+    "tgt",
+    "goal",
+    "ref",
+    "reference",
+    "wanted",
+    "demand",
+    "demanded",
+    "commanded",
+    "nominal",
+    "soll",
+    "sollwert",
+    "consigne",
+];
+
 /// Other values that stand beside motion; roll, pitch and yaw may have such a word as the name of what they are of.
 const BESIDE: [&str; 24] = [
     "status",
@@ -98,7 +134,11 @@ const BESIDE: [&str; 24] = [
 
 /// The meaning of a name below a group's.
 pub(super) fn meaning(name: &str, group: &str) -> Meaning {
-    let own = Words::of(name).words;
+    let mut own = Words::of(name).words;
+    let says_how = |w: &String| MEASURED.contains(&w.as_str()) || WISHED.contains(&w.as_str());
+    while own.len() > 1 && own.last().is_some_and(&says_how) {
+        own.pop();
+    }
     let above = split(group);
     let Some(last) = own.last().map(String::as_str) else {
         return Unknown;

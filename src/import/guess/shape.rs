@@ -36,6 +36,16 @@ pub(super) struct Shape {
     /// Units that the kind of file has where it writes none.
     pub units: Defaults,
     pub remarks: Vec<String>,
+    /// What nameless columns may be: they are proposed, none is chosen.
+    pub open: Vec<Proposal>,
+}
+
+/// A message that nameless columns may be of.
+#[derive(Debug, Clone)]
+pub(super) struct Proposal {
+    pub message: &'static str,
+    /// Keys of the map's tables, unit, column.
+    pub tables: Vec<(String, &'static str, usize)>,
 }
 
 /// What a kind of file is measured in where it does not say.
@@ -291,6 +301,7 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
         rate_hz: None,
         units: Defaults::default(),
         remarks: Vec::new(),
+        open: Vec::new(),
     })
 }
 

@@ -20,6 +20,8 @@ const STEPS_BESIDE: usize = 4;
 /// Rows on one side that have to be quiet about a sudden jump, which is so many times what they do.
 const ROWS_QUIET: usize = 6;
 const QUIET: f64 = 4.0;
+/// Equal rows before a jump that look like a measurement that had stopped.
+const ROWS_FROZEN: usize = 5;
 /// Steps of other lengths than the usual one: longer ones are gaps; shorter ones are stamps that came late.
 const GAP: f64 = 3.0;
 const LATE: f64 = 0.3;
@@ -30,6 +32,8 @@ struct Seen {
     change: f64,
     dt_s: f64,
     value: f64,
+    /// Rows of one value before it, and the line of the first.
+    stood: (usize, u64),
 }
 
 /// Each step with what is beside it.
@@ -84,6 +88,14 @@ impl Steps<'_> {
         all.into_iter()
             .min_by(|a, b| a.abs().total_cmp(&b.abs()))
             .unwrap_or(0.0)
+    }
+
+    /// How long the channel has stood at one value before a step.
+    fn stood(&self, i: usize) -> (usize, u64) {
+        let value = self.series.values[i - 1];
+        let same = |k: &usize| self.series.values[*k] == value;
+        let rows = (0..i).rev().take_while(same).count();
+        (rows, self.series.line(i - rows))
     }
 
     /// Largest bend of the rows around, without those that a jump at these steps makes.
@@ -162,6 +174,7 @@ pub(super) fn check(place: usize, series: &Series<'_>, limit: f64, out: &mut Jum
             change,
             dt_s: time_s,
             value: series.values[i],
+            stood: steps.stood(i),
         };
         if !(fast || pushed || wrapped) {
             let hardly = if series.angle {
@@ -217,7 +230,12 @@ fn report(place: usize, kind: &'static str, seen: &[Seen], findings: &mut Vec<Fi
     } else {
         ("m", first.change, first.value)
     };
-    let words = format!("{change:+.4} {unit} within {dt_s:.4} s");
+    let mut words = format!("{change:+.4} {unit} within {dt_s:.4} s");
+    if let (rows @ ROWS_FROZEN.., from) = first.stood {
+        words += &format!(
+            " after {rows} rows of one value from line {from} on, as if the measurement had stopped there"
+        );
+    }
     let message = match kind {
         "angle_through_wrap" => format!(
             "{name}: {count} time(s) a value between both sides of a whole turn, the first on line {line}: {value:.1} {unit}: an angle averaged or interpolated through the wrap"

@@ -35,6 +35,7 @@ fn shape(
         rate_hz,
         units,
         remarks: Vec::new(),
+        open: Vec::new(),
     }
 }
 

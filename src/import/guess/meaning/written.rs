@@ -4,7 +4,7 @@
 //! where nothing that the name can mean has that dimension, the column is no channel.
 
 use super::words::{Words, split};
-use super::{Meaning, meaning};
+use super::{Meaning, WISHED, meaning};
 use crate::guess::shape::Named;
 use crate::map::{COMPANIONS, dimension};
 use crate::unit::{self, Dimension};
@@ -15,27 +15,6 @@ use Meaning::{
 
 /// What unit texts say when they say that there is none.
 const NO_UNIT: [&str; 4] = ["", "-", "[]", "1"];
-/// Words for what somebody wished the value to be; of a load that is the command.
-const WISHED: [&str; 17] = [
-    "setpoint",
-    "sp",
-    "desired",
-    "des",
-    "target",
-    "tgt",
-    "goal",
-    "ref",
-    "reference",
-    "wanted",
-    "demand",
-    "demanded",
-    "commanded",
-    "nominal",
-    "soll",
-    "sollwert",
-    "consigne",
-];
-
 /// A column's meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::guess) enum Column {
