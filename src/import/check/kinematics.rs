@@ -26,10 +26,10 @@ const APART: f64 = 0.3;
 /// A rate that is another channel's follows that one so well, and better than its own by so much.
 const SWAPPED: f64 = 0.7;
 const BETTER: f64 = 0.3;
-/// Share of the way's mean square that velocities in the wrong frame are away at least, and what they come closer in the right one.
+/// Share of the way's mean square that velocities are away if they are nothing like it, and what they come closer in the right frame.
 const AWAY: f64 = 0.3;
 const CLOSER: f64 = 0.25;
-/// The same of velocities that may be in the wrong frame: a heading that is off by 8 degrees makes as much.
+/// Share that velocities in the wrong frame are away at least: a heading that is off by 8 degrees makes as much.
 const AWAY_SOMEWHAT: f64 = 0.02;
 
 /// What the map says.
@@ -253,24 +253,9 @@ fn frame(
         return false;
     }
     let share = |of: f64| 100.0 * (of / seen.way).sqrt();
-    if seen.own <= AWAY * seen.way {
-        // A heading that is off by a little does the same.
-        if seen.other < CLOSER * seen.own {
-            findings.push(Finding::warning(
-                "kinematics",
-                None,
-                format!(
-                    "u_mps, v_mps: {:.0} % away from what the positions and the heading make, {:.0} % in the other frame: is frame right, or the heading off?",
-                    share(seen.own),
-                    share(seen.other)
-                ),
-            ));
-        }
-        return false;
-    }
     if seen.other >= CLOSER * seen.own || seen.other >= AWAY * seen.way {
         // Faster than noise, and still nothing like the way: a unit or an angle may be wrong.
-        if seen.way.max(seen.own) > SPEED_COMPARED_MPS.powi(2) {
+        if seen.own > AWAY * seen.way && seen.way.max(seen.own) > SPEED_COMPARED_MPS.powi(2) {
             findings.push(Finding::warning(
                 "kinematics",
                 None,

@@ -13,6 +13,8 @@ const PUSH_SUDDEN: f64 = 10.0;
 const TURN_SUDDEN: f64 = 20.0;
 /// What comes back after so many rows was lost; what does not has moved.
 const ROWS_AWAY: usize = 50;
+/// Share of a jump that what comes back does so by at once.
+const BACK: f64 = 0.5;
 /// An angle's jump that is worth looking at \[rad\].
 const ANGLE_JUMP: f64 = 0.3;
 /// Steps on one side that tell how the channel goes on there.
@@ -160,10 +162,16 @@ pub(super) fn check(place: usize, series: &Series<'_>, limit: f64, out: &mut Jum
         };
         let push = turn.max(out_of_line.abs() / dt_s) / dt_s;
         let pushed = !series.angle && !gap && push > PUSH_MAX;
-        let going = (change - out_of_line) / dt_s;
+        let going = steps
+            .beside((1..i).rev())
+            .map_or(0.0, |(_, rate)| rate.abs());
+        // What was lost comes back by a jump of its own; what goes back slowly has moved.
         let back = (i + 1..n.min(i + ROWS_AWAY)).find(|j| {
-            series.change(i - 1, *j).abs()
-                <= limit.max(going.abs() * series.time_s(i - 1, *j) * 2.0)
+            let (left, last) = (series.change(i - 1, *j), series.change(j - 1, *j));
+            let near = limit.max(2.0 * going * series.time_s(i - 1, *j));
+            let jumps = last.abs() > BACK * out_of_line.abs();
+            let opposite = series.angle || last * out_of_line < 0.0;
+            left.abs() <= near.max((1.0 - BACK) * out_of_line.abs()) && jumps && opposite
         });
         let whole_turn = |j: &usize| (series.values[*j] - series.values[i - 1]).abs() > 1.5 * PI;
         let wrapped =

@@ -117,17 +117,19 @@ impl<'a> Tracks<'a> {
     fn vector(&self, kind: usize, make: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> Vector {
         let n = self.times_s.len();
         let sums = |coarse: bool| -> [Sum; 3] {
-            let mut out = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-            for i in 0..n {
+            let row = |i: usize| {
                 let own: [f64; 3] = std::array::from_fn(|k| match &self.rates[3 * kind + k] {
                     Some(r) if coarse => r.coarse[i],
                     Some(r) => r.fine[i],
                     None => f64::NAN,
                 });
-                let made = make(i, own);
-                (0..3).for_each(|k| out[k][i] = made[k]);
-            }
-            out.map(|v| Sum::of(&v, self.times_s))
+                make(i, own)
+            };
+            let rows: Vec<[f64; 3]> = (0..n).map(row).collect();
+            [0, 1, 2].map(|k| {
+                let values: Vec<f64> = rows.iter().map(|r| r[k]).collect();
+                Sum::of(&values, self.times_s)
+            })
         };
         Vector {
             fine: sums(false),
