@@ -3,6 +3,7 @@
 mod agreement;
 mod series;
 mod spans;
+mod tracks;
 
 use std::f64::consts::PI;
 
@@ -10,7 +11,7 @@ use super::{Finding, name};
 use crate::table::Imported;
 use agreement::{Agreement, MOVES, Verdict};
 use hydroline_identify::data::unwrap_turns;
-use spans::{Tracks, Vector};
+use tracks::{Tracks, Vector};
 
 /// Rows that are enough to say whether two channels agree.
 const ROWS_COMPARED: usize = 20_000;

@@ -2,6 +2,7 @@
 
 mod mocap;
 mod ros;
+mod vicon;
 
 use super::head::Head;
 use super::shape::{self, Defaults, Named, Shape};
@@ -10,7 +11,7 @@ use crate::number::number;
 
 /// A kind that is known by its first lines.
 pub(super) fn known(head: &Head) -> Option<Shape> {
-    mocap::vicon(head)
+    vicon::vicon(head)
         .or_else(|| mocap::qualisys(head))
         .or_else(|| mocap::motive(head))
         .or_else(|| labview(head))
