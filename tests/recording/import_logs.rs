@@ -2,7 +2,6 @@
 //! ours. `import_logs/make.py` writes the logs and what their readers make of them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -93,6 +93,8 @@ def main():
         wait_for(other, "window.read !== undefined")
         found["other_site_read"] = other.evaluate("window.read")
         other.close()
+        # A page behind another one is hardly drawn.
+        page.bring_to_front()
         # The plan has to push before STOP can mean anything.
         wait_for(page, "[...document.querySelectorAll('#loads .number')].some((e) => parseFloat(e.textContent) > 1)")
         found["before"] = page.inner_text("#stop")

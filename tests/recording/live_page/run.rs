@@ -77,6 +77,7 @@ pub struct Recording {
     neutral_us: f64,
     shutdown: Shutdown,
     thread: JoinHandle<Report>,
+    _ends: Ends,
     _controller: PtyController,
     _dir: tempfile::TempDir,
 }
@@ -87,6 +88,15 @@ pub struct Ended {
     outputs: Vec<ControllerEvent>,
     away: Vec<Duration>,
     neutral_us: f64,
+}
+
+/// Ends the recording of a test that fails: going on, it would look for its line under a name that is another test's by then.
+struct Ends(Shutdown);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        self.0.raise(StopReason::Finished);
+    }
 }
 
 impl Recording {
@@ -168,6 +178,7 @@ impl Recording {
             outputs,
             away,
             neutral_us,
+            _ends: Ends(shutdown.clone()),
             shutdown,
             thread,
             _controller: controller,
