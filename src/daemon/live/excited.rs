@@ -4,10 +4,9 @@
 //! freedom that the thrusters can drive; what a run was never meant to excite stays listed, and rightly.
 
 use super::prediction::Motion;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::Allocation;
 
-const DOFS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// Velocities count from this many times what matters to the rig (2 mm/s, 0.1 deg/s) on.
 const ABOVE_TOLERANCE: f64 = 5.0;
 /// A step of the load is one from this share of the largest load so far.
@@ -69,7 +68,12 @@ impl Excited {
     /// What is missing, in words; empty when all that is looked for was excited.
     pub fn missing(&self) -> Vec<String> {
         let mut missing = Vec::new();
-        for (i, dof) in DOFS.iter().enumerate().filter(|(i, _)| self.driven[*i]) {
+        for (i, dof) in Dof::ALL
+            .iter()
+            .map(|dof| dof.name())
+            .enumerate()
+            .filter(|(i, _)| self.driven[*i])
+        {
             let (ahead, astern) = (
                 self.fastest[i] >= self.least[i],
                 -self.backwards[i] >= self.least[i],

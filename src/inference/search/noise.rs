@@ -97,12 +97,14 @@ impl Search<'_> {
                 noise.coloured_sd /= factor.sqrt();
             }
             self.problem.noises = noises;
-            let again = (best.terms.clone(), best.point.clone(), best.cells.clone());
-            self.cost += self.problem.body.passes_of(&again.0);
+            self.cost += self.problem.body.passes_of(&best.terms);
             self.fits += 1;
-            let made = self
-                .problem
-                .fit(&again.0, &again.1, again.2, Effort::default());
+            let made = self.problem.fit(
+                &best.terms,
+                &best.point,
+                best.cells.clone(),
+                Effort::default(),
+            );
             let Some(fit) = made else { continue };
             let tables = self.problem.tables(&fit, &only_laws);
             let gain = tables.first().map_or(0.0, |t| t.gain.max(0.0));
