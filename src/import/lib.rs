@@ -2,9 +2,9 @@
 //!
 //! `map` (what which column means) -> `layout` (where names and data stand) -> `rows` (cells, with the
 //! lines that an editor shows) -> `table` (samples in SI) -> `check` (findings) -> `write` (the log).
-//! A table is read twice and never kept: once for the findings, once for the log. Nothing is mended on
-//! the way: what is wrong is a finding; faults stop the import unless the caller accepts the loss, and
-//! then every lost value is counted.
+//! A table is read once, for the findings; its samples wait in a scratch file (`spool`) for the log, so that
+//! memory is bounded whatever its size. Nothing is mended on the way: what is wrong is a finding; faults stop
+//! the import unless the caller accepts the loss, and then every lost value is counted.
 
 mod attitude;
 mod cells;
@@ -18,6 +18,7 @@ mod number;
 pub mod recorded;
 mod rows;
 mod source;
+mod spool;
 mod stamp;
 mod survey;
 mod table;

@@ -1,4 +1,4 @@
-//! The first of two passes over a table: everything that is to be said of it.
+//! The pass over a table that says everything there is to be said of it, and keeps its samples for the log.
 
 use std::io;
 
@@ -7,6 +7,7 @@ use hydroline_rigs::Rig;
 use crate::check::{Finding, Spoilt, Watch};
 use crate::map::Map;
 use crate::source::Source;
+use crate::spool::{Spool, Spooler};
 use crate::table::{Imported, has_faults, pass};
 
 /// What a table is found to be.
@@ -19,6 +20,10 @@ pub struct Survey {
     /// What was found.
     pub findings: Vec<Finding>,
     pub(crate) spoilt: Spoilt,
+    /// Rows left out.
+    pub(crate) lost_rows: usize,
+    /// Every sample, for the log; `None` = the table is to be read again.
+    pub(crate) spool: Option<Spool>,
 }
 
 impl Survey {
@@ -34,8 +39,10 @@ impl Survey {
 /// Those of the file.
 pub fn survey(source: &(impl Source + ?Sized), map: &Map, rig: Option<&Rig>) -> io::Result<Survey> {
     let mut watch = Watch::new(map, rig);
+    let mut spooler = Spooler::new(map);
     let passed = pass(source, map, rig, |sample, _| {
         watch.row(sample);
+        spooler.row(sample);
         Ok(())
     })?;
     let (found, spoilt) = watch.finish();
@@ -44,6 +51,8 @@ pub fn survey(source: &(impl Source + ?Sized), map: &Map, rig: Option<&Rig>) -> 
         relative_origin_ns: passed.relative_origin_ns,
         findings: together(passed.findings, found),
         spoilt,
+        lost_rows: passed.lost_rows,
+        spool: spooler.finish(),
     })
 }
 

@@ -1,5 +1,7 @@
 //! The log of an import.
 
+mod behind;
+
 use std::path::Path;
 
 use super::check::{Finding, Severity};
@@ -7,6 +9,7 @@ use super::map::{Between, Map, Missing, Origin, PLACES};
 use super::source::Source;
 use super::survey::Survey;
 use super::table::{Imported, Sample, pass};
+use behind::Behind;
 use hydroline_core::build_info::BuildInfo;
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
@@ -21,6 +24,8 @@ const LINEAR_STEP_S: f64 = 0.01;
 const STILL_ROWS_MAX: usize = 1 << 18;
 /// Chunks of the log close by size: a table is not cut short by a crash, it is imported again.
 const CHUNK_AGE_NS: u64 = 600_000_000_000;
+/// That size, with what the log allows for each message beside its bytes: a megabyte of them.
+const CHUNK_BYTES: u64 = 4 << 20;
 
 /// Names in a log's session: what a file's own clock, that counts from any zero, said \[ns\] at which UNIX time of the log.
 pub(crate) const RELATIVE_ORIGIN: &str = "import.relative_origin_ns";
@@ -104,7 +109,7 @@ pub fn import(
     log.finish(data.lost_rows)
 }
 
-/// The same from the table itself, which is read once more.
+/// The same from a table that was surveyed with this map: of the samples that were kept then, else by reading it once more.
 ///
 /// # Errors
 /// [`ImportError`].
@@ -126,28 +131,37 @@ pub fn import_table(
         options,
     )?;
     let (mut at, mut failed) = (0, None);
-    let mut own: Option<Sample> = None;
-    let passed = pass(source, map, rig, |sample, _| {
-        let row = own.get_or_insert_with(|| sample.clone());
-        row.clone_from(sample);
+    let mut write = |row: &mut Sample| {
         let spoilt = survey.spoilt.clear(&mut at, row);
         log.spoilt(spoilt, row);
         log.row(row).map_err(|e| {
             failed = Some(e);
             std::io::Error::other("the log")
         })
-    });
+    };
+    let passed = match &survey.spool {
+        Some(spool) => spool.each(write).map(|()| survey.lost_rows),
+        None => {
+            let mut own: Option<Sample> = None;
+            pass(source, map, rig, |sample, _| {
+                let row = own.get_or_insert_with(|| sample.clone());
+                row.clone_from(sample);
+                write(row)
+            })
+            .map(|passed| passed.lost_rows)
+        }
+    };
     match (failed, passed) {
         (Some(log), _) => Err(log),
         (None, Err(table)) => Err(table.into()),
-        (None, Ok(passed)) => log.finish(passed.lost_rows),
+        (None, Ok(lost_rows)) => log.finish(lost_rows),
     }
 }
 
 /// Writes one row after the other.
 struct Writer<'a> {
     map: &'a Map,
-    log: FileRecorder,
+    log: Behind,
     start_ns: u64,
     /// sd of the six pose channels, where all are known.
     covariance: Vec<f64>,
@@ -198,9 +212,10 @@ impl<'a> Writer<'a> {
         };
         let mut settings = WriteSettings::offline(None);
         settings.limits.chunk_age_ns = CHUNK_AGE_NS;
+        settings.limits.chunk_bytes = CHUNK_BYTES;
         Ok(Writer {
             map,
-            log: FileRecorder::create(out, false, head, settings)?,
+            log: Behind::new(FileRecorder::create(out, false, head, settings)?),
             start_ns,
             covariance: covariance(map),
             still: Some(StillWatch::default()),
@@ -248,7 +263,7 @@ impl<'a> Writer<'a> {
             if let Some(still) = &mut self.still {
                 still.motion(&message);
             }
-            self.log.write(self.at(t_s), &Entry::motion(&message))?;
+            self.log.write(self.at(t_s), Entry::motion(&message))?;
             self.outcome.samples += 1;
             if self.outcome.samples > STILL_ROWS_MAX {
                 self.still = None;
@@ -306,7 +321,7 @@ impl<'a> Writer<'a> {
         if let Some(still) = &mut self.still {
             still.command(&message);
         }
-        self.log.write(self.at(log_s), &Entry::command(&message))?;
+        self.log.write(self.at(log_s), Entry::command(&message))?;
         self.sequence = self.sequence.wrapping_add(1);
         self.outcome.commands += 1;
         Ok(())
