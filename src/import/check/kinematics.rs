@@ -11,6 +11,7 @@ use super::{Finding, name};
 use crate::table::Imported;
 use agreement::{Agreement, MOVES, Verdict};
 use hydroline_identify::data::unwrap_turns;
+use spans::Distances;
 use tracks::{Tracks, Vector};
 
 /// Rows that are enough to say whether two channels agree.
@@ -234,6 +235,45 @@ fn wraps(data: &Imported, findings: &mut Vec<Finding>) -> Vec<Vec<f64>> {
     pose
 }
 
+/// What is to be said where both frames fit, since the heading hardly leaves the tank's axis; `clear` = they are away by more than noise.
+fn untold(tracks: &Tracks<'_>, seen: &Distances, assumed: Assumed, clear: bool) -> Finding {
+    let (says, other) = if assumed.in_tank {
+        ("tank", "body")
+    } else {
+        ("body", "tank")
+    };
+    let from_axis = |a: &f64| ((a + PI).rem_euclid(2.0 * PI) - PI).abs();
+    let yaw = tracks.pose[5]
+        .iter()
+        .filter(|a| a.is_finite())
+        .map(from_axis);
+    let yaw = yaw.fold(0.0, f64::max);
+    // A vector and itself turned by an angle differ by 2 sin(angle / 2) of its length.
+    let (apart, speed) = (2.0 * (0.5 * yaw).sin(), seen.way.sqrt());
+    let words = format!(
+        "u_mps, v_mps: the positions do not tell the body's frame from the tank's: the heading stays within {:.1} deg of the tank's x axis, where the two differ by at most {:.0} % of the speed ({:.4} of {speed:.3} m/s)",
+        yaw.to_degrees(),
+        100.0 * apart,
+        apart * speed
+    );
+    if clear && seen.other < CLOSER * seen.own {
+        let share = |of: f64| 100.0 * (of / seen.way).sqrt();
+        return Finding::warning(
+            "velocity_frame",
+            None,
+            format!(
+                "{words}; frame = \"{other}\" fits better (residual {:.1} % instead of {:.1} %), as a heading that is off would make it too: which one does the instrument write?",
+                share(seen.other),
+                share(seen.own)
+            ),
+        );
+    }
+    Finding::info(
+        "velocity_frame",
+        format!("{words}; read as the map says, frame = \"{says}\""),
+    )
+}
+
 /// Whether the file's velocities are in the other frame than the map says: a fault, and then nothing else is to be said of them.
 fn frame(
     tracks: &Tracks<'_>,
@@ -250,7 +290,11 @@ fn frame(
     };
     // What is away by no more than noise and sampling make says nothing.
     let unexplained = MOVES * seen.noise + seen.unresolved;
-    if seen.own <= unexplained || seen.own <= AWAY_SOMEWHAT * seen.way {
+    let is_away = |of: f64| of > unexplained && of > AWAY_SOMEWHAT * seen.way;
+    if !is_away(seen.own) {
+        if seen.way > unexplained && !is_away(seen.other) {
+            findings.push(untold(tracks, &seen, assumed, seen.own > unexplained));
+        }
         return false;
     }
     let share = |of: f64| 100.0 * (of / seen.way).sqrt();

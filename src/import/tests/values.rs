@@ -499,3 +499,40 @@ fn rows_that_repeat_a_stamp_with_other_cells_are_one_sample() {
     let twice = text.replace("1.0,1.0000,,\n", "1.0,1.0000,,\n1.0,1.0100,,\n");
     assert!(read(&twice, &map).has_faults());
 }
+
+/// A vehicle that looks along the tank's x axis but for a few degrees, and its velocities along the tank's axes.
+fn nearly_along_x(psi_deg: f64, noise_m: f64) -> String {
+    let mut out = "t,x,y,psi,vx,vy\n".to_owned();
+    for k in 0..1500 {
+        let t = 0.02 * k as f64;
+        let psi = psi_deg.to_radians() * (0.5 * t).sin();
+        let (x, vx) = (0.4 * t, 0.4);
+        let (y, vy) = (0.05 * (0.4 * t).sin(), 0.02 * (0.4 * t).cos());
+        let jitter = noise_m * f64::from((k * 7919 % 101) - 50) / 50.0;
+        out += &format!("{t:.2},{:.6},{y:.6},{psi:.6},{vx:.6},{vy:.6}\n", x + jitter);
+    }
+    out
+}
+
+#[test]
+fn velocities_that_may_be_of_either_frame_were_said_to_be_the_bodys() {
+    for psi_deg in [1.0, 3.0, 6.0] {
+        let found = read(&nearly_along_x(psi_deg, 2e-4), &curve_map("body"));
+        let said: Vec<_> = found
+            .findings
+            .iter()
+            .filter(|f| f.kind == "velocity_frame")
+            .collect();
+        assert_eq!(said.len(), 1, "{psi_deg}: {:?}", found.findings);
+        assert!(said[0].severity < Severity::Fault, "{said:?}");
+        let words = &said[0].message;
+        assert!(
+            words.contains(&format!("within {psi_deg:.1} deg")),
+            "{words}"
+        );
+        assert!(words.contains("0.40"), "the speed: {words}");
+    }
+    // Where the heading turns enough, nothing is left open.
+    let told = read(&curve(false), &curve_map("body"));
+    assert!(told.findings.iter().all(|f| f.kind != "velocity_frame"));
+}
