@@ -14,6 +14,7 @@ use hydroline_import::{Finding, Map, Options, Severity, Source, TableFile, impor
 MAP.toml says which column is what; everything but one channel or command and the time is optional:
   [file]            separator = \",\" (\"\\t\" \";\" \"blanks\")  decimal = \".\"  encoding = \"utf-8\" (utf-16 latin1)
                     comment = \"#\"  header_line = 4  units_line = 5  first_line, last_line  header = false
+                    thousands = \",\" (\".\" \"'\" \" \"): between groups of three digits, 1,234.5
   [time]            column = \"t\"  unit = \"s\" (ms us ns min h d spreadsheet_days matlab_days iso8601)
                     columns = [\"Date\", \"Time\"]  format = \"%d.%m.%Y %H:%M:%S%.f\";  columns = [1, 2]  unit = [\"s\", \"ns\"]
                     rate_hz = 100: rows without time, a frame column without unit, or rounded stamps put back

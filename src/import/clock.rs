@@ -4,7 +4,7 @@ use crate::cells::Cells;
 use crate::check::Finding;
 use crate::layout::Layout;
 use crate::map::{Column, Map, TimeMap, TimeSource};
-use crate::number::{BadCells, exact, nanoseconds, number};
+use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
 use crate::stamp::{self, Pattern, SECOND_NS, Stamp};
 use crate::unit::{self, Dimension};
 
@@ -26,6 +26,7 @@ enum Reading {
 pub(crate) struct Clock {
     reading: Reading,
     decimal: char,
+    thousands: Option<char>,
     period_ns: f64,
     epoch_ns: i128,
     unwrap_bits: Option<u32>,
@@ -71,6 +72,7 @@ impl Clock {
         Some(Clock {
             reading,
             decimal: map.file.decimal,
+            thousands: map.file.thousands,
             period_ns: 1e9 / time.rate_hz.unwrap_or(1.0),
             epoch_ns: time.epoch_ns,
             unwrap_bits: time.unwrap_bits,
@@ -103,6 +105,8 @@ impl Clock {
     pub fn read(&mut self, cells: Cells<'_>, line: u64, bad: &mut BadCells) -> Option<i128> {
         self.rows += 1;
         let ns = self.stamp(cells, line);
+        let (thousands, decimal) = (self.thousands, self.decimal);
+        let plain = |cell| ungrouped(cell, thousands, decimal);
         if ns.is_none() {
             let at = match &self.reading {
                 Reading::Rows => 0,
@@ -110,7 +114,7 @@ impl Clock {
                 Reading::Numbers(n) => n
                     .iter()
                     .map(|c| c.0)
-                    .find(|i| number(cells.get(*i), self.decimal).is_none())
+                    .find(|i| number(&plain(cells.get(*i)), self.decimal).is_none())
                     .unwrap_or(n[0].0),
                 Reading::Iso(i) | Reading::Pattern(i, _) => i[0],
             };
@@ -126,27 +130,31 @@ impl Clock {
     fn stamp(&mut self, cells: Cells<'_>, line: u64) -> Option<i128> {
         // UNIX times of 1 .. 4000 CE and any counter fit; what does not is no time.
         let sane = |ns: &i128| ns.abs() < 64_000_000_000 * SECOND_NS;
+        let (thousands, decimal) = (self.thousands, self.decimal);
+        let plain = |cell| ungrouped(cell, thousands, decimal);
         match &self.reading {
             Reading::Rows => Some((self.rows as f64 * self.period_ns).round() as i128),
             Reading::Frames(column) => {
-                let frame = exact(cells.get(*column), self.decimal)?;
-                let count = number(cells.get(*column), self.decimal)?;
+                let cell = plain(cells.get(*column));
+                let frame = exact(&cell, decimal)?;
+                let count = number(&cell, decimal)?;
                 let whole = nanoseconds(frame, 1)?;
                 let frame = whole.checked_add(self.turned(count, line)?)?;
                 Some((frame as f64 * self.period_ns).round() as i128).filter(sane)
             }
             Reading::Numbers(columns) if self.unwrap_bits.is_some() => {
                 let (column, unit_ns) = columns[0];
-                let count = number(cells.get(column), self.decimal)?;
-                let own = nanoseconds(exact(cells.get(column), self.decimal)?, unit_ns)?;
+                let cell = plain(cells.get(column));
+                let count = number(&cell, decimal)?;
+                let own = nanoseconds(exact(&cell, decimal)?, unit_ns)?;
                 let turned = self.turned(count, line)?.checked_mul(unit_ns)?;
                 own.checked_add(turned).filter(sane)
             }
             Reading::Numbers(columns) => {
                 let mut sum = self.epoch_ns;
                 for (column, unit_ns) in columns {
-                    let cell = bare(cells.get(*column), *unit_ns);
-                    let own = nanoseconds(exact(cell, self.decimal)?, *unit_ns)?;
+                    let cell = plain(bare(cells.get(*column), *unit_ns));
+                    let own = nanoseconds(exact(&cell, decimal)?, *unit_ns)?;
                     sum = sum.checked_add(own)?;
                 }
                 Some(sum).filter(sane)

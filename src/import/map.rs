@@ -226,6 +226,8 @@ pub struct FileMap {
     pub separator: Option<Separator>,
     /// `.` or `,`.
     pub decimal: char,
+    /// Sets the thousands apart; `None` = nothing does.
+    pub thousands: Option<char>,
     /// `None` = as the byte order mark says, else UTF-8.
     pub encoding: Option<Encoding>,
     /// Lines that begin so are none of the table.
@@ -248,6 +250,7 @@ impl FileMap {
         FileMap {
             separator: None,
             decimal: '.',
+            thousands: None,
             encoding: None,
             comment: None,
             header: true,

@@ -1,12 +1,14 @@
 //! Numbers in cells, and what stands there instead.
 
+use std::borrow::Cow;
+
 use super::check::Finding;
-use super::map::Map;
+use super::map::{FileMap, Map};
 
 /// A finite number with the file's decimal sign.
 pub(crate) fn number(cell: &str, decimal: char) -> Option<f64> {
     let value: Option<f64> = if decimal == ',' {
-        // A point in a file of decimal commas would be a thousands separator: not guessed.
+        // A point in a file of decimal commas would be a separator of thousands, which the map names or not.
         if cell.contains('.') {
             None
         } else {
@@ -74,21 +76,47 @@ pub(crate) fn says_nothing(cell: &str) -> bool {
                 .any(|w| cell.eq_ignore_ascii_case(w)))
 }
 
-/// Whether a cell is a number with its thousands set apart: `1,234.5`, `1.234,5`, `1 234.5`, `1'234.5`.
-fn is_grouped(cell: &str, decimal: char) -> bool {
+/// Whether a character sets thousands apart in a file where `thousands` does.
+fn is_mark(c: char, thousands: char) -> bool {
+    match thousands {
+        ' ' => matches!(c, ' ' | '\u{a0}' | '\u{202f}'),
+        '\'' => matches!(c, '\'' | '’'),
+        own => c == own,
+    }
+}
+
+/// The mark between a number's thousands, where it has one and groups of three: `1,234.5`, `1.234,5`, `1 234.5`, `1'234.5`.
+fn grouped_by(cell: &str, decimal: char) -> Option<char> {
     let whole = cell
         .trim_start_matches(['-', '+'])
         .split(decimal)
         .next()
         .unwrap_or("");
-    let is_mark =
-        |c: char| matches!(c, ',' | '.' | ' ' | '\'' | '’' | '\u{a0}' | '\u{202f}') && c != decimal;
-    let groups: Vec<&str> = whole.split(is_mark).collect();
-    let digits = |g: &str| !g.is_empty() && g.chars().all(|c| c.is_ascii_digit());
-    groups.len() > 1
-        && groups.iter().all(|g| digits(g))
-        && groups[0].len() <= 3
-        && groups[1..].iter().all(|g| g.len() == 3)
+    let marks = [',', '.', ' ', '\''].into_iter().filter(|m| *m != decimal);
+    marks.into_iter().find(|mark| {
+        let groups: Vec<&str> = whole.split(|c| is_mark(c, *mark)).collect();
+        let digits = |g: &str| !g.is_empty() && g.chars().all(|c| c.is_ascii_digit());
+        groups.len() > 1
+            && groups.iter().all(|g| digits(g))
+            && groups[0].len() <= 3
+            && groups[1..].iter().all(|g| g.len() == 3)
+    })
+}
+
+/// The same where the cell can be nothing else: `1,234` may also have a decimal comma.
+pub(crate) fn surely_grouped_by(cell: &str, decimal: char) -> Option<char> {
+    let mark = grouped_by(cell, decimal)?;
+    (!matches!(mark, ',' | '.') || number(cell, mark).is_none()).then_some(mark)
+}
+
+/// A cell without the marks between its thousands, where the map names one and they stand between groups of three; else as it is.
+pub(crate) fn ungrouped(cell: &str, thousands: Option<char>, decimal: char) -> Cow<'_, str> {
+    let Some(mark) = thousands.filter(|m| grouped_by(cell, decimal) == Some(*m)) else {
+        return Cow::Borrowed(cell);
+    };
+    let (whole, rest) = cell.split_at(cell.find(decimal).unwrap_or(cell.len()));
+    let digits = whole.chars().filter(|c| !is_mark(*c, mark));
+    Cow::Owned(digits.chain(rest.chars()).collect())
 }
 
 /// Cells that are no numbers, by kind.
@@ -125,11 +153,15 @@ impl BadCells {
     }
 
     /// What a cell with separators of thousands calls for.
-    fn thousands(cell: &str, decimal: char) -> &'static str {
-        if is_grouped(cell, decimal) {
-            "; are these separators of thousands? Export without them: a table with a comma that may be one or the other is not read"
-        } else {
-            ""
+    fn thousands(cell: &str, file: &FileMap) -> String {
+        match (grouped_by(cell, file.decimal), file.thousands) {
+            (Some(mark), _) => {
+                format!("; are its thousands set apart? Say [file] thousands = \"{mark}\"")
+            }
+            (None, Some(mark)) => format!(
+                "; with thousands = \"{mark}\" a number has groups of three digits before its decimal sign"
+            ),
+            (None, None) => String::new(),
         }
     }
 
@@ -147,11 +179,11 @@ impl BadCells {
                 "decimal_separator" => format!(
                     "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export{}",
                     map.file.decimal,
-                    Self::thousands(cell, map.file.decimal)
+                    Self::thousands(cell, &map.file)
                 ),
                 _ => format!(
                     "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'{}",
-                    Self::thousands(cell, map.file.decimal)
+                    Self::thousands(cell, &map.file)
                 ),
             };
             findings.push(Finding::fault(kind, Some(*line), words));
@@ -195,6 +227,21 @@ mod tests {
         ] {
             assert_eq!(exact(bad, '.'), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn thousands_are_set_apart_by_the_maps_mark_only() {
+        let read = |cell, mark, decimal| number(&ungrouped(cell, Some(mark), decimal), decimal);
+        assert_eq!(read("-1,234,567.25", ',', '.'), Some(-1_234_567.25));
+        assert_eq!(read("1.234,5", '.', ','), Some(1234.5));
+        assert_eq!(read("1\u{a0}234.5e1", ' ', '.'), Some(12_345.0));
+        assert_eq!(read("12’345", '\'', '.'), Some(12_345.0));
+        assert_eq!(read("987.125", ',', '.'), Some(987.125));
+        for bad in ["1,23.5", "1234,567", "1,234.5,6", ",234", "1 234", "1,2345"] {
+            assert_eq!(read(bad, ',', '.'), None, "{bad}");
+        }
+        assert_eq!(surely_grouped_by("1,234.5", '.'), Some(','));
+        assert_eq!(surely_grouped_by("1,234", '.'), None, "or a decimal comma");
     }
 
     proptest! {

@@ -11,6 +11,9 @@ use crate::text::Lines;
 /// A quoted cell does not go on over more lines than this.
 const QUOTED_LINES_MAX: usize = 50;
 
+/// Lines with which a segment of a LabVIEW file (.lvm) begins, or its header ends.
+const SEGMENT: [&str; 3] = ["Channels\t", "***End_of_Header***", "LabVIEW Measurement"];
+
 /// Rows with a fault: how many, and where the first stands.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
@@ -35,6 +38,8 @@ pub(crate) struct Form {
     open: Tally,
     endless: Option<u64>,
     wrong_encoding: Option<u64>,
+    /// Another header of the same file, as LabVIEW begins each segment with.
+    segment: Option<u64>,
     cut: Cut,
 }
 
@@ -51,11 +56,19 @@ pub(crate) fn each_row<R: Read>(
     let (width, least) = (layout.width(), layout.width().min(layout.usual));
     let mut joined = String::new();
     let mut rows_end_open = false;
+    // Rows of numbers were seen: what is a header now is another one.
+    let mut numbers = false;
     while let Some((number, line)) = lines.next_line()? {
         if file.last_line.is_some_and(|last| number > last) {
             break;
         }
         if number < layout.first_line || file.units_line == Some(number) || is_aside(file, line) {
+            continue;
+        }
+        // What follows has a clock and columns of its own: it is none of this table.
+        if form.segment.is_some() || (numbers && SEGMENT.iter().any(|s| line.starts_with(s))) {
+            form.segment.get_or_insert(number);
+            row(number, None)?;
             continue;
         }
         let mut line = line;
@@ -87,6 +100,10 @@ pub(crate) fn each_row<R: Read>(
             form.long.add(number);
             None
         } else {
+            if !numbers {
+                let first = cells.iter().find(|c| !c.is_empty()).unwrap_or("");
+                numbers = first.starts_with(|c: char| c.is_ascii_digit() || "+-.,".contains(c));
+            }
             form.cut.row(number, cells.get(count - 1));
             Some(cells)
         };
@@ -137,6 +154,16 @@ impl Form {
                 "unreadable_row",
                 Some(first),
                 format!("{count} quoted cell(s) have no end, the first begins on line {first}; mend the quotes"),
+            ));
+        }
+        if let Some(line) = self.segment {
+            findings.push(Finding::fault(
+                "segments",
+                Some(line),
+                format!(
+                    "line {line} begins another segment with a header of its own, as LabVIEW writes them: import each into a log of its own. [file] last_line = {} is the first; cut the file before line {line} for the next",
+                    line - 1
+                ),
             ));
         }
         if self.endless.is_some() {

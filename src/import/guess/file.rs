@@ -18,6 +18,9 @@ pub(super) fn write(file: &FileMap, draft: &mut Draft) {
     if file.decimal != '.' {
         keys.push(format!("decimal = \"{}\"", file.decimal));
     }
+    if let Some(mark) = file.thousands {
+        keys.push(format!("thousands = \"{mark}\""));
+    }
     match file.encoding {
         None | Some(Encoding::Utf8) => {}
         Some(Encoding::Utf16Le) => keys.push("encoding = \"utf-16le\"".to_owned()),

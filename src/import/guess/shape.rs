@@ -4,7 +4,7 @@ use super::head::Head;
 use super::stats::Stats;
 use crate::cells::Splitter;
 use crate::map::{FileMap, Separator};
-use crate::number::number;
+use crate::number::{number, surely_grouped_by};
 use crate::unit;
 
 mod unit_text;
@@ -123,22 +123,18 @@ pub(super) fn cells(separator: Separator, line: &str) -> Vec<String> {
         .collect()
 }
 
-/// Numbers, words, and empty cells of a line.
+/// Numbers, with their thousands set apart or not.
+fn is_number(cell: &str, decimal: char) -> bool {
+    number(cell, decimal).is_some() || surely_grouped_by(cell, decimal).is_some()
+}
+
+/// Numbers and words of a line.
 fn count(cells: &[String], decimal: char) -> (usize, usize) {
-    let numbers = cells
-        .iter()
-        .filter(|c| number(c, decimal).is_some())
-        .count();
-    let words = cells
-        .iter()
-        .filter(|c| {
-            !c.is_empty()
-                && number(c, decimal).is_none()
-                && !is_stamp(c)
-                && !c.eq_ignore_ascii_case("nan")
-        })
-        .count();
-    (numbers, words)
+    let numbers = cells.iter().filter(|c| is_number(c, decimal)).count();
+    let is_word = |c: &&String| {
+        !c.is_empty() && !is_number(c, decimal) && !is_stamp(c) && !c.eq_ignore_ascii_case("nan")
+    };
+    (numbers, cells.iter().filter(is_word).count())
 }
 
 /// Digits with signs between them, as dates and clocks have.
@@ -295,6 +291,15 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
             column.unit = Some(own.to_owned()).filter(|u| !u.is_empty());
         }
     }
+    let mut remarks = Vec::new();
+    let data = rows[first..].iter().filter(|r| !r.2).flat_map(|r| &r.1);
+    let grouped = |c: &String| Some((surely_grouped_by(c, decimal)?, c.clone()));
+    if let Some((mark, cell)) = data.filter_map(grouped).next() {
+        file.thousands = Some(mark);
+        remarks.push(format!(
+            "numbers like '{cell}' are read with their thousands set apart by '{mark}'"
+        ));
+    }
     // `sep=` is obeyed by the reader; it needs no key.
     Some(Shape {
         kind: "a plain table",
@@ -303,7 +308,7 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
         columns,
         rate_hz: None,
         units: Defaults::default(),
-        remarks: Vec::new(),
+        remarks,
         open: Vec::new(),
     })
 }

@@ -4,7 +4,7 @@ use std::io;
 
 use crate::layout::Layout;
 use crate::map::FileMap;
-use crate::number::{number, says_nothing};
+use crate::number::{number, says_nothing, ungrouped};
 use crate::rows::each_row;
 use crate::source::Source;
 
@@ -12,6 +12,10 @@ use crate::source::Source;
 const ROWS_MAX: usize = 1 << 20;
 /// Rows kept as they stand.
 const ROWS_KEPT: usize = 2000;
+
+fn value(cell: &str, file: &FileMap) -> Option<f64> {
+    number(&ungrouped(cell, file.thousands, file.decimal), file.decimal)
+}
 
 /// One column.
 #[derive(Debug, Clone, Default)]
@@ -52,7 +56,7 @@ impl Column {
         self.low.abs().max(self.high.abs())
     }
 
-    fn add(&mut self, cell: &str, decimal: char) {
+    fn add(&mut self, cell: &str, file: &FileMap) {
         if self.cells.len() < ROWS_KEPT {
             self.cells.push(cell.chars().take(64).collect());
         }
@@ -60,7 +64,7 @@ impl Column {
             self.empty += 1;
             return;
         }
-        let Some(v) = number(cell, decimal) else {
+        let Some(v) = value(cell, file) else {
             self.words += 1;
             return;
         };
@@ -80,12 +84,8 @@ impl Column {
         self.numbers += 1;
     }
 
-    fn finish(&mut self, decimal: char) {
-        let values: Vec<f64> = self
-            .cells
-            .iter()
-            .filter_map(|c| number(c, decimal))
-            .collect();
+    fn finish(&mut self, file: &FileMap) {
+        let values: Vec<f64> = self.cells.iter().filter_map(|c| value(c, file)).collect();
         let mut steps: Vec<f64> = values.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
         self.usual = crate::check::quantile(&mut steps, 0.95).unwrap_or(0.0);
         steps.retain(|s| *s > 0.0);
@@ -112,13 +112,13 @@ impl Stats {
             if let Some(cells) = cells {
                 stats.rows += 1;
                 for (i, column) in stats.columns.iter_mut().enumerate() {
-                    column.add(cells.get(i), file.decimal);
+                    column.add(cells.get(i), file);
                 }
             }
             Ok(stats.rows < ROWS_MAX)
         })?;
         for column in &mut stats.columns {
-            column.finish(file.decimal);
+            column.finish(file);
         }
         Ok(stats)
     }

@@ -140,6 +140,19 @@ impl Checker<'_> {
                 "the decimal sign is . or , and differs from the separator, an ASCII character",
             );
         }
+        if let Some(mark) = raw.thousands
+            && (!matches!(mark, ',' | '.' | '\'' | ' ')
+                || mark == decimal
+                || (mark == ' ' && separator == Some(Separator::Blanks)))
+        {
+            return self.bad(
+                "file.thousands",
+                mark.escape_default(),
+                format!(
+                    "it is one of \",\" \".\" \"'\" \" \", another than the decimal sign ('{decimal}'), and no blank where blanks separate columns"
+                ),
+            );
+        }
         let encoding = match raw
             .encoding
             .as_deref()
@@ -214,6 +227,7 @@ impl Checker<'_> {
         Ok(FileMap {
             separator,
             decimal,
+            thousands: raw.thousands,
             encoding,
             comment: raw.comment.as_ref().map(|c| c.trim().to_owned()),
             header,

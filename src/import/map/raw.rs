@@ -30,6 +30,7 @@ pub enum RawUnits {
 pub struct RawFile {
     pub separator: Option<String>,
     pub decimal: Option<char>,
+    pub thousands: Option<char>,
     pub encoding: Option<String>,
     pub comment: Option<String>,
     pub header: Option<bool>,

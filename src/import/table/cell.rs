@@ -4,8 +4,8 @@ use super::{Columns, Sample};
 use crate::attitude::{euler, to_body};
 use crate::cells::Cells;
 use crate::check::Finding;
-use crate::map::{Map, Missing, Origin, PLACES, place_name};
-use crate::number::{BadCells, number, says_nothing};
+use crate::map::{FileMap, Map, Missing, Origin, PLACES, place_name};
+use crate::number::{BadCells, number, says_nothing, ungrouped};
 
 /// Reads the cells of one row after the other.
 pub(crate) struct Reader<'a> {
@@ -38,12 +38,12 @@ type Empty = (Missing, Option<f64>);
 /// A cell's number, or what stands for it; NaN = nothing.
 fn value(
     cell: &str,
-    decimal: char,
+    file: &FileMap,
     (missing, missing_value): Empty,
     held: &mut f64,
     note: impl FnOnce(&str),
 ) -> f64 {
-    match number(cell, decimal) {
+    match number(&ungrouped(cell, file.thousands, file.decimal), file.decimal) {
         Some(v) if missing_value != Some(v) => {
             *held = v;
             v
@@ -88,7 +88,7 @@ impl<'a> Reader<'a> {
     }
 
     pub fn read(&mut self, cells: Cells<'_>, line: u64, t_s: f64) -> &Sample {
-        let decimal = self.map.file.decimal;
+        let file = &self.map.file;
         self.sample.line = line;
         self.sample.t_s = t_s;
         for (channel, column) in &self.columns.channels {
@@ -100,7 +100,7 @@ impl<'a> Reader<'a> {
                     let bad = &mut self.bad;
                     value(
                         cells.get(*column),
-                        decimal,
+                        file,
                         (channel.missing, channel.missing_value),
                         &mut self.held[place],
                         |cell| {
@@ -117,7 +117,8 @@ impl<'a> Reader<'a> {
         }
         self.commands(cells, line);
         if let Some((column, unit_s)) = self.columns.compare {
-            let second = number(cells.get(column), decimal);
+            let cell = ungrouped(cells.get(column), file.thousands, file.decimal);
+            let second = number(&cell, file.decimal);
             self.sample.compare_s = second.map_or(f64::NAN, |v| v * unit_s);
         }
         &self.sample
@@ -131,16 +132,10 @@ impl<'a> Reader<'a> {
         for (i, place) in places.iter().enumerate() {
             let Some(place) = place else { continue };
             let bad = &mut self.bad;
-            let (decimal, held) = (self.map.file.decimal, &mut self.held_quaternion[i]);
-            wxyz[i] = value(
-                cells.get(*place),
-                decimal,
-                (map.missing, None),
-                held,
-                |cell| {
-                    bad.note(&map.wxyz[i].to_string(), line, cell);
-                },
-            );
+            let (file, held) = (&self.map.file, &mut self.held_quaternion[i]);
+            wxyz[i] = value(cells.get(*place), file, (map.missing, None), held, |cell| {
+                bad.note(&map.wxyz[i].to_string(), line, cell);
+            });
         }
         // One part of a quaternion may well be 0: only all of them together stand for none.
         if map.missing_value.is_some_and(|v| wxyz == [v; 4]) {
@@ -213,7 +208,7 @@ impl<'a> Reader<'a> {
                     };
                     value(
                         cells.get(column),
-                        self.map.file.decimal,
+                        &self.map.file,
                         (missing, command.missing_value),
                         held,
                         |cell| {

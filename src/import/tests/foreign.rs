@@ -268,6 +268,36 @@ fn maps_and_cells_that_are_wrong_get_words_that_help() {
         "{:?}",
         found.findings
     );
+    let said = found
+        .findings
+        .iter()
+        .find(|f| f.message.contains("thousands"));
+    let said = &said.unwrap().message;
+    assert!(
+        said.contains("[file] thousands = \",\""),
+        "what to say: {said}"
+    );
+    // As it says, and as a guess says, the same numbers as without the marks.
+    let toml = "[file]\nseparator = \";\"\nthousands = \",\"\n[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"mm\"\n";
+    let with = read(&text, &Map::from_toml(toml, "m").unwrap());
+    let bare = text.replace(',', "");
+    let without = read(&bare, &Map::from_toml(toml, "m").unwrap());
+    assert!(!with.has_faults(), "{:?}", with.findings);
+    assert_eq!(with.motion, without.motion);
+    let guessed = crate::guess::guess(text.as_bytes()).unwrap().unwrap();
+    assert!(
+        guessed.toml.contains("thousands = \",\""),
+        "{}",
+        guessed.toml
+    );
+    assert!(guessed.remarks.iter().any(|r| r.contains("thousands")));
+    for (mark, more) in [(".", ""), ("x", ""), (" ", "separator = \"blanks\"\n")] {
+        let toml = format!(
+            "[file]\n{more}thousands = \"{mark}\"\n[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"mm\"\n"
+        );
+        let error = Map::from_toml(&toml, "m").unwrap_err().to_string();
+        assert!(error.contains("file.thousands"), "{error}");
+    }
 }
 
 #[test]
@@ -336,4 +366,52 @@ fn two_relative_clocks_are_joined_as_the_files_count() {
         first_command.unwrap() - first_motion.unwrap(),
         2_000_000_000
     );
+}
+
+#[test]
+fn a_second_segment_of_a_labview_file_is_no_row_of_the_first() {
+    let head = "Channels\t2\t\nSamples\t100\t100\nDate\t2024/03/05\t2024/03/05\n***End_of_Header***\t\t\nX_Value\tx\tu\n";
+    let rows = || {
+        (0..100)
+            .map(|k| {
+                format!(
+                    "{:.2}\t{:.4}\t1.0\n",
+                    0.1 * f64::from(k),
+                    (0.1 * f64::from(k)).sin()
+                )
+            })
+            .collect::<String>()
+    };
+    let first = format!(
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n{head}{}",
+        rows()
+    );
+    let toml = "[file]\nseparator = \"\\t\"\nheader_line = 8\n[time]\ncolumn = \"X_Value\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n";
+    let map = Map::from_toml(toml, "m").unwrap();
+    let alone = read(&first, &map);
+    assert!(!alone.has_faults(), "{:?}", alone.findings);
+    let both = read(&format!("{first}{head}{}", rows()), &map);
+    let faults: Vec<_> = both
+        .findings
+        .iter()
+        .filter(|f| f.severity == Severity::Fault)
+        .collect();
+    let [segments] = faults[..] else {
+        panic!("{faults:?}");
+    };
+    assert_eq!((segments.kind, segments.line), ("segments", Some(109)));
+    assert!(
+        segments.message.contains("last_line = 108"),
+        "{}",
+        segments.message
+    );
+    assert_eq!(both.motion, alone.motion);
+    // Its header and rows are counted.
+    assert_eq!(both.lost_rows, 105);
+    let one = Map::from_toml(
+        &toml.replace("header_line = 8", "header_line = 8\nlast_line = 108"),
+        "m",
+    )
+    .unwrap();
+    assert!(!read(&format!("{first}{head}{}", rows()), &one).has_faults());
 }
