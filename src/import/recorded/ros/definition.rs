@@ -200,6 +200,11 @@ impl Compiler {
 impl Definition {
     /// Reads a schema as bags hold it: the message's own text, then `MSG: package/Type` after a line of `=`.
     pub fn parse(name: &str, text: &str) -> Result<Definition, String> {
+        if text.lines().any(|line| line.trim() == "---") {
+            return Err(format!(
+                "the schema of {name} is a service's or an action's text (request --- response), and its messages are laid out otherwise: record the values on a topic of their own"
+            ));
+        }
         let mut texts = BTreeMap::new();
         let own = short(name);
         let mut title = own.clone();
@@ -240,5 +245,21 @@ impl Definition {
         Ok(Definition {
             types: compiler.types,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_services_text_was_taken_for_its_events_and_gave_numbers_of_nothing() {
+        // As rosbag2 wrote schemas of `_service_event` topics.
+        let text = "bool a\nfloat64 b\n---\nbool a\nfloat64 b\n";
+        let error = Definition::parse("test_msgs/srv/BasicTypes_Event", text).unwrap_err();
+        assert!(error.contains("BasicTypes_Event"), "{error}");
+        assert!(error.contains("request --- response"), "{error}");
+        let own = "bool a\nfloat64 b\n";
+        assert!(Definition::parse("my_msgs/msg/Own", own).is_ok());
     }
 }
