@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use super::belief::Belief;
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
-use super::filter::{Filter, Force};
-use super::hyper::{Cell, Cells, Noises, Worth, filters, with_force};
+use super::filter::Filter;
+use super::hyper::{CORRELATIONS_S, Cell, Cells, Noises, SIZES, Worth, filters, ln_prior};
 use super::noise::estimate;
 use super::prior::PriorTable;
 use super::recording::Recording;
@@ -381,16 +381,29 @@ impl Problem {
         made
     }
 
-    /// Minus the log likelihood of a motion as the instruments saw it, under their noise alone, without the constant.
+    /// Minus the log likelihood of a motion as the instruments saw it, summed over all random forces by their prior,
+    /// without the constant.
     ///
     /// `values` = channels per run and sample, turned as measured ones are.
     pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
-        let none = Force {
-            sd_mps2: 0.0,
-            correlation_s: 1.0,
+        let median = self.body.prior.misfit_over_tolerance;
+        let cells = || {
+            let all = (0..CORRELATIONS_S.len()).flat_map(|correlation| {
+                (0..SIZES.len()).map(move |size| Cell { size, correlation })
+            });
+            all.collect::<Vec<_>>()
         };
-        let of = |d: &usize| (*d, with_force(&self.body, &self.noises, *d, none));
-        self.cost(values, &self.body.dofs.iter().map(of).collect())
+        let of = |dof: &usize| {
+            let each = cells().into_par_iter().map(|cell| {
+                let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
+                let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
+                ln_prior(cell, median) - cost
+            });
+            let each: Vec<f64> = each.collect();
+            let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            -most - each.iter().map(|v| (v - most).exp()).sum::<f64>().ln()
+        };
+        self.body.dofs.iter().map(of).sum()
     }
 
     /// Cost alone.
