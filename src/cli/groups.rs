@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 /// Each visible subcommand once, under the job it is for.
 pub(crate) const GROUPS: &[(&str, &[&str])] = &[
-    ("First steps", &["demo", "rig", "devices", "check"]),
+    ("First steps", &["demo", "rig", "plan", "devices", "check"]),
     (
         "At the tank",
         &["aim", "flat", "board", "target", "calibrate", "record"],

@@ -27,6 +27,7 @@ mod log_tools;
 mod man;
 mod outcome;
 mod output;
+mod plan;
 mod predict;
 mod print;
 mod progress;
@@ -95,6 +96,15 @@ Examples:
   hydroline rig show my.toml"
     )]
     Rig(rig::Command),
+    /// Plans: what is built in, what runs on a rig, and at which size
+    #[command(
+        subcommand,
+        after_help = "\
+Examples:
+  hydroline plan list --rig my.toml
+  hydroline plan show reversals --rig my.toml"
+    )]
+    Plan(plan::Command),
     /// Cameras and serial ports by stable id, and what keeps them
     Devices(devices::Args),
     /// Is everything a rig needs there and usable? Says what to fix
@@ -191,6 +201,7 @@ impl Cli {
         match self.command {
             Command::Demo(args) => demo::run(&args, build),
             Command::Rig(command) => rig::run(&command),
+            Command::Plan(command) => plan::run(&command),
             Command::Devices(args) => devices::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Aim(args) => aim::run(&args),

@@ -410,7 +410,7 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError
     match report.violations.first() {
         None => Ok(report),
         Some(first) => Err(CliError::Config(format!(
-            "plan '{}' is refused: at {:.2} s {}{}; --dry-run shows the whole check, change the plan or the rig's start and limits{}",
+            "plan '{}' is refused: at {:.2} s {}{}; {}; --dry-run shows the whole check{}",
             plan.name,
             first.at_s,
             first.what,
@@ -419,6 +419,12 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError
             } else {
                 String::new()
             },
+            super::plan::size_that_fits(
+                rig,
+                plan,
+                args.plan.as_deref().unwrap_or(&plan.name),
+                repeats(plan, args)
+            ),
             if report.runs > 1 {
                 ", or bring the vehicle back between the runs (--return-to-start)"
             } else {

@@ -1,4 +1,5 @@
-//! Plans before they run: set-points over time, and the whole plan simulated before the first command.
+//! Plans before they run: set-points over time, the whole plan simulated before the first command, and its size that fits.
 
 pub mod preflight;
 pub mod setpoint;
+pub mod size;

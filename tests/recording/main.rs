@@ -13,6 +13,7 @@ mod import_logs;
 mod join;
 mod live_page;
 mod notebook;
+mod plan_sizes;
 mod readme;
 mod record_clock;
 mod record_command;

@@ -1,0 +1,212 @@
+//! `hydroline plan`: what is built in, what of it runs on a rig, and a plan at the size that fits.
+
+use super::print::{out, outln};
+use super::{CliError, Outcome, inputs};
+use clap::Subcommand;
+use hydroline_plan::preflight::{PreflightError, Repeats, preflight, preflight_runs};
+use hydroline_plan::size::{largest, scaled, share_that_fits};
+use hydroline_rigs::{Plan, Rig, Wrench};
+use serde::Serialize;
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// The built-in plans, and which of them run on a rig
+    #[command(after_help = "\
+Each plan is simulated with the rig's model, as `record` does before it starts. Of one that is refused \
+the largest share of its loads that fits is said: `plan show` writes it at that size.
+
+Examples:
+  hydroline plan list
+  hydroline plan list --rig my.toml
+  hydroline plan list --rig my.toml --json
+
+Exit codes: 0 done; 2 there is no such rig, or it is not sound.")]
+    List {
+        /// Rig file or built-in name to try them on
+        #[arg(long, value_name = "RIG")]
+        rig: Option<String>,
+        /// Prints one JSON array
+        #[arg(long)]
+        json: bool,
+    },
+    /// A plan's steps, and what it does on a rig; at another size, as a file to edit
+    #[command(after_help = "\
+Examples:
+  hydroline plan show reversals
+  hydroline plan show reversals --rig my.toml
+  hydroline plan show reversals --scale 0.42 --toml > smaller.toml
+
+Exit codes: 0 done, also for a plan that the rig refuses; 2 there is no such plan or rig, or they do not go together.")]
+    Show {
+        /// Plan file or built-in name
+        #[arg(value_name = "PLAN")]
+        plan: String,
+        /// Rig file or built-in name to try it on
+        #[arg(long, value_name = "RIG")]
+        rig: Option<String>,
+        /// All loads times this (above 0)
+        #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = share)]
+        scale: f64,
+        /// Prints the plan as a file, nothing else
+        #[arg(long, conflicts_with = "rig")]
+        toml: bool,
+    },
+}
+
+/// A share of a plan's loads.
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(v) if v > 0.0 && f64::is_finite(v) => Ok(v),
+        _ => Err("a number above 0, e.g. 0.42".to_owned()),
+    }
+}
+
+/// A plan as `plan list --json` says it.
+#[derive(Debug, Serialize)]
+struct Listed {
+    plan: &'static str,
+    duration_s: f64,
+    /// Largest load per axis; `null` where single thrusters are told.
+    largest: Option<[f64; 6]>,
+    /// On the rig; `null` without one.
+    runs: Option<bool>,
+    /// Why not.
+    refused: Option<String>,
+    /// Largest share of its loads that runs; `null` where it runs as it is, or where it is not its size.
+    share_that_fits: Option<f64>,
+}
+
+pub fn run(command: &Command) -> Result<Outcome, CliError> {
+    match command {
+        Command::List { rig, json } => list(rig.as_deref(), *json)?,
+        Command::Show {
+            plan,
+            rig,
+            scale,
+            toml,
+        } => show(plan, rig.as_deref(), *scale, *toml)?,
+    }
+    Ok(Outcome::Done)
+}
+
+fn list(rig: Option<&str>, json: bool) -> Result<(), CliError> {
+    let rig = rig.map(inputs::rig).transpose()?;
+    let mut all = Vec::new();
+    for name in Plan::builtin_names() {
+        all.push(listed(name, rig.as_ref())?);
+    }
+    if json {
+        outln!("{}", serde_json::json!(all));
+        return Ok(());
+    }
+    for plan in &all {
+        let loads = plan.largest.map_or("single thrusters".to_owned(), loads);
+        outln!("{:<14} {:>5.1} s  {loads}", plan.plan, plan.duration_s);
+        match (plan.runs, &plan.refused, plan.share_that_fits) {
+            (Some(true), ..) => outln!("               runs on this rig"),
+            (_, Some(why), Some(share)) => {
+                outln!("               refused {why}");
+                outln!(
+                    "               fits at {share} of its loads: hydroline plan show {} --scale {share} --toml > {}-small.toml",
+                    plan.plan,
+                    plan.plan
+                );
+            }
+            (_, Some(why), None) => outln!("               refused {why}; no size of it fits"),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn listed(name: &'static str, rig: Option<&Rig>) -> Result<Listed, CliError> {
+    let plan = Plan::load_or_builtin(name)?;
+    let mut made = Listed {
+        plan: name,
+        duration_s: plan.duration_s(),
+        largest: largest(&plan),
+        runs: None,
+        refused: None,
+        share_that_fits: None,
+    };
+    let Some(rig) = rig else { return Ok(made) };
+    if let Err(error) = plan.check_against(rig) {
+        made.runs = Some(false);
+        made.refused = Some(format!("({error})"));
+        return Ok(made);
+    }
+    made.refused = refusal(rig, &plan, Repeats::ONCE)?;
+    made.runs = Some(made.refused.is_none());
+    if made.refused.is_some() {
+        made.share_that_fits = share_that_fits(rig, &plan, Repeats::ONCE)?;
+    }
+    Ok(made)
+}
+
+/// Why a rig refuses a plan, and when; `None` where it does not.
+fn refusal(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<Option<String>, CliError> {
+    match preflight_runs(rig, plan, repeats) {
+        Ok(report) => Ok(report
+            .violations
+            .first()
+            .map(|v| format!("at {:.2} s: {}", v.at_s, v.what))),
+        Err(PreflightError::Setpoint(error)) => Ok(Some(error.to_string())),
+        Err(other) => Err(other.into()),
+    }
+}
+
+/// What to add to a refusal: the size that fits, and how to get it.
+pub fn size_that_fits(rig: &Rig, plan: &Plan, named: &str, repeats: Repeats) -> String {
+    match share_that_fits(rig, plan, repeats) {
+        Ok(Some(share)) => {
+            let most = largest(plan).map(|l| loads(l.map(|v| share * v)));
+            let most = most.map_or(String::new(), |m| format!(" ({m})"));
+            format!(
+                "at {share} of its loads{most} it fits: `hydroline plan show {named} --scale {share} --toml > fits.toml`, then --plan fits.toml"
+            )
+        }
+        // What keeps it from running is said already.
+        Ok(None) | Err(_) => {
+            "no smaller size of it fits: change the rig's start pose, limits or target".to_owned()
+        }
+    }
+}
+
+/// Loads that are not 0, with their keys.
+fn loads(largest: [f64; 6]) -> String {
+    let each = Wrench::KEYS.iter().zip(largest).filter(|(_, v)| *v > 0.0);
+    let each: Vec<String> = each.map(|(key, v)| format!("{key} {v:.3}")).collect();
+    match each.is_empty() {
+        true => "no load".to_owned(),
+        false => each.join(", "),
+    }
+}
+
+fn show(plan: &str, rig: Option<&str>, scale: f64, toml: bool) -> Result<(), CliError> {
+    let rig = rig.map(inputs::rig).transpose()?;
+    let made = match &rig {
+        Some(rig) => inputs::plan(plan, rig)?,
+        None => Plan::load_or_builtin(plan)?,
+    };
+    let made = match scale == 1.0 {
+        true => made,
+        false => scaled(&made, scale),
+    };
+    let Some(rig) = rig.filter(|_| !toml) else {
+        out!("{}", made.source_toml);
+        return Ok(());
+    };
+    match preflight(&rig, &made) {
+        Ok(report) => {
+            out!("{report}");
+            if report.violations.is_empty() {
+                outln!("  runs on {}", rig.name);
+                return Ok(());
+            }
+        }
+        Err(PreflightError::Setpoint(error)) => outln!("  REFUSED: {error}"),
+        Err(other) => return Err(other.into()),
+    }
+    outln!("  {}", size_that_fits(&rig, &made, plan, Repeats::ONCE));
+    Ok(())
+}
