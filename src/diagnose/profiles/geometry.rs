@@ -151,6 +151,12 @@ impl Geometry {
         })
     }
 
+    /// How far ahead of the sheet a ray is where it has come down to a body depth \[m\]; `None` where it never does.
+    pub fn off_at_depth_m(&self, ray: &Ray, z_m: f64) -> Option<f64> {
+        let t = (z_m - ray.from_m.z) / ray.along.z;
+        (t.is_finite() && t > 0.0).then(|| self.off_m(&(ray.from_m + ray.along * t)))
+    }
+
     /// Where a ray meets the sheet, body frame \[m\].
     pub fn on_sheet(&self, ray: &Ray) -> Option<Vector3<f64>> {
         let (mut a, mut b) = (0.0, 1.0);

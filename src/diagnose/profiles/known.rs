@@ -34,8 +34,7 @@ pub fn score(
     }) else {
         return Ok(None);
     };
-    let mut problem = problem(&runs, rig, base)?;
-    problem.pull_px = found.pull_px;
+    let problem = problem(&runs, rig, base)?;
     let begin = problem.placed(&[&candidates[k]], numbers, false);
     Ok(begin
         .and_then(|b| problem.fit(&candidates, &[k], b, Free::All))

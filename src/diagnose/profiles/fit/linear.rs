@@ -68,7 +68,7 @@ impl Work<'_, '_> {
         }
         let one = |(k, s): (usize, &Shared)| {
             let mut v = values.to_vec();
-            v[k] += STEP * self.problem.prior_sd(*s);
+            v[k] += STEP * s.prior_sd();
             v
         };
         self.problem.shared.iter().enumerate().map(one).collect()

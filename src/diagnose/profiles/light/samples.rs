@@ -1,0 +1,247 @@
+//! Grey levels of the frames, pooled: across the stripe, and in blocks of the background.
+
+use super::options::LightOptions;
+use crate::profiles::geometry::Geometry;
+use crate::profiles::observe::{ImageRun, Seen, line, stretches};
+use hydroline_stripe::{StripePoint, quality};
+use nalgebra::Vector3;
+
+/// Some pixels of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// Their middle \[px\].
+    pub column_px: f64,
+    /// See there.
+    pub row_px: f64,
+    /// sd of their rows about it \[px\].
+    pub half_px: f64,
+    /// Their mean grey level.
+    pub grey: f64,
+    /// Variance of that mean by the pixels' noise \[grey levels²\].
+    pub variance: f64,
+    /// Rows below the stripe's middle; `None`: background \[px\].
+    pub below_px: Option<f64>,
+    /// Rows per column of the stripe.
+    pub slope: f64,
+    /// Distance ahead of the sheet \[m\] and what a row more makes of it.
+    pub off_m: f64,
+    /// See there.
+    pub off_per_row_m: f64,
+    /// Tangent of the angle from the fan's middle, starboard positive.
+    pub fan_tan: f64,
+    /// From the laser to the surface and on to the camera \[m\].
+    pub way_m: f64,
+}
+
+/// Samples of some columns across the stripe, or of the background between.
+#[derive(Debug, Clone)]
+pub(super) struct Bin {
+    pub samples: Vec<Sample>,
+    /// Whether its row and its brightness are its own.
+    pub on_line: bool,
+}
+
+/// One frame's.
+#[derive(Debug, Clone)]
+pub(super) struct LightFrame {
+    pub bins: Vec<Bin>,
+    /// Pixel noise in the dark \[grey levels\].
+    pub noise_sd: f64,
+}
+
+/// Where the sheet is seen at a pixel: depth below the CG, distances.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    z_m: f64,
+    fan_tan: f64,
+    way_m: f64,
+}
+
+fn place(g: &Geometry, column_px: f64, row_px: f64) -> Option<Place> {
+    let p = g.on_sheet(&g.ray(column_px, row_px))?;
+    let o = g.optics();
+    let (apex, eye) = (
+        Vector3::new(o.l_laser_m, 0.0, 0.0),
+        Vector3::from(o.camera_m),
+    );
+    (p.z > 0.0).then(|| Place {
+        z_m: p.z,
+        fan_tan: p.y / p.z,
+        way_m: (p - apex).norm() + (p - eye).norm(),
+    })
+}
+
+/// (ahead of the sheet \[m\], per row \[m\]) of a pixel at a depth.
+fn ahead(g: &Geometry, column_px: f64, row_px: f64, z_m: f64) -> Option<(f64, f64)> {
+    let at = |row: f64| g.off_at_depth_m(&g.ray(column_px, row), z_m);
+    let (up, down) = (at(row_px - 0.5)?, at(row_px + 0.5)?);
+    Some((0.5 * (up + down), down - up))
+}
+
+/// Pixels summed.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sum {
+    n: f64,
+    column: f64,
+    below: f64,
+    below2: f64,
+    grey: f64,
+    grey2: f64,
+}
+
+impl Sum {
+    fn add(&mut self, column: f64, below: f64, grey: f64) {
+        self.n += 1.0;
+        self.column += column;
+        self.below += below;
+        self.below2 += below * below;
+        self.grey += grey;
+        self.grey2 += grey * grey;
+    }
+}
+
+/// Class of a distance below the stripe in rows, signed; `None` farther off.
+fn class(below_px: f64, o: &LightOptions) -> Option<i64> {
+    let rows = below_px.round() as i64;
+    if rows.abs() <= o.near_rows {
+        return Some(rows);
+    }
+    let k = o.far_rows.iter().position(|end| rows.abs() <= *end)? as i64;
+    Some(rows.signum() * (o.near_rows + 1 + k))
+}
+
+/// Frames evenly over all runs.
+pub(super) fn frames(runs: &[ImageRun], g: &Geometry, o: &LightOptions) -> Vec<LightFrame> {
+    let all: Vec<&Seen> = runs.iter().flat_map(|r| &r.frames).collect();
+    let n = o.frames.min(all.len()).max(1);
+    (0..n)
+        .filter_map(|k| all.get((2 * k + 1) * all.len() / (2 * n)))
+        .map(|seen| frame(seen, g, o))
+        .collect()
+}
+
+fn frame(seen: &Seen, g: &Geometry, o: &LightOptions) -> LightFrame {
+    // Close to a step the profile is cut; a clipped one is what the light is asked about.
+    let sound = |p: &&StripePoint| p.quality & (quality::NEAR_STEP | quality::RIVAL) == 0;
+    let mut lines: Vec<[f64; 5]> = Vec::new();
+    let mut bins = Vec::new();
+    for stretch in stretches(&seen.profile.points) {
+        let points: Vec<StripePoint> = stretch.iter().filter(sound).copied().collect();
+        for some in points.chunks(o.columns).filter(|c| 2 * c.len() >= o.columns) {
+            let [c, r, slope] = line(some.iter());
+            bins.extend(across(seen, some, [c, r, slope], g, o));
+        }
+        if let (Some(a), Some(b)) = (stretch.first(), stretch.last()) {
+            let low = stretch.iter().map(|p| p.row_px).fold(f64::INFINITY, f64::min);
+            let high = stretch.iter().map(|p| p.row_px).fold(0.0, f64::max);
+            lines.push([a.column_px, b.column_px, low, high, 0.5 * (low + high)]);
+        }
+    }
+    bins.push(background(seen, &lines, g, o));
+    LightFrame {
+        bins,
+        noise_sd: seen.profile.noise_sd,
+    }
+}
+
+fn across(
+    seen: &Seen,
+    points: &[StripePoint],
+    [c, r, slope]: [f64; 3],
+    g: &Geometry,
+    o: &LightOptions,
+) -> Option<Bin> {
+    let reach = *o.far_rows.last()?;
+    let classes = o.near_rows + 1 + o.far_rows.len() as i64;
+    let mut sums = vec![Sum::default(); (2 * classes + 1) as usize];
+    let image = &seen.image;
+    for p in points {
+        let column = p.column_px.round();
+        let middle = r + slope * (column - c);
+        let first = (middle.round() as i64 - reach).max(0) as usize;
+        let last = ((middle.round() as i64 + reach).max(0) as usize).min(image.height_px.saturating_sub(1));
+        for row in first..=last {
+            let below = row as f64 - middle;
+            let Some(pixel) = image.pixels.get(row * image.width_px + column as usize) else {
+                continue;
+            };
+            if let Some(k) = class(below, o) {
+                sums[(k + classes) as usize].add(column, below, f64::from(*pixel));
+            }
+        }
+    }
+    let at = place(g, c, r)?;
+    let samples = sums.iter().filter(|s| 2.0 * s.n >= points.len() as f64).filter_map(|s| {
+        let (column_px, below) = (s.column / s.n, s.below / s.n);
+        let row_px = r + slope * (column_px - c) + below;
+        let (off_m, off_per_row_m) = ahead(g, column_px, row_px, at.z_m)?;
+        Some(Sample {
+            column_px,
+            row_px,
+            half_px: (s.below2 / s.n - below * below).max(0.0).sqrt(),
+            grey: s.grey / s.n,
+            variance: 1.0 / s.n,
+            below_px: Some(below),
+            slope,
+            off_m,
+            off_per_row_m,
+            fan_tan: at.fan_tan,
+            way_m: at.way_m,
+        })
+    });
+    Some(Bin {
+        samples: samples.collect(),
+        on_line: true,
+    })
+}
+
+/// Blocks farther from any stripe than the classes across it reach.
+fn background(seen: &Seen, lines: &[[f64; 5]], g: &Geometry, o: &LightOptions) -> Bin {
+    let image = &seen.image;
+    let reach = o.far_rows.last().map_or(0.0, |r| *r as f64);
+    let [wide, high] = o.block_px;
+    let mut samples = Vec::new();
+    for left in (0..image.width_px.saturating_sub(wide - 1)).step_by(wide) {
+        let middle = left as f64 + 0.5 * (wide as f64 - 1.0);
+        let over = |l: &&[f64; 5]| l[0] < (left + wide) as f64 && l[1] > left as f64;
+        let near = |l: &&[f64; 5]| (l[0] - middle).abs().min((l[1] - middle).abs());
+        let nearest = lines.iter().min_by(|a, b| near(&a).total_cmp(&near(&b)));
+        let at = nearest.and_then(|l| place(g, middle, l[4]));
+        let Some(at) = at else { continue };
+        for top in (0..image.height_px.saturating_sub(high - 1)).step_by(high) {
+            let bottom = (top + high) as f64;
+            let lit = |l: &[f64; 5]| bottom > l[2] - reach && (top as f64) < l[3] + reach;
+            let hit = lines.iter().filter(over).any(lit) || nearest.is_some_and(lit);
+            if hit {
+                continue;
+            }
+            let mut sum = Sum::default();
+            for row in top..top + high {
+                let from = row * image.width_px + left;
+                for pixel in image.pixels.get(from..from + wide).unwrap_or_default() {
+                    sum.add(0.0, 0.0, f64::from(*pixel));
+                }
+            }
+            let row_px = top as f64 + 0.5 * (high as f64 - 1.0);
+            if let Some((off_m, off_per_row_m)) = ahead(g, middle, row_px, at.z_m) {
+                samples.push(Sample {
+                    column_px: middle,
+                    row_px,
+                    half_px: high as f64 / 12f64.sqrt(),
+                    grey: sum.grey / sum.n,
+                    variance: 1.0 / sum.n,
+                    below_px: None,
+                    slope: 0.0,
+                    off_m,
+                    off_per_row_m,
+                    fan_tan: at.fan_tan,
+                    way_m: at.way_m,
+                });
+            }
+        }
+    }
+    Bin {
+        samples,
+        on_line: false,
+    }
+}
