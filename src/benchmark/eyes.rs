@@ -73,3 +73,15 @@ fn of_cases() {
         );
     }
 }
+
+/// `SEED=77 COUNT=6 FROM=0 cargo test -p hydroline-benchmark --lib -- --ignored --nocapture image_cases`
+#[test]
+#[ignore = "for eyes"]
+fn of_image_cases() {
+    let var = |n: &str, or: usize| std::env::var(n).map_or(or, |v| v.parse().unwrap());
+    let (from, count) = (var("FROM", 0), var("COUNT", 3));
+    let indices: Vec<usize> = (from..from + count).collect();
+    let done = |j: &super::images::ImageJudged| println!("{}: {j:?}\n", j.index);
+    let judged = super::images::run(var("SEED", 1) as u64, &indices, &done).unwrap();
+    println!("{}", super::images::words(&judged));
+}

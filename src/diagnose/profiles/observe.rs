@@ -84,6 +84,8 @@ pub struct ImageRun {
     pub commands: Vec<Command>,
     /// Frames with a stripe, by time.
     pub frames: Vec<Seen>,
+    /// The run's first stamp \[ns, UNIX\].
+    pub start_ns: u64,
     /// Frames in the log.
     pub in_log: usize,
     /// Frames without a stripe: (since the run's first stamp \[s\], the frame).
@@ -99,6 +101,7 @@ impl ImageRun {
             name: String::new(),
             commands: Vec::new(),
             frames: vec![seen.clone()],
+            start_ns: 0,
             in_log: 1,
             dark: Vec::new(),
             calibration: None,
@@ -227,6 +230,7 @@ pub fn from_images(
     Ok(ImageRun {
         name: name.to_owned(),
         commands: run.commands,
+        start_ns: run.start_ns,
         frames,
         in_log,
         dark,

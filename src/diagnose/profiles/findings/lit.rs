@@ -5,6 +5,7 @@ use super::super::fit::{Fitted, Free, State};
 use super::super::geometry::Geometry;
 use super::super::light::{LightEffect, Looked, look};
 use super::super::observe::ImageRun;
+use super::super::search::ANY_PX;
 use super::effects::described;
 use super::problem;
 use crate::verdict::Effect;
@@ -114,6 +115,8 @@ impl<'a> Lit<'a> {
         let problem = problem(&common, rig, self.base.clone()).ok()?;
         let begin = State {
             poses,
+            // To begin with nothing passes for stray.
+            floors: ANY_PX,
             ..best.state.clone()
         };
         let fit = problem.fit(candidates, &best.effects, begin.clone(), Free::All)?;

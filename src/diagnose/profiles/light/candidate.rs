@@ -8,9 +8,14 @@ use hydroline_inference::prior::{Density, Scale};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::{ALL, CheckedEffect, EffectInfo, Stage};
 
-/// Places in the plausible range at which a search begins where a parameter has no usual value.
-const FEW: [f64; 3] = [0.1, 0.5, 0.9];
-const MANY: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+/// Places in the plausible range of an effect's size at which a search begins, and the one where it has a length or a
+/// time beside its size.
+const SIZES: [f64; 3] = [0.1, 0.5, 0.9];
+const SIZE: [f64; 1] = [0.5];
+/// Lengths and times from which a search begins, evenly up to half beyond what is plausible: a band's phase over the image is
+/// lost from half a period off.
+const PLACES: usize = 8;
+const BEYOND: f64 = 1.6;
 
 /// An effect that may light the picture, in one of its ways to do it.
 #[derive(Debug, Clone)]
@@ -40,6 +45,7 @@ impl LightCandidate {
             .map(|(k, p)| Scale::of(p, k))
             .collect();
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
+        let placed = info.parameters.iter().skip(1).any(|p| p.absent.is_none());
         for (k, (p, scale)) in info.parameters.iter().zip(&scales).enumerate() {
             let (low, high) = p.plausible;
             let within = |share: f64| {
@@ -50,8 +56,12 @@ impl LightCandidate {
                 (Some(usual), Density::Circle(_)) => vec![usual],
                 (Some(usual), _) if usual == p.typical => vec![usual],
                 (Some(usual), _) => vec![p.typical, usual],
-                (None, _) if k == 0 => FEW.map(within).to_vec(),
-                (None, _) => MANY.map(within).to_vec(),
+                (None, _) if k == 0 && placed => SIZE.map(within).to_vec(),
+                (None, _) if k == 0 => SIZES.map(within).to_vec(),
+                (None, _) => {
+                    let step = (BEYOND * high - low) / (PLACES - 1) as f64;
+                    (0..PLACES).map(|n| low + n as f64 * step).collect()
+                }
             };
             let longer = |s: &Vec<f64>| {
                 let s = s.clone();

@@ -49,6 +49,8 @@ pub(super) struct State {
     pub own: Vec<[f64; OWN]>,
     /// Which size each field has.
     pub sizes: [usize; 2],
+    /// What samples may be off beyond noise and floors, far from the mode \[grey levels\].
+    pub spread_grey: f64,
 }
 
 /// Normal equations of what all frames share, and what the frames' own are where those are.
@@ -84,6 +86,12 @@ struct OwnStep {
 }
 
 impl Equations {
+    /// Share of samples that are something else.
+    pub fn strays(&self) -> f64 {
+        let sum: f64 = self.left.iter().map(|l| 1.0 - l.belongs).sum();
+        sum / self.left.len().max(1) as f64
+    }
+
     /// The frames' own steps that go with one of the shared numbers.
     pub fn own_steps(&self, shared: &DVector<f64>) -> Vec<[f64; OWN]> {
         (self.own.iter())
@@ -154,7 +162,7 @@ impl Data<'_> {
         }
     }
 
-    /// The prediction with each shared number moved, and by how much in its unit.
+    /// The prediction with each shared number moved but those of the fields, and by how much in its unit.
     fn moved(&self, state: &State, near: &Forward) -> Option<Vec<(Forward, f64)>> {
         let mut moved = Vec::new();
         for (k, term) in state.terms.iter().enumerate() {
@@ -168,7 +176,7 @@ impl Data<'_> {
                 moved.push((self.forward(&other, Some(near))?, signed));
             }
         }
-        for n in 0..NUISANCES {
+        for n in 0..FIELDS[0] {
             let mut other = state.clone();
             other.nuisance[n] += STEP;
             moved.push((self.forward(&other, Some(near))?, STEP));
@@ -180,7 +188,7 @@ impl Data<'_> {
     pub fn value(&self, state: &State) -> Option<f64> {
         let forward = self.forward(state, None)?;
         let each = self.frames.par_iter().zip(&state.own);
-        let values = each.map(|(f, own)| self.frame(f, own, &forward, &[], false).value);
+        let values = each.map(|(f, own)| self.frame(f, own, &forward, (&[], state.spread_grey), false).value);
         let sum: f64 = values.collect::<Vec<_>>().iter().sum();
         sum.is_finite().then_some(sum)
     }
@@ -192,9 +200,9 @@ impl Data<'_> {
         let timed = self.timed(&forward);
         let each = self.frames.par_iter().zip(&state.own);
         let frames: Vec<Frame> = each
-            .map(|(f, own)| self.frame(f, own, &forward, &moved, true))
+            .map(|(f, own)| self.frame(f, own, &forward, (&moved, state.spread_grey), true))
             .collect();
-        let n = moved.len();
+        let n = moved.len() + GAINS + AMBIENTS;
         let mut sum = Equations {
             value: 0.0,
             information: DMatrix::zeros(n, n),
@@ -243,16 +251,17 @@ impl Data<'_> {
         let timed = self.timed(&forward);
         let value = |x: &[f64; OWN]| {
             let prior: f64 = x[..LAMP].iter().map(|v| 0.5 * v * v).sum();
-            self.frame(frame, x, &forward, &[], false).value - prior
+            self.frame(frame, x, &forward, (&[], 0.0), false).value - prior
         };
         if timed {
             x = self.phase_of(frame, &x, &forward, PHASES_ALONE);
         }
         let mut now = value(&x);
+        let first = GAINS + AMBIENTS;
         for _ in 0..steps {
-            let f = self.frame(frame, &x, &forward, &[], true);
-            let mut a: SMatrix<f64, OWN, OWN> = SMatrix::from_fn(|i, j| f.information[(i, j)]);
-            let mut g = SVector::<f64, OWN>::from_fn(|i, _| f.gradient[i]);
+            let f = self.frame(frame, &x, &forward, (&[], 0.0), true);
+            let mut a: SMatrix<f64, OWN, OWN> = SMatrix::from_fn(|i, j| f.information[(first + i, first + j)]);
+            let mut g = SVector::<f64, OWN>::from_fn(|i, _| f.gradient[first + i]);
             for k in 0..OWN {
                 a[(k, k)] += 1.0;
                 g[k] -= if k == LAMP { 0.0 } else { x[k] };
@@ -287,7 +296,7 @@ impl Data<'_> {
         let at = |k: usize| {
             let mut own = *own;
             own[LAMP] += k as f64 / count as f64;
-            (self.frame(&only, &own, forward, &[], false).value, own)
+            (self.frame(&only, &own, forward, (&[], 0.0), false).value, own)
         };
         let best = (0..count).map(at).max_by(|a, b| a.0.total_cmp(&b.0));
         best.map_or(*own, |b| b.1)
@@ -325,7 +334,7 @@ impl Data<'_> {
         frame: &LightFrame,
         x: &[f64; OWN],
         forward: &Forward,
-        moved: &[(Forward, f64)],
+        (moved, spread_grey): (&[(Forward, f64)], f64),
         slopes: bool,
     ) -> Frame {
         let own = self.own(x);
@@ -336,7 +345,9 @@ impl Data<'_> {
                 self.own(&x)
             })
             .collect();
-        let n = if slopes { moved.len() + OWN } else { 0 };
+        // Shared numbers, the fields' last, then the frame's own.
+        let shared = moved.len() + GAINS + AMBIENTS;
+        let n = if slopes { shared + OWN } else { 0 };
         let mut sum = Frame {
             value: 0.0,
             information: DMatrix::zeros(n, n),
@@ -345,7 +356,7 @@ impl Data<'_> {
         };
         for bin in &frame.bins {
             let predicted: Vec<f64> = bin.samples.iter().map(|s| forward.grey(s, &own, 0.0)).collect();
-            let measured = Measured::new(self, frame, bin, forward, &own, &predicted);
+            let measured = Measured::new(self, frame, bin, (forward, &own), (&predicted, spread_grey));
             sum.value += measured.value;
             if !slopes {
                 continue;
@@ -356,7 +367,18 @@ impl Data<'_> {
                     j[(i, k)] = (other.grey(s, &own, 0.0) - p) / step;
                 }
                 for (k, other) in others.iter().enumerate() {
-                    j[(i, moved.len() + k)] = (forward.grey(s, other, 0.0) - p) / STEP;
+                    j[(i, shared + k)] = (forward.grey(s, other, 0.0) - p) / STEP;
+                }
+                // Fields are brightness and background that depend on the place.
+                let (gains, ambients) = forward.basis(s.column_px, s.row_px);
+                let by_gain = j[(i, shared)] * self.options.gain / self.options.brightness_ln
+                    / (1.0 + forward.gain(s.column_px, s.row_px));
+                let by_ambient = j[(i, shared + 1)] * self.options.ambient_grey / self.options.background_grey;
+                for (k, basis) in gains.iter().enumerate() {
+                    j[(i, moved.len() + k)] = by_gain * basis;
+                }
+                for (k, basis) in ambients.iter().enumerate() {
+                    j[(i, moved.len() + GAINS + k)] = by_ambient * basis;
                 }
             }
             measured.add(&j, &mut sum.information, &mut sum.gradient);
@@ -384,9 +406,8 @@ impl Measured {
         data: &Data<'_>,
         frame: &LightFrame,
         bin: &Bin,
-        forward: &Forward,
-        own: &Own,
-        predicted: &[f64],
+        (forward, own): (&Forward, &Own),
+        (predicted, spread_grey): (&[f64], f64),
     ) -> Measured {
         let o = &data.options;
         let n = bin.samples.len();
@@ -410,7 +431,7 @@ impl Measured {
             let scale = if bin.on_line { forward.on_stripe(s, own) } else { 1.0 };
             let noise = s.variance * noise2;
             let floor = if bin.on_line { (data.floors[0] * scale).hypot(data.floors[1]) } else { data.floors[1] };
-            sds.push((noise + floor * floor).sqrt());
+            sds.push((noise + floor * floor + spread_grey * spread_grey).sqrt());
             made.left.push(Left {
                 on_line: bin.on_line,
                 off: s.grey - p,

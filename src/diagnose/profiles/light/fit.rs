@@ -1,13 +1,17 @@
 //! The mode of one model and its evidence (Laplace), fields without a name of the size that the frames ask for.
 
 use super::equations::{Data, Equations, FIELDS, NUISANCES, OWN, State};
-use hydroline_inference::prior::Density;
+use hydroline_inference::prior::{Density, PriorTable};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Sizes that a field may have, over their median: by factors of four.
 pub(super) const SIZES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 /// Phases that are tried before a fit.
 const PHASES: usize = 12;
+/// Share of strays from which a fit begins far off, what samples may be off then \[grey levels\], and steps at each.
+const FAR_OFF: f64 = 0.02;
+const SPREADS_GREY: [f64; 3] = [20.0, 5.0, 1.5];
+const STEPS_FAR: usize = 3;
 /// Shares of a step that are tried.
 const SHARES: [f64; 5] = [1.0, 0.5, 0.2, 0.06, 0.02];
 
@@ -28,9 +32,13 @@ pub struct LightFit {
     pub(super) left: Vec<super::equations::Left>,
 }
 
-/// Log prior probability of a size on the grid (half-Cauchy of median 1).
+/// Log prior probability of a size on the grid: half-Cauchy of median 1, and what is larger than the unevenness of any lamp
+/// and print is light without a name, as likely as a force without one.
 fn ln_size(size: f64) -> f64 {
-    (std::f64::consts::FRAC_2_PI * size / (1.0 + size * size) * 4f64.ln()).ln()
+    let half_cauchy = std::f64::consts::FRAC_2_PI * size / (1.0 + size * size) * 4f64.ln();
+    let unnamed = PriorTable::default().unnamed;
+    let share = if size > 1.0 { unnamed } else { 1.0 - unnamed };
+    (half_cauchy * share).ln()
 }
 
 /// Sizes of a field's numbers.
@@ -51,6 +59,7 @@ impl Data<'_> {
             nuisance: [0.0; NUISANCES],
             own: vec![[0.0; OWN]; self.frames.len()],
             sizes: [1, 1],
+            spread_grey: 0.0,
         }
     }
 
@@ -145,8 +154,34 @@ impl Data<'_> {
 
     /// Fits a model from a state, in so many steps at most.
     pub(super) fn fit(&self, from: &State, steps: usize) -> Option<LightFit> {
+        self.fit_from(from, steps, &SPREADS_GREY)
+    }
+
+    /// The same; what samples may be off at the first steps, should it begin far off \[grey levels\].
+    pub(super) fn fit_from(&self, from: &State, steps: usize, spreads_grey: &[f64]) -> Option<LightFit> {
         let mut state = self.phased(from, PHASES)?;
         let mut e = self.equations(&state)?;
+        // Far off, most samples would pass for strays: at first all of them may be off by a lot.
+        if e.strays() > FAR_OFF {
+            for spread in spreads_grey {
+                state.spread_grey = *spread;
+                (state, _) = self.steps(state, None, STEPS_FAR)?;
+                state = self.phased(&state, PHASES)?;
+            }
+            state.spread_grey = 0.0;
+            e = self.equations(&state)?;
+        }
+        let (mut state, e) = self.steps(state, Some(e), steps)?;
+        state = self.sized(&state, &e);
+        self.finished(state, e)
+    }
+
+    /// Gauss–Newton steps from a state, and the equations where they end.
+    fn steps(&self, mut state: State, e: Option<Equations>, steps: usize) -> Option<(State, Equations)> {
+        let mut e = match e {
+            Some(e) => e,
+            None => self.equations(&state)?,
+        };
         for _ in 0..steps {
             state = self.sized(&state, &e);
             let (step, ..) = self.solved(&state, &e)?;
@@ -164,8 +199,7 @@ impl Data<'_> {
                 break;
             }
         }
-        state = self.sized(&state, &e);
-        self.finished(state, e)
+        Some((state, e))
     }
 
     fn finished(&self, state: State, e: Equations) -> Option<LightFit> {

@@ -105,17 +105,24 @@ impl Forward {
         [at(column_px, self.size_px[0]), at(row_px, self.size_px[1])]
     }
 
-    /// Field of the laser's brightness at a pixel.
-    fn gain(&self, column_px: f64, row_px: f64) -> f64 {
+    /// What makes up the two fields at a pixel.
+    pub fn basis(&self, column_px: f64, row_px: f64) -> ([f64; GAINS], [f64; AMBIENTS]) {
         let [u, v] = self.place(column_px, row_px);
-        let basis = [p1(u), p2(u), p3(u), p4(u), v, u * v];
+        (
+            [p1(u), p2(u), p3(u), p4(u), v, u * v],
+            [p1(u), p2(u), p3(u), p1(v), p2(v)],
+        )
+    }
+
+    /// Field of the laser's brightness at a pixel.
+    pub fn gain(&self, column_px: f64, row_px: f64) -> f64 {
+        let (basis, _) = self.basis(column_px, row_px);
         basis.iter().zip(&self.uncertain.gain).map(|(b, c)| b * c).sum()
     }
 
     /// Field of the background at a pixel \[grey levels\].
     fn ambient(&self, column_px: f64, row_px: f64) -> f64 {
-        let [u, v] = self.place(column_px, row_px);
-        let basis = [p1(u), p2(u), p3(u), p1(v), p2(v)];
+        let (_, basis) = self.basis(column_px, row_px);
         let sum = basis.iter().zip(&self.uncertain.ambient);
         sum.map(|(b, c)| b * c).sum()
     }

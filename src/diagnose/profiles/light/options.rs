@@ -50,14 +50,19 @@ pub struct LightOptions {
     pub stray: (f64, f64),
     /// Change of a sample from which an effect is said to light the picture \[grey levels\]: a camera has whole ones.
     pub lights_grey: f64,
-    /// Part of the samples that a first look takes (one in so many).
-    pub sparse: usize,
+    /// Samples that a fit takes at most: bins across the stripe, blocks of background. These show a lens' shading to a
+    /// hundredth of its usual size.
+    pub most: [usize; 2],
+    /// The same of a first look.
+    pub few: [usize; 2],
     /// Steps of a first look, and of a fit.
     pub steps: (usize, usize),
     /// Gain of a step below which a fit has settled \[nat\].
     pub settled: f64,
     /// Additions that are fitted after a first look.
     pub additions: usize,
+    /// The same in the place of an effect.
+    pub swaps: usize,
     /// Effects of a model at most.
     pub effects: usize,
     /// Gain of log score below which a way is not followed: one in a hundred \[nat\].
@@ -72,7 +77,7 @@ pub struct LightOptions {
 impl Default for LightOptions {
     fn default() -> Self {
         LightOptions {
-            frames: 20,
+            frames: 12,
             frames_least: 2,
             columns: 12,
             near_rows: 10,
@@ -95,10 +100,12 @@ impl Default for LightOptions {
             floor_grey: 0.05,
             stray: (0.01, 60.0),
             lights_grey: 0.05,
-            sparse: 6,
-            steps: (4, 14),
+            most: [160, 1200],
+            few: [36, 300],
+            steps: (3, 14),
             settled: 0.05,
             additions: 4,
+            swaps: 2,
             effects: 7,
             worth: 4.6,
             unnamed: (0.02, 0.7),

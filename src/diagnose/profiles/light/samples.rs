@@ -114,10 +114,37 @@ fn class(below_px: f64, o: &LightOptions) -> Option<i64> {
 pub(super) fn frames(runs: &[ImageRun], g: &Geometry, o: &LightOptions) -> Vec<LightFrame> {
     let all: Vec<&Seen> = runs.iter().flat_map(|r| &r.frames).collect();
     let n = o.frames.min(all.len()).max(1);
-    (0..n)
+    let frames: Vec<LightFrame> = (0..n)
         .filter_map(|k| all.get((2 * k + 1) * all.len() / (2 * n)))
         .map(|seen| frame(seen, g, o))
-        .collect()
+        .collect();
+    thinned(&frames, o.most)
+}
+
+/// Some of the samples, evenly: so many bins across the stripe and blocks of background in all.
+pub(super) fn thinned(frames: &[LightFrame], [bins, blocks]: [usize; 2]) -> Vec<LightFrame> {
+    let on_line = |f: &LightFrame| f.bins.iter().filter(|b| b.on_line).count();
+    let dark = |f: &LightFrame| -> usize {
+        let own = f.bins.iter().filter(|b| !b.on_line);
+        own.map(|b| b.samples.len()).sum()
+    };
+    let every = |all: usize, most: usize| all.div_ceil(most.max(1)).max(1);
+    let bins = every(frames.iter().map(on_line).sum(), bins);
+    let blocks = every(frames.iter().map(dark).sum(), blocks);
+    let thin = |(n, f): (usize, &LightFrame)| {
+        // Other columns and rows from frame to frame.
+        let line = f.bins.iter().filter(|b| b.on_line);
+        let line = line.skip(n % bins).step_by(bins).cloned();
+        let dark = f.bins.iter().filter(|b| !b.on_line).map(|b| Bin {
+            samples: b.samples.iter().skip(n % blocks).step_by(blocks).copied().collect(),
+            on_line: false,
+        });
+        LightFrame {
+            bins: line.chain(dark).collect(),
+            ..f.clone()
+        }
+    };
+    frames.iter().enumerate().map(thin).collect()
 }
 
 fn frame(seen: &Seen, g: &Geometry, o: &LightOptions) -> LightFrame {

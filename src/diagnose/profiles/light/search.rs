@@ -4,18 +4,22 @@ use super::candidate::{LightCandidate, library};
 use super::equations::{Data, Left, State};
 use super::fit::LightFit;
 use super::options::LightOptions;
-use super::samples::{Bin, LightFrame, frames};
+use super::samples::{frames, thinned};
+use crate::verdict::ESTABLISHED;
 use crate::profiles::candidate::Base;
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::ImageRun;
 use hydroline_inference::posterior::{Marginal, marginals};
 use hydroline_inference::prior::PriorTable;
 use hydroline_rigs::Rig;
+use hydroline_sim::effect::CheckedEffect;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Change of a floor that is worth another search.
 const FLOOR_CHANGE: f64 = 1.25;
+/// What samples may be off at a first look's first steps \[grey levels\].
+const NEAR_GREY: [f64; 1] = [5.0];
 /// Gain of log score that is progress \[nat\].
 const PROGRESS: f64 = 0.1;
 
@@ -29,9 +33,21 @@ pub struct Looked<'a> {
 }
 
 impl Looked<'_> {
-    /// The likeliest model.
+    /// The likeliest model without what it could do without: each of its effects is worth what establishes one to the rest.
     pub fn best(&self) -> &LightFit {
-        &self.models[0]
+        let odds = (ESTABLISHED / (1.0 - ESTABLISHED)).ln();
+        let mut best = &self.models[0];
+        loop {
+            let simpler = self.models.iter().find(|f| {
+                f.terms.len() < best.terms.len()
+                    && f.terms.iter().all(|t| best.terms.contains(t))
+                    && f.ln_score > best.ln_score - odds
+            });
+            match simpler {
+                Some(simpler) => best = simpler,
+                None => return best,
+            }
+        }
     }
 
     /// Effects that were asked.
@@ -52,6 +68,47 @@ impl Looked<'_> {
     }
 }
 
+impl<'a> Looked<'a> {
+    /// The model with these effects fitted from their numbers, and what each of them adds to the score \[nat\]; `None` where
+    /// the frames do not show their light at all.
+    pub fn known(
+        runs: &[ImageRun],
+        rig: &'a Rig,
+        base: &'a Base,
+        geometry: &Geometry,
+        effects: &[CheckedEffect],
+    ) -> Option<(Looked<'a>, Vec<f64>)> {
+        let mut data = data(runs, rig, base, geometry)?;
+        let mut state = data.first();
+        for e in effects {
+            let same = |c: &LightCandidate| c.info.id == e.info.id && c.words == e.words;
+            let t = data.candidates.iter().position(same)?;
+            let scales = data.candidates[t].scales.iter().zip(&e.numbers);
+            state.terms.push(t);
+            state.numbers.push(scales.map(|(s, v)| s.scaled(*v)).collect());
+        }
+        let mut visited = Visited::default();
+        let first = visited.fit(&data, &state, 0)?;
+        data.floors = floors(&data, &first.left);
+        let best = data.fit(&first.state, data.options.steps.1)?;
+        let gains = (0..effects.len()).map(|k| {
+            let mut visited = Visited::default();
+            let without = visited.fit(&data, &dropped(&best.state, k), 0);
+            let score = best.ln_evidence + ln_prior(&data, &best.terms, 0);
+            without.map_or(f64::INFINITY, |w| score - w.ln_score)
+        });
+        let gains = gains.collect();
+        Some((
+            Looked {
+                data,
+                models: vec![best],
+                marginals: Vec::new(),
+            },
+            gains,
+        ))
+    }
+}
+
 /// Looks at the light of some runs; `others`: effects of the image level that do not light it. `None` where too few frames show it.
 pub fn look<'a>(
     runs: &[ImageRun],
@@ -61,6 +118,16 @@ pub fn look<'a>(
     others: usize,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Option<Looked<'a>> {
+    searched(data(runs, rig, base, geometry)?, others, progress)
+}
+
+/// What all models are judged on.
+fn data<'a>(
+    runs: &[ImageRun],
+    rig: &'a Rig,
+    base: &'a Base,
+    geometry: &Geometry,
+) -> Option<Data<'a>> {
     let options = LightOptions::default();
     let frames = frames(runs, geometry, &options);
     if frames.len() < options.frames_least {
@@ -70,7 +137,7 @@ pub fn look<'a>(
     let even_target = (rig.target.iter())
         .flat_map(|t| &t.slabs)
         .all(|s| (s.albedo - 1.0).abs() < 1e-6);
-    let data = Data {
+    Some(Data {
         rig,
         base,
         frames,
@@ -78,8 +145,7 @@ pub fn look<'a>(
         floors: [options.floor, options.floor_grey],
         options,
         even_target,
-    };
-    searched(data, others, progress)
+    })
 }
 
 fn searched<'a>(
@@ -109,6 +175,7 @@ fn searched<'a>(
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
     for m in models.iter().take(6) {
         let ids: Vec<&str> = m.terms.iter().map(|t| data.candidates[*t].info.id).collect();
+        if std::env::var("DBG").is_ok() { eprintln!("{ids:?} score {:.1} {:.3?} sds {:.3?} sizes {:?} nuis {:.2?} floors {:.4?} strays {:.4}", m.ln_score, m.numbers, m.sds, m.state.sizes, m.state.nuisance, data.floors, m.left.iter().map(|l| 1.0-l.belongs).sum::<f64>()/m.left.len() as f64); }
         tracing::debug!(?ids, score = m.ln_score, numbers = ?m.numbers, sds = ?m.sds, sizes = ?m.state.sizes, nuisance = ?m.state.nuisance, floors = ?data.floors, "light");
     }
     let scored = models.iter().map(|m| (m.terms.clone(), m.ln_score));
@@ -173,7 +240,7 @@ fn climbed(
     visited: &mut Visited,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Option<LightFit> {
-    let few = thinned(data);
+    let few = few(data);
     let mut best = from;
     for _ in 0..2 * data.options.effects {
         progress("light of the picture");
@@ -184,7 +251,7 @@ fn climbed(
         }
         for k in 0..best.terms.len() {
             let dropped = dropped(&best.state, k);
-            moves.extend(promising.iter().map(|p| added(&dropped, p)));
+            moves.extend(promising.iter().take(data.options.swaps).map(|p| added(&dropped, p)));
             moves.push(dropped);
         }
         moves.retain(|m| !visited.knows(&m.terms));
@@ -234,7 +301,7 @@ fn promised(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let mut found: Vec<(f64, Start)> = tries
         .par_iter()
         .filter_map(|start| {
-            let fit = few.fit(&added(&now.state, start), few.options.steps.0)?;
+            let fit = few.fit_from(&added(&now.state, start), few.options.steps.0, &NEAR_GREY)?;
             let numbers = fit.state.numbers.last()?.clone();
             Some((fit.ln_evidence - now.ln_evidence, (start.0, numbers)))
         })
@@ -242,31 +309,19 @@ fn promised(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut seen = BTreeSet::new();
     found.retain(|(gain, (t, _))| {
-        // On one sample in so many a gain is one in so many, too.
+        // On a few samples a gain is less, too.
         *gain > -few.options.worth && seen.insert(*t)
     });
     found.truncate(few.options.additions);
     found.into_iter().map(|f| f.1).collect()
 }
 
-/// The same on one sample in [`LightOptions::sparse`].
-fn thinned<'a>(data: &Data<'a>) -> Data<'a> {
-    let every = data.options.sparse.max(1);
-    let thin = |f: &LightFrame| {
-        let line = f.bins.iter().filter(|b| b.on_line).step_by(every);
-        let dark = f.bins.iter().filter(|b| !b.on_line).map(|b| Bin {
-            samples: b.samples.iter().step_by(every).copied().collect(),
-            on_line: false,
-        });
-        LightFrame {
-            bins: line.cloned().chain(dark).collect(),
-            ..f.clone()
-        }
-    };
+/// The same on a few of the samples.
+fn few<'a>(data: &Data<'a>) -> Data<'a> {
     Data {
         rig: data.rig,
         base: data.base,
-        frames: data.frames.iter().map(thin).collect(),
+        frames: thinned(&data.frames, data.options.few),
         candidates: data.candidates.clone(),
         options: data.options,
         floors: data.floors,
