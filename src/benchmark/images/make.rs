@@ -118,21 +118,22 @@ pub fn make(seed: u64, index: usize) -> Result<ImageCase, ProveError> {
     for (k, name) in PLANS.iter().enumerate() {
         let plan = Plan::load_or_builtin(name)?;
         tank.camera.rate_fps = (FRAMES as f64 + 0.5) / plan.duration_s();
-        let path = scratch.0.join(format!("{name}.mcap"));
-        let run = |tank: &Rig| -> Result<ImageRun, ProveError> {
+        let path = |what: &str| scratch.0.join(format!("{name}-{what}.mcap"));
+        let run = |tank: &Rig, path: &Path| -> Result<ImageRun, ProveError> {
             let options = Options {
                 seed: Some(seed.wrapping_mul(7919).wrapping_add((2 * index + k) as u64)),
                 ..Options::default()
             };
-            simulate(tank, &plan, &path, &options, &mut |_, _| {})
+            simulate(tank, &plan, path, &options, &mut |_, _| {})
                 .map_err(|e| broken(e.to_string()))?;
-            Ok(observe::read(&path, &rig, FRAMES)?)
+            Ok(observe::read(path, &rig, FRAMES)?)
         };
-        clean.push(run(&tank)?);
+        clean.push(run(&tank, &path("clean"))?);
         let mut lit = tank.clone();
         lit.physics.extend(truth.iter().cloned());
-        let made = run(&lit)?;
-        poses.push(seen_poses(&path, &tank, made.start_ns).map_err(|e| broken(e.to_string()))?);
+        let lit_path = path("lit");
+        let made = run(&lit, &lit_path)?;
+        poses.push(seen_poses(&lit_path, &tank, made.start_ns).map_err(|e| broken(e.to_string()))?);
         runs.push(made);
     }
     Ok(ImageCase {

@@ -14,11 +14,14 @@ use std::sync::Arc;
 
 /// Coefficients of the gain field: P₁…P₄ of the column, row, row times column.
 pub(super) const GAINS: usize = 6;
-/// Of the background's: P₁…P₃ of the column, P₁, P₂ of the row.
-pub(super) const AMBIENTS: usize = 5;
+/// Highest degree of the background's products of P of the column and P of the row: a lamp that lights a third of the image
+/// is followed to some hundredths.
+const DEGREE: usize = 7;
+/// Coefficients of the background's field: all products up to that degree but for the constant.
+pub(super) const AMBIENTS: usize = (DEGREE + 1) * (DEGREE + 2) / 2 - 1;
 
 /// What is uncertain about the rig, in natural units.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Uncertain {
     /// ln of the sheet's thickness over the rig's.
     pub thickness: f64,
@@ -32,6 +35,20 @@ pub(super) struct Uncertain {
     pub gain: [f64; GAINS],
     /// Field of the background \[grey levels\].
     pub ambient: [f64; AMBIENTS],
+}
+
+impl Default for Uncertain {
+    /// The rig as its file has it.
+    fn default() -> Self {
+        Uncertain {
+            thickness: 0.0,
+            spread: 0.0,
+            noise: 0.0,
+            shape: [0.0; 2],
+            gain: [0.0; GAINS],
+            ambient: [0.0; AMBIENTS],
+        }
+    }
 }
 
 /// The same of one frame.
@@ -108,10 +125,13 @@ impl Forward {
     /// What makes up the two fields at a pixel.
     pub fn basis(&self, column_px: f64, row_px: f64) -> ([f64; GAINS], [f64; AMBIENTS]) {
         let [u, v] = self.place(column_px, row_px);
-        (
-            [p1(u), p2(u), p3(u), p4(u), v, u * v],
-            [p1(u), p2(u), p3(u), p1(v), p2(v)],
-        )
+        let (pu, pv) = (legendre(u), legendre(v));
+        let mut products = [0.0; AMBIENTS];
+        let all = (1..=DEGREE).flat_map(|n| (0..=n).map(move |k| (n - k, k)));
+        for (to, (i, k)) in products.iter_mut().zip(all) {
+            *to = pu[i] * pv[k];
+        }
+        ([pu[1], pu[2], pu[3], pu[4], v, u * v], products)
     }
 
     /// Field of the laser's brightness at a pixel.
@@ -213,15 +233,33 @@ const READ_LEAST: f64 = 0.3;
 /// Sds of the stripe beyond which it has no light: that of 200 grey levels is 2e-6 there.
 const FAR_SDS: f64 = 6.0;
 
-fn p1(u: f64) -> f64 {
-    u
+/// Legendre's polynomials, by their recurrence.
+fn legendre(x: f64) -> [f64; DEGREE + 1] {
+    let mut p = [1.0; DEGREE + 1];
+    p[1] = x;
+    for n in 1..DEGREE {
+        let k = n as f64;
+        p[n + 1] = ((2.0 * k + 1.0) * x * p[n] - k * p[n - 1]) / (k + 1.0);
+    }
+    p
 }
-fn p2(u: f64) -> f64 {
-    1.5 * u * u - 0.5
-}
-fn p3(u: f64) -> f64 {
-    (2.5 * u * u - 1.5) * u
-}
-fn p4(u: f64) -> f64 {
-    (4.375 * u * u - 3.75) * u * u + 0.375
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fields_polynomials_are_legendres() {
+        let p = legendre(0.3);
+        assert!((p[4] - (4.375 * 0.09 * 0.09 - 3.75 * 0.09 + 0.375)).abs() < 1e-12);
+        assert!(legendre(-1.0).iter().enumerate().all(|(n, v)| *v == [1.0, -1.0][n % 2]));
+    }
+
+    /// Behind the sheet there is no haze, before it what is left after so many lengths.
+    #[test]
+    fn haze_fades_ahead_of_the_sheet_only() {
+        assert!(fading(-0.02, 0.01, 1e-3) < 1e-12);
+        let ratio = fading(0.03, 0.01, 1e-3) / fading(0.02, 0.01, 1e-3);
+        assert!((ratio - (-1.0f64).exp()).abs() < 1e-9, "{ratio}");
+    }
 }

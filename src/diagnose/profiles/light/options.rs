@@ -70,7 +70,8 @@ pub struct LightOptions {
     /// rms of the field without a name from which it is said: gain, background \[grey levels\]. Below that the camera's
     /// noise and the print of the target are as large.
     pub unnamed: (f64, f64),
-    /// Share of strays among the samples of background or stripe from which something else is in the picture.
+    /// Share of strays among the samples of background or stripe from which something else is in the picture: twice what
+    /// every model allows for.
     pub strays: f64,
 }
 
@@ -109,7 +110,7 @@ impl Default for LightOptions {
             effects: 7,
             worth: 4.6,
             unnamed: (0.02, 0.7),
-            strays: 0.05,
+            strays: 0.02,
         }
     }
 }

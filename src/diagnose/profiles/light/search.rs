@@ -175,7 +175,6 @@ fn searched<'a>(
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
     for m in models.iter().take(6) {
         let ids: Vec<&str> = m.terms.iter().map(|t| data.candidates[*t].info.id).collect();
-        if std::env::var("DBG").is_ok() { eprintln!("{ids:?} score {:.1} {:.3?} sds {:.3?} sizes {:?} nuis {:.2?} floors {:.4?} strays {:.4}", m.ln_score, m.numbers, m.sds, m.state.sizes, m.state.nuisance, data.floors, m.left.iter().map(|l| 1.0-l.belongs).sum::<f64>()/m.left.len() as f64); }
         tracing::debug!(?ids, score = m.ln_score, numbers = ?m.numbers, sds = ?m.sds, sizes = ?m.state.sizes, nuisance = ?m.state.nuisance, floors = ?data.floors, "light");
     }
     let scored = models.iter().map(|m| (m.terms.clone(), m.ln_score));

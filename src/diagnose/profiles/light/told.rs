@@ -92,6 +92,7 @@ impl Looked<'_> {
         let o = &self.data.options;
         let state = &self.best().state;
         let uncertain = self.data.uncertain(&state.nuisance);
+        // The polynomials' own mean squares are below one: an upper bound, and near it for the lowest.
         let rms = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (gain, ambient) = (rms(&uncertain.gain), rms(&uncertain.ambient));
         let mut words = Vec::new();
@@ -111,7 +112,7 @@ impl Looked<'_> {
         (!words.is_empty()).then(|| words.join("; "))
     }
 
-    /// Effects that these frames would not show at any size that a search begins from: they change no sample by its sd.
+    /// Whether nothing that has a name lights the picture.
     pub fn nothing_found(&self) -> bool {
         self.best().terms.is_empty()
     }
