@@ -120,8 +120,7 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
     // Each effect there named, or beside the one that these frames do not tell from it.
     let or = found.as_ref().is_some_and(|f| {
         let is = |e: &Effect, w: &String| e.effect == *w || e.or.contains(w);
-        f.effects.len() == wanted.len()
-            && wanted.iter().all(|w| f.effects.iter().any(|e| is(e, w)))
+        f.effects.len() == wanted.len() && wanted.iter().all(|w| f.effects.iter().any(|e| is(e, w)))
     });
     let same = |set: &Vec<String>| {
         let mut set = set.clone();
@@ -131,7 +130,9 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
     let errors_sds = found.as_ref().map(|f| errors(case, f)).unwrap_or_default();
     let judged = ImageJudged {
         index: case.index,
-        numbers: (case.truth.iter()).flat_map(super::sizes::numbers).collect(),
+        numbers: (case.truth.iter())
+            .flat_map(super::sizes::numbers)
+            .collect(),
         shown,
         pose_ratio,
         moves_sds: case.moved.any_sds,
@@ -225,7 +226,11 @@ pub fn words(all: &[ImageJudged]) -> String {
             100.0 * rate.high
         );
     }
-    let mut ratios: Vec<f64> = shown.iter().filter(|j| j.right).filter_map(|j| j.pose_ratio).collect();
+    let mut ratios: Vec<f64> = shown
+        .iter()
+        .filter(|j| j.right)
+        .filter_map(|j| j.pose_ratio)
+        .collect();
     ratios.sort_by(f64::total_cmp);
     if let Some(median) = ratios.get(ratios.len() / 2) {
         let within = ratios.iter().filter(|r| **r <= POSE_RATIO).count();

@@ -43,10 +43,7 @@ pub struct Posterior {
 /// Models visited, (terms, log score) each, as (terms, probability), likeliest first; and the marginal of each term in any of
 /// them, likeliest first. The same at motion level and at image level.
 pub fn marginals(scored: Vec<(Vec<usize>, f64)>) -> (Vec<(Vec<usize>, f64)>, Vec<Marginal>) {
-    let best = scored
-        .iter()
-        .map(|m| m.1)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let best = scored.iter().map(|m| m.1).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = scored.iter().map(|m| (m.1 - best).exp()).sum();
     let mut models: Vec<(Vec<usize>, f64)> = (scored.into_iter())
         .map(|(terms, score)| (terms, (score - best).exp() / sum))

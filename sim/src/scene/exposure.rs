@@ -88,8 +88,7 @@ impl Exposure {
         let lamp = if law.banding_grey > 0.0 {
             // In turns, without the whole ones, so that a late frame is as exact as the first.
             let per_s = 2.0 * law.mains_hz;
-            let turns = (per_s * frame_s).fract()
-                + per_s * row * law.banding_row_s;
+            let turns = (per_s * frame_s).fract() + per_s * row * law.banding_row_s;
             law.banding_grey * (1.0 + (TAU * turns + law.banding_phase_rad).sin())
         } else {
             0.0

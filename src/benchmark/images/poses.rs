@@ -15,7 +15,11 @@ fn rms(poses: &[Poses], truth: &[Poses]) -> Option<[f64; 6]> {
             let (Some(a), Some(b)) = (truth.get(after.saturating_sub(1)), truth.get(after)) else {
                 continue;
             };
-            let share = if b.0 > a.0 { (t_s - a.0) / (b.0 - a.0) } else { 0.0 };
+            let share = if b.0 > a.0 {
+                (t_s - a.0) / (b.0 - a.0)
+            } else {
+                0.0
+            };
             for (d, sum) in sums.iter_mut().enumerate() {
                 let there = a.1[d] + share * (b.1[d] - a.1[d]);
                 *sum += (pose[d] - there).powi(2);
@@ -43,6 +47,9 @@ mod tests {
         let truth = vec![vec![(0.0, [0.0; 6]), (1.0, [0.1; 6])]];
         let poses = vec![vec![(0.5, [0.05, 0.06, 0.05, 0.05, 0.05, 0.05])]];
         let found = rms(&poses, &truth).unwrap();
-        assert!(found[0] < 1e-12 && (found[1] - 0.01).abs() < 1e-12, "{found:?}");
+        assert!(
+            found[0] < 1e-12 && (found[1] - 0.01).abs() < 1e-12,
+            "{found:?}"
+        );
     }
 }

@@ -13,13 +13,13 @@ use super::observe::{self, ImageRun};
 use super::prior::Motion;
 use super::search::{Searched, search};
 use crate::verdict::{Alternative, Effect, FitTable, Word};
-use level::Level;
-pub(super) use lit::Lit;
 use hydroline_identify::data::LoadError;
 use hydroline_report::Body;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use hydroline_sim::SimError;
 use hydroline_sim::effect::EffectError;
+use level::Level;
+pub(super) use lit::Lit;
 use std::path::PathBuf;
 
 /// Frames looked at in all.

@@ -31,14 +31,21 @@ pub fn shown(
     let candidates = vocabulary(&base);
     let known = check(truth)?;
     let moves = |e: &CheckedEffect| candidates.iter().position(|c| c.info.id == e.info.id);
-    let moved: Vec<(usize, &CheckedEffect)> =
-        (known.iter()).filter_map(|e| Some((moves(e)?, e))).collect();
+    let moved: Vec<(usize, &CheckedEffect)> = (known.iter())
+        .filter_map(|e| Some((moves(e)?, e)))
+        .collect();
     let chosen: Vec<&Candidate> = moved.iter().map(|(k, _)| &candidates[*k]).collect();
     let numbers: Vec<Vec<f64>> = moved.iter().map(|(_, e)| e.numbers.clone()).collect();
-    let more: Vec<_> = (chosen.iter().zip(&numbers)).map(|(c, n)| (c.info, n.as_slice())).collect();
+    let more: Vec<_> = (chosen.iter().zip(&numbers))
+        .map(|(c, n)| (c.info, n.as_slice()))
+        .collect();
     let optics = base.optics(&more).ok_or(ImageError::NoPose)?;
     let geometry = Geometry::new(rig, optics);
-    let light: Vec<CheckedEffect> = known.iter().filter(|e| moves(e).is_none()).cloned().collect();
+    let light: Vec<CheckedEffect> = known
+        .iter()
+        .filter(|e| moves(e).is_none())
+        .cloned()
+        .collect();
     let looked = Looked::known(runs, rig, &base, &geometry, &light);
     let without = looked.as_ref().filter(|_| !light.is_empty());
     let cleared = without.and_then(|(l, _)| l.removed(runs, &geometry, None));
@@ -51,12 +58,15 @@ pub fn shown(
         .map(|e| match moves(e) {
             Some(k) => {
                 let less = fit(Some(k)).map_or(f64::NEG_INFINITY, |f| Searched::score(&f));
-                all.as_ref().is_some_and(|a| Searched::score(a) > less + odds)
+                all.as_ref()
+                    .is_some_and(|a| Searched::score(a) > less + odds)
             }
             None => {
                 let place = light.iter().position(|l| l.info.id == e.info.id);
                 let gains = looked.as_ref().map(|(_, gains)| gains);
-                place.and_then(|p| gains?.get(p).copied()).is_some_and(|g| g > odds)
+                place
+                    .and_then(|p| gains?.get(p).copied())
+                    .is_some_and(|g| g > odds)
             }
         })
         .collect())

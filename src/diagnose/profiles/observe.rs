@@ -109,7 +109,11 @@ impl ImageRun {
     }
 
     /// The same frames after `change` of each, those without a stripe too, looked at anew.
-    pub fn again(&self, change: &(dyn Fn(f64, &GreyImage, Option<&Seen>) -> GreyImage + Sync), rig: &Rig) -> ImageRun {
+    pub fn again(
+        &self,
+        change: &(dyn Fn(f64, &GreyImage, Option<&Seen>) -> GreyImage + Sync),
+        rig: &Rig,
+    ) -> ImageRun {
         let with = self.frames.iter().map(|s| (s.t_s, &s.image, Some(s)));
         let without = self.dark.iter().map(|(t_s, image)| (*t_s, image, None));
         let mut images: Vec<(f64, GreyImage)> = with

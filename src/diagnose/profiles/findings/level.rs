@@ -7,7 +7,7 @@ use super::super::picture;
 use super::super::search::{Searched, visibility};
 use super::effects::{effect, entry, heaviness, instead};
 use super::figures::{held_out, noise, rms, worst};
-use super::{Alternative, Effect, FitTable, Findings, ImageError, Lit, Word};
+use super::{Alternative, Effect, Findings, FitTable, ImageError, Lit, Word};
 use crate::verdict::BeforeAfter;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use std::collections::BTreeMap;
@@ -62,7 +62,9 @@ impl Level<'_> {
             ));
         }
         if let Some(words) = &unnamed {
-            notes.push(format!("light that no effect of the vocabulary makes: {words}"));
+            notes.push(format!(
+                "light that no effect of the vocabulary makes: {words}"
+            ));
         }
         progress("frames held out");
         let fit = FitTable {
@@ -112,10 +114,15 @@ impl Level<'_> {
                 or: instead(self.candidates, best, &tied, *e),
                 ..effect(self.problem, self.candidates, found, best, k, *e)
             };
-            (told, entry(self.candidates[*e].info, &best.state.numbers[k]))
+            (
+                told,
+                entry(self.candidates[*e].info, &best.state.numbers[k]),
+            )
         });
         let lit = self.lit.told(self.raw, self.rig, self.candidates, best);
-        let lit = lit.into_iter().filter(|(e, _)| e.established || !e.or.is_empty());
+        let lit = lit
+            .into_iter()
+            .filter(|(e, _)| e.established || !e.or.is_empty());
         let mut all: Vec<(Effect, PhysicsEntry)> = moved.chain(lit).collect();
         all.sort_by(|a, b| heaviness(&b.0, self.rig).total_cmp(&heaviness(&a.0, self.rig)));
         all.into_iter().unzip()
@@ -128,7 +135,9 @@ impl Level<'_> {
         if moved.len() * lit.len() < 2 || !effects.iter().any(|e| e.matters) {
             return Vec::new();
         }
-        let sets = moved.iter().flat_map(|m| lit.iter().map(move |l| [m.as_slice(), l].concat()));
+        let sets = moved
+            .iter()
+            .flat_map(|m| lit.iter().map(move |l| [m.as_slice(), l].concat()));
         sets.take(SETS).collect()
     }
 
@@ -151,6 +160,8 @@ impl Level<'_> {
     fn blind_spots(&self) -> Vec<String> {
         let single = self.found.all.iter().filter(|f| f.effects.len() == 1);
         let blind = single.filter(|f| visibility(&self.candidates[f.effects[0]], f) < BLIND);
-        blind.map(|f| self.candidates[f.effects[0]].info.id.to_owned()).collect()
+        blind
+            .map(|f| self.candidates[f.effects[0]].info.id.to_owned())
+            .collect()
     }
 }

@@ -46,7 +46,10 @@ impl<'a> Lit<'a> {
 
     /// Effects that light the picture.
     pub fn effects(&self) -> Vec<LightEffect> {
-        self.looked.as_ref().map(Looked::effects).unwrap_or_default()
+        self.looked
+            .as_ref()
+            .map(Looked::effects)
+            .unwrap_or_default()
     }
 
     /// Their names.
@@ -56,7 +59,9 @@ impl<'a> Lit<'a> {
 
     /// Sets that tie; one where nothing does.
     pub fn tied(&self) -> Vec<Vec<String>> {
-        self.looked.as_ref().map_or_else(|| vec![Vec::new()], Looked::tied)
+        self.looked
+            .as_ref()
+            .map_or_else(|| vec![Vec::new()], Looked::tied)
     }
 
     /// Light without a name, in words.
@@ -75,7 +80,13 @@ impl<'a> Lit<'a> {
     }
 
     /// The effects as entries of the verdict: how far each moves the poses that `best` gives, where it stays in the picture.
-    pub fn told(&self, raw: &[ImageRun], rig: &Rig, candidates: &[Candidate], best: &Fitted) -> Vec<(Effect, PhysicsEntry)> {
+    pub fn told(
+        &self,
+        raw: &[ImageRun],
+        rig: &Rig,
+        candidates: &[Candidate],
+        best: &Fitted,
+    ) -> Vec<(Effect, PhysicsEntry)> {
         (self.effects().into_iter())
             .map(|e| {
                 let moved = self.moved(&e, raw, rig, candidates, best);
@@ -85,10 +96,12 @@ impl<'a> Lit<'a> {
                 let mut told = described(rig, e.info(), numbers, &e.sds, moved, e.probability);
                 told.or = e.or.clone();
                 for (word, k) in e.info().words.iter().zip(&e.effect.words) {
-                    told.words.insert(word.name.to_owned(), word.allowed[*k].to_owned());
+                    told.words
+                        .insert(word.name.to_owned(), word.allowed[*k].to_owned());
                 }
                 if lost {
-                    told.notes.push("with it in the picture the frames give no poses".to_owned());
+                    told.notes
+                        .push("with it in the picture the frames give no poses".to_owned());
                 }
                 (told, e.entry())
             })
@@ -96,16 +109,30 @@ impl<'a> Lit<'a> {
     }
 
     /// rms by which the poses move with one effect left in the picture; `None` where the frames give none then.
-    fn moved(&self, e: &LightEffect, raw: &[ImageRun], rig: &Rig, candidates: &[Candidate], best: &Fitted) -> Option<[f64; 6]> {
+    fn moved(
+        &self,
+        e: &LightEffect,
+        raw: &[ImageRun],
+        rig: &Rig,
+        candidates: &[Candidate],
+        best: &Fitted,
+    ) -> Option<[f64; 6]> {
         let looked = self.looked.as_ref()?;
         let runs = looked.removed(raw, &self.geometry, Some(e.info().id))?;
         let clear = super::moving(&self.runs);
         // Frames of both, by their times.
         let mut common = Vec::new();
         let mut poses = Vec::new();
-        for (run, (clear, own)) in super::moving(&runs).into_iter().zip(clear.iter().zip(&best.state.poses)) {
+        for (run, (clear, own)) in super::moving(&runs)
+            .into_iter()
+            .zip(clear.iter().zip(&best.state.poses))
+        {
             let at = |t_s: f64| clear.frames.iter().position(|f| f.t_s == t_s);
-            let (frames, places): (Vec<_>, Vec<_>) = run.frames.iter().filter_map(|f| Some((f.clone(), *own.get(at(f.t_s)?)?))).unzip();
+            let (frames, places): (Vec<_>, Vec<_>) = run
+                .frames
+                .iter()
+                .filter_map(|f| Some((f.clone(), *own.get(at(f.t_s)?)?)))
+                .unzip();
             if frames.len() < 2 || 2 * frames.len() < clear.frames.len() {
                 return None;
             }

@@ -74,7 +74,8 @@ impl LightCandidate {
             starts = starts.iter().flat_map(longer).collect::<Vec<_>>();
         }
         // Where every number is as when it is not given, there is no effect.
-        let absent = |s: &Vec<f64>| (s.iter().zip(info.parameters)).all(|(v, p)| p.absent == Some(*v));
+        let absent =
+            |s: &Vec<f64>| (s.iter().zip(info.parameters)).all(|(v, p)| p.absent == Some(*v));
         starts.retain(|s| !absent(s));
         LightCandidate {
             info,
@@ -113,9 +114,8 @@ pub(super) fn library(
         lamp_s: 0.0,
     };
     let samples = || frames.iter().flat_map(|f| &f.bins).flat_map(|b| &b.samples);
-    let predicted = |forward: &Forward| -> Vec<f64> {
-        samples().map(|s| forward.grey(s, &own, 0.0)).collect()
-    };
+    let predicted =
+        |forward: &Forward| -> Vec<f64> { samples().map(|s| forward.grey(s, &own, 0.0)).collect() };
     let before = Forward::new(rig, plain, Uncertain::default(), None);
     let dark = predicted(&before);
     let lights = |effect: CheckedEffect| {

@@ -188,7 +188,10 @@ impl Data<'_> {
     pub fn value(&self, state: &State) -> Option<f64> {
         let forward = self.forward(state, None)?;
         let each = self.frames.par_iter().zip(&state.own);
-        let values = each.map(|(f, own)| self.frame(f, own, &forward, (&[], state.spread_grey), false).value);
+        let values = each.map(|(f, own)| {
+            self.frame(f, own, &forward, (&[], state.spread_grey), false)
+                .value
+        });
         let sum: f64 = values.collect::<Vec<_>>().iter().sum();
         sum.is_finite().then_some(sum)
     }
@@ -215,7 +218,8 @@ impl Data<'_> {
             sum.value += f.value;
             sum.left.extend(f.left);
             let cross = f.information.view((n, 0), (OWN, n)).into_owned();
-            let mut own: SMatrix<f64, OWN, OWN> = SMatrix::from_fn(|i, j| f.information[(n + i, n + j)]);
+            let mut own: SMatrix<f64, OWN, OWN> =
+                SMatrix::from_fn(|i, j| f.information[(n + i, n + j)]);
             let mut right = SVector::<f64, OWN>::from_fn(|i, _| f.gradient[n + i]);
             for k in 0..OWN {
                 if k == LAMP && timed {
@@ -230,7 +234,9 @@ impl Data<'_> {
             let l = own.cholesky()?;
             sum.half_log_own += (0..OWN).map(|k| l.l_dirty()[(k, k)].ln()).sum::<f64>();
             let back = l.inverse();
-            let by = DMatrix::from_fn(OWN, n, |i, j| (0..OWN).map(|k| back[(i, k)] * cross[(k, j)]).sum::<f64>());
+            let by = DMatrix::from_fn(OWN, n, |i, j| {
+                (0..OWN).map(|k| back[(i, k)] * cross[(k, j)]).sum::<f64>()
+            });
             sum.information += f.information.view((0, 0), (n, n)) - cross.tr_mul(&by);
             let at = back * right;
             let at_dynamic = DVector::from_column_slice(at.as_slice());
@@ -260,7 +266,8 @@ impl Data<'_> {
         let first = GAINS + AMBIENTS;
         for _ in 0..steps {
             let f = self.frame(frame, &x, &forward, (&[], 0.0), true);
-            let mut a: SMatrix<f64, OWN, OWN> = SMatrix::from_fn(|i, j| f.information[(first + i, first + j)]);
+            let mut a: SMatrix<f64, OWN, OWN> =
+                SMatrix::from_fn(|i, j| f.information[(first + i, first + j)]);
             let mut g = SVector::<f64, OWN>::from_fn(|i, _| f.gradient[first + i]);
             for k in 0..OWN {
                 a[(k, k)] += 1.0;
@@ -288,7 +295,13 @@ impl Data<'_> {
     }
 
     /// A frame's own numbers with the lamps' phase that suits its background best, of `count` within their span.
-    fn phase_of(&self, frame: &LightFrame, own: &[f64; OWN], forward: &Forward, count: usize) -> [f64; OWN] {
+    fn phase_of(
+        &self,
+        frame: &LightFrame,
+        own: &[f64; OWN],
+        forward: &Forward,
+        count: usize,
+    ) -> [f64; OWN] {
         let only = LightFrame {
             bins: frame.bins.iter().filter(|b| !b.on_line).cloned().collect(),
             ..frame.clone()
@@ -296,7 +309,10 @@ impl Data<'_> {
         let at = |k: usize| {
             let mut own = *own;
             own[LAMP] += k as f64 / count as f64;
-            (self.frame(&only, &own, forward, (&[], 0.0), false).value, own)
+            (
+                self.frame(&only, &own, forward, (&[], 0.0), false).value,
+                own,
+            )
         };
         let best = (0..count).map(at).max_by(|a, b| a.0.total_cmp(&b.0));
         best.map_or(*own, |b| b.1)
@@ -308,7 +324,11 @@ impl Data<'_> {
             return false;
         };
         let at = |lamp: f64| self.own(&[0.0, 0.0, 0.0, lamp]);
-        let samples = frame.bins.iter().filter(|b| !b.on_line).flat_map(|b| &b.samples);
+        let samples = frame
+            .bins
+            .iter()
+            .filter(|b| !b.on_line)
+            .flat_map(|b| &b.samples);
         samples.take(64).any(|s| {
             // No period of any mains is a multiple of this share.
             (forward.light(s, &at(0.0), 0.0) - forward.light(s, &at(0.382), 0.0)).abs() > 1e-9
@@ -355,8 +375,13 @@ impl Data<'_> {
             left: Vec::new(),
         };
         for bin in &frame.bins {
-            let predicted: Vec<f64> = bin.samples.iter().map(|s| forward.grey(s, &own, 0.0)).collect();
-            let measured = Measured::new(self, frame, bin, (forward, &own), (&predicted, spread_grey));
+            let predicted: Vec<f64> = bin
+                .samples
+                .iter()
+                .map(|s| forward.grey(s, &own, 0.0))
+                .collect();
+            let measured =
+                Measured::new(self, frame, bin, (forward, &own), (&predicted, spread_grey));
             sum.value += measured.value;
             if !slopes {
                 continue;
@@ -371,9 +396,11 @@ impl Data<'_> {
                 }
                 // Fields are brightness and background that depend on the place.
                 let (gains, ambients) = forward.basis(s.column_px, s.row_px);
-                let by_gain = j[(i, shared)] * self.options.gain / self.options.brightness_ln
+                let by_gain = j[(i, shared)] * self.options.gain
+                    / self.options.brightness_ln
                     / (1.0 + forward.gain(s.column_px, s.row_px));
-                let by_ambient = j[(i, shared + 1)] * self.options.ambient_grey / self.options.background_grey;
+                let by_ambient =
+                    j[(i, shared + 1)] * self.options.ambient_grey / self.options.background_grey;
                 for (k, basis) in gains.iter().enumerate() {
                     j[(i, moved.len() + k)] = by_gain * basis;
                 }
@@ -428,9 +455,17 @@ impl Measured {
         };
         for (i, (s, p)) in bin.samples.iter().zip(predicted).enumerate() {
             made.off[i] = s.grey - p;
-            let scale = if bin.on_line { forward.on_stripe(s, own) } else { 1.0 };
+            let scale = if bin.on_line {
+                forward.on_stripe(s, own)
+            } else {
+                1.0
+            };
             let noise = s.variance * noise2;
-            let floor = if bin.on_line { (data.floors[0] * scale).hypot(data.floors[1]) } else { data.floors[1] };
+            let floor = if bin.on_line {
+                (data.floors[0] * scale).hypot(data.floors[1])
+            } else {
+                data.floors[1]
+            };
             sds.push((noise + floor * floor + spread_grey * spread_grey).sqrt());
             made.left.push(Left {
                 on_line: bin.on_line,
@@ -444,7 +479,11 @@ impl Measured {
                 made.by[(i, 1)] = (forward.grey(s, &brighter, 0.0) - p) / STEP;
             }
         }
-        let paint = if data.even_target { o.paint } else { o.paint_uneven };
+        let paint = if data.even_target {
+            o.paint
+        } else {
+            o.paint_uneven
+        };
         let prior = Matrix2::from_diagonal(&Vector2::new(o.row_px.powi(-2), paint.powi(-2)));
         let (stray, range) = o.stray;
         let outside = (stray / range).ln();
@@ -452,9 +491,8 @@ impl Measured {
         // Twice: whether a sample belongs is seen with its bin's row and brightness.
         for _ in 0..2 {
             made.value = 0.0;
-            for i in 0..n {
+            for (i, sd) in sds.iter().copied().enumerate() {
                 let left = made.off[i] - made.by[(i, 0)] * shift[0] - made.by[(i, 1)] * shift[1];
-                let sd = sds[i];
                 let inside = (1.0 - stray).ln() - 0.5 * (left / sd).powi(2) - (sd * TAU_ROOT).ln();
                 let top = inside.max(outside);
                 let log = top + ((inside - top).exp() + (outside - top).exp()).ln();

@@ -17,9 +17,17 @@ fn light_of_logs() {
             }
         };
         let seconds = begun.elapsed().as_secs_f64();
-        println!("{log}: {seconds:.1} s, {:?}, odds {:.0}: {}", found.word, found.log_odds, found.sentence());
+        println!(
+            "{log}: {seconds:.1} s, {:?}, odds {:.0}: {}",
+            found.word,
+            found.log_odds,
+            found.sentence()
+        );
         for e in &found.effects {
-            println!("   {} p {:.4} {:?} {:?} or {:?}", e.effect, e.probability, e.parameters, e.words, e.or);
+            println!(
+                "   {} p {:.4} {:?} {:?} or {:?}",
+                e.effect, e.probability, e.parameters, e.words, e.or
+            );
         }
         println!("   {:?} {:?}", found.equivalent, found.notes);
     }

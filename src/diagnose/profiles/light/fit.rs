@@ -66,19 +66,33 @@ impl Data<'_> {
     /// log prior density of a state but for the constants of normal numbers, which the Laplace integral takes off again.
     fn ln_prior(&self, state: &State) -> f64 {
         let half_tau = 0.5 * std::f64::consts::TAU.ln();
-        let effects = state.terms.iter().zip(&state.numbers).flat_map(|(t, numbers)| {
-            let scales = &self.candidates[*t].scales;
-            scales.iter().zip(numbers).map(|(s, v)| s.density.ln(*v) + half_tau)
-        });
-        let nuisance = state.nuisance.iter().enumerate().map(|(n, x)| match field(n) {
-            Some(f) => {
-                let size = SIZES[state.sizes[f]];
-                -0.5 * (x / size).powi(2) - size.ln()
-            }
-            None => -0.5 * x * x,
-        });
+        let effects = state
+            .terms
+            .iter()
+            .zip(&state.numbers)
+            .flat_map(|(t, numbers)| {
+                let scales = &self.candidates[*t].scales;
+                scales
+                    .iter()
+                    .zip(numbers)
+                    .map(|(s, v)| s.density.ln(*v) + half_tau)
+            });
+        let nuisance = state
+            .nuisance
+            .iter()
+            .enumerate()
+            .map(|(n, x)| match field(n) {
+                Some(f) => {
+                    let size = SIZES[state.sizes[f]];
+                    -0.5 * (x / size).powi(2) - size.ln()
+                }
+                None => -0.5 * x * x,
+            });
         // The lamps' phase is any.
-        let own = state.own.iter().flat_map(|x| x[..OWN - 1].iter().map(|x| -0.5 * x * x));
+        let own = state
+            .own
+            .iter()
+            .flat_map(|x| x[..OWN - 1].iter().map(|x| -0.5 * x * x));
         let sizes = state.sizes.iter().map(|s| ln_size(SIZES[*s]));
         effects.chain(nuisance).chain(own).chain(sizes).sum()
     }
@@ -91,7 +105,11 @@ impl Data<'_> {
                 let (down, curvature) = s.density.step(*v);
                 slope.push(down);
                 // Even on a circle: as if known to a turn.
-                let least = if matches!(s.density, Density::Circle(_)) { 0.1 } else { 1e-12 };
+                let least = if matches!(s.density, Density::Circle(_)) {
+                    0.1
+                } else {
+                    1e-12
+                };
                 precision.push(curvature.max(least * self.unit(*t, n).powi(-2)));
             }
         }
@@ -104,32 +122,39 @@ impl Data<'_> {
     }
 
     /// Step, factor of the posterior's information, evidence where all is linear.
-    fn solved(&self, state: &State, e: &Equations) -> Option<(DVector<f64>, Cholesky<f64, Dyn>, f64)> {
+    fn solved(
+        &self,
+        state: &State,
+        e: &Equations,
+    ) -> Option<(DVector<f64>, Cholesky<f64, Dyn>, f64)> {
         let (precision, slope) = self.belief(state);
         let l = Cholesky::new(&e.information + DMatrix::from_diagonal(&precision))?;
         let right = &e.gradient + slope;
         let step = l.solve(&right);
-        let half: f64 = (0..l.l_dirty().nrows()).map(|i| l.l_dirty()[(i, i)].ln()).sum();
+        let half: f64 = (0..l.l_dirty().nrows())
+            .map(|i| l.l_dirty()[(i, i)].ln())
+            .sum();
         let there = e.value + self.ln_prior(state) - half - e.half_log_own;
         let evidence = there + 0.5 * right.dot(&step);
         evidence.is_finite().then_some((step, l, evidence))
     }
 
-    /// The fields' sizes with most evidence about a state.
+    /// The fields' sizes with most evidence about a state, one field after the other.
     fn sized(&self, state: &State, e: &Equations) -> State {
-        let mut best = (f64::NEG_INFINITY, state.clone());
-        for gain in 0..SIZES.len() {
-            for ambient in 0..SIZES.len() {
-                let other = State {
-                    sizes: [gain, ambient],
-                    ..state.clone()
-                };
-                if let Some((.., evidence)) = self.solved(&other, e).filter(|s| s.2 > best.0) {
-                    best = (evidence, other);
-                }
+        let mut best = state.clone();
+        for field in 0..best.sizes.len() {
+            let worth = |size: usize| {
+                let mut other = best.clone();
+                other.sizes[field] = size;
+                let evidence = self.solved(&other, e).map(|s| s.2);
+                (evidence.unwrap_or(f64::NEG_INFINITY), other)
+            };
+            let all = (0..SIZES.len()).map(worth);
+            if let Some((_, found)) = all.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                best = found;
             }
         }
-        best.1
+        best
     }
 
     fn stepped(&self, state: &State, step: &DVector<f64>, own: &[[f64; OWN]], share: f64) -> State {
@@ -158,7 +183,12 @@ impl Data<'_> {
     }
 
     /// The same; what samples may be off at the first steps, should it begin far off \[grey levels\].
-    pub(super) fn fit_from(&self, from: &State, steps: usize, spreads_grey: &[f64]) -> Option<LightFit> {
+    pub(super) fn fit_from(
+        &self,
+        from: &State,
+        steps: usize,
+        spreads_grey: &[f64],
+    ) -> Option<LightFit> {
         let mut state = self.phased(from, PHASES)?;
         let mut e = self.equations(&state)?;
         // Far off, most samples would pass for strays: at first all of them may be off by a lot.
@@ -177,7 +207,12 @@ impl Data<'_> {
     }
 
     /// Gauss–Newton steps from a state, and the equations where they end.
-    fn steps(&self, mut state: State, e: Option<Equations>, steps: usize) -> Option<(State, Equations)> {
+    fn steps(
+        &self,
+        mut state: State,
+        e: Option<Equations>,
+        steps: usize,
+    ) -> Option<(State, Equations)> {
         let mut e = match e {
             Some(e) => e,
             None => self.equations(&state)?,
@@ -204,7 +239,9 @@ impl Data<'_> {
 
     fn finished(&self, state: State, e: Equations) -> Option<LightFit> {
         let (_, l, _) = self.solved(&state, &e)?;
-        let half: f64 = (0..l.l_dirty().nrows()).map(|i| l.l_dirty()[(i, i)].ln()).sum();
+        let half: f64 = (0..l.l_dirty().nrows())
+            .map(|i| l.l_dirty()[(i, i)].ln())
+            .sum();
         let ln_evidence = e.value + self.ln_prior(&state) - half - e.half_log_own;
         let covariance = l.inverse();
         let (mut numbers, mut sds, mut place) = (Vec::new(), Vec::new(), 0);
@@ -212,7 +249,9 @@ impl Data<'_> {
             let scales = &self.candidates[*t].scales;
             let natural = scales.iter().zip(scaled).map(|(s, v)| s.natural(*v));
             let (values, slopes): (Vec<f64>, Vec<f64>) = natural.unzip();
-            let sd = |(k, slope): (usize, &f64)| slope.abs() * covariance[(place + k, place + k)].max(0.0).sqrt();
+            let sd = |(k, slope): (usize, &f64)| {
+                slope.abs() * covariance[(place + k, place + k)].max(0.0).sqrt()
+            };
             sds.push(slopes.iter().enumerate().map(sd).collect());
             place += scales.len();
             numbers.push(values);

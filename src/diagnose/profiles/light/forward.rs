@@ -137,7 +137,11 @@ impl Forward {
     /// Field of the laser's brightness at a pixel.
     pub fn gain(&self, column_px: f64, row_px: f64) -> f64 {
         let (basis, _) = self.basis(column_px, row_px);
-        basis.iter().zip(&self.uncertain.gain).map(|(b, c)| b * c).sum()
+        basis
+            .iter()
+            .zip(&self.uncertain.gain)
+            .map(|(b, c)| b * c)
+            .sum()
     }
 
     /// Field of the background at a pixel \[grey levels\].
@@ -252,7 +256,12 @@ mod tests {
     fn the_fields_polynomials_are_legendres() {
         let p = legendre(0.3);
         assert!((p[4] - (4.375 * 0.09 * 0.09 - 3.75 * 0.09 + 0.375)).abs() < 1e-12);
-        assert!(legendre(-1.0).iter().enumerate().all(|(n, v)| *v == [1.0, -1.0][n % 2]));
+        assert!(
+            legendre(-1.0)
+                .iter()
+                .enumerate()
+                .all(|(n, v)| *v == [1.0, -1.0][n % 2])
+        );
     }
 
     /// Behind the sheet there is no haze, before it what is left after so many lengths.

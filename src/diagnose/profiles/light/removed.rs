@@ -23,7 +23,12 @@ const STEPS: usize = 8;
 
 impl Looked<'_> {
     /// The runs without the effects of the likeliest model but for one (by its id), which stays in the picture.
-    pub fn removed(&self, runs: &[ImageRun], geometry: &Geometry, but: Option<&str>) -> Option<Vec<ImageRun>> {
+    pub fn removed(
+        &self,
+        runs: &[ImageRun],
+        geometry: &Geometry,
+        but: Option<&str>,
+    ) -> Option<Vec<ImageRun>> {
         let state = &self.best().state;
         let forward = self.data.forward(state, None)?;
         let kept = |t: &usize| Some(self.data.candidates[*t].info.id) == but;
@@ -44,7 +49,11 @@ impl Looked<'_> {
             plain: self.data.base.optics_of(&[])?,
         };
         let change = |_: f64, image: &GreyImage, seen: Option<&Seen>| taken.without(image, seen);
-        Some(runs.iter().map(|r| r.again(&change, self.data.rig)).collect())
+        Some(
+            runs.iter()
+                .map(|r| r.again(&change, self.data.rig))
+                .collect(),
+        )
     }
 }
 
@@ -92,7 +101,11 @@ impl Taken<'_, '_> {
         let curve = Response::new(&self.removed, &exposure, &camera.noise, 0.0);
         let levels: Vec<Option<f64>> = (0..=u8::MAX).map(|g| curve.light(f64::from(g))).collect();
         let (least, most) = (
-            levels.iter().flatten().copied().fold(f64::INFINITY, f64::min),
+            levels
+                .iter()
+                .flatten()
+                .copied()
+                .fold(f64::INFINITY, f64::min),
             levels.iter().flatten().copied().fold(0.0, f64::max),
         );
         let (own, samples) = match seen {
@@ -107,11 +120,17 @@ impl Taken<'_, '_> {
             let lamps = exposure.row_at(own.lamp_s, row as f64);
             for column in 0..image.width_px {
                 let at = row * image.width_px + column;
-                let Some(grey) = image.pixels.get(at) else { continue };
+                let Some(grey) = image.pixels.get(at) else {
+                    continue;
+                };
                 let sample = lines.sample(column, row);
                 let light = levels[usize::from(*grey)].unwrap_or_else(|| {
                     let predicted = sample.map(|s| self.forward.light(&s, &own, 0.0));
-                    if *grey < 128 { least } else { predicted.unwrap_or(most).max(most) }
+                    if *grey < 128 {
+                        least
+                    } else {
+                        predicted.unwrap_or(most).max(most)
+                    }
                 });
                 let dark = exposure.light(&lamps, column as f64, own.background);
                 let share = exposure.light(&lamps, column as f64, own.background + 1.0) - dark;
@@ -119,7 +138,8 @@ impl Taken<'_, '_> {
                 if let Some(s) = sample {
                     let haze = self.forward.haze(&self.removed, &s, 0.0);
                     laser -= haze * self.forward.brightness(&s, &own, 0.0);
-                    let line = self.removed.line_profile(s.fan_tan) / self.plain.line_profile(s.fan_tan);
+                    let line =
+                        self.removed.line_profile(s.fan_tan) / self.plain.line_profile(s.fan_tan);
                     laser /= line.max(SHARE_LEAST);
                 }
                 let level = scale * (laser + own.background.max(0.0));
@@ -142,7 +162,10 @@ impl Lines {
     fn new(frames: &[LightFrame], width_px: usize) -> Self {
         let middle = |b: &super::samples::Bin| {
             let near = |s: &&Sample| s.below_px.map_or(f64::INFINITY, f64::abs);
-            b.samples.iter().min_by(|a, c| near(a).total_cmp(&near(c))).copied()
+            b.samples
+                .iter()
+                .min_by(|a, c| near(a).total_cmp(&near(c)))
+                .copied()
         };
         let bins: Vec<Sample> = (frames.iter().flat_map(|f| &f.bins))
             .filter(|b| b.on_line)
@@ -150,7 +173,9 @@ impl Lines {
             .collect();
         let nearest = |column: usize| {
             let away = |s: &&Sample| (s.column_px - column as f64).abs();
-            bins.iter().min_by(|a, b| away(a).total_cmp(&away(b))).copied()
+            bins.iter()
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+                .copied()
         };
         Lines((0..width_px).map(nearest).collect())
     }
@@ -158,7 +183,8 @@ impl Lines {
     /// A pixel as a sample.
     fn sample(&self, column: usize, row: usize) -> Option<Sample> {
         let near = (*self.0.get(column)?)?;
-        let stripe_px = near.row_px - near.below_px? + near.slope * (column as f64 - near.column_px);
+        let stripe_px =
+            near.row_px - near.below_px? + near.slope * (column as f64 - near.column_px);
         let below = row as f64 - stripe_px;
         let more = below - near.below_px?;
         Some(Sample {

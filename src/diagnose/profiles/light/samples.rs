@@ -136,7 +136,13 @@ pub(super) fn thinned(frames: &[LightFrame], [bins, blocks]: [usize; 2]) -> Vec<
         let line = f.bins.iter().filter(|b| b.on_line);
         let line = line.skip(n % bins).step_by(bins).cloned();
         let dark = f.bins.iter().filter(|b| !b.on_line).map(|b| Bin {
-            samples: b.samples.iter().skip(n % blocks).step_by(blocks).copied().collect(),
+            samples: b
+                .samples
+                .iter()
+                .skip(n % blocks)
+                .step_by(blocks)
+                .copied()
+                .collect(),
             on_line: false,
         });
         LightFrame {
@@ -154,12 +160,18 @@ fn frame(seen: &Seen, g: &Geometry, o: &LightOptions) -> LightFrame {
     let mut bins = Vec::new();
     for stretch in stretches(&seen.profile.points) {
         let points: Vec<StripePoint> = stretch.iter().filter(sound).copied().collect();
-        for some in points.chunks(o.columns).filter(|c| 2 * c.len() >= o.columns) {
+        for some in points
+            .chunks(o.columns)
+            .filter(|c| 2 * c.len() >= o.columns)
+        {
             let [c, r, slope] = line(some.iter());
             bins.extend(across(seen, some, [c, r, slope], g, o));
         }
         if let (Some(a), Some(b)) = (stretch.first(), stretch.last()) {
-            let low = stretch.iter().map(|p| p.row_px).fold(f64::INFINITY, f64::min);
+            let low = stretch
+                .iter()
+                .map(|p| p.row_px)
+                .fold(f64::INFINITY, f64::min);
             let high = stretch.iter().map(|p| p.row_px).fold(0.0, f64::max);
             lines.push([a.column_px, b.column_px, low, high, 0.5 * (low + high)]);
         }
@@ -186,7 +198,8 @@ fn across(
         let column = p.column_px.round();
         let middle = r + slope * (column - c);
         let first = (middle.round() as i64 - reach).max(0) as usize;
-        let last = ((middle.round() as i64 + reach).max(0) as usize).min(image.height_px.saturating_sub(1));
+        let last = ((middle.round() as i64 + reach).max(0) as usize)
+            .min(image.height_px.saturating_sub(1));
         for row in first..=last {
             let below = row as f64 - middle;
             let Some(pixel) = image.pixels.get(row * image.width_px + column as usize) else {
@@ -198,24 +211,27 @@ fn across(
         }
     }
     let at = place(g, c, r)?;
-    let samples = sums.iter().filter(|s| 2.0 * s.n >= points.len() as f64).filter_map(|s| {
-        let (column_px, below) = (s.column / s.n, s.below / s.n);
-        let row_px = r + slope * (column_px - c) + below;
-        let (off_m, off_per_row_m) = ahead(g, column_px, row_px, at.z_m)?;
-        Some(Sample {
-            column_px,
-            row_px,
-            half_px: (s.below2 / s.n - below * below).max(0.0).sqrt(),
-            grey: s.grey / s.n,
-            variance: 1.0 / s.n,
-            below_px: Some(below),
-            slope,
-            off_m,
-            off_per_row_m,
-            fan_tan: at.fan_tan,
-            way_m: at.way_m,
-        })
-    });
+    let samples = sums
+        .iter()
+        .filter(|s| 2.0 * s.n >= points.len() as f64)
+        .filter_map(|s| {
+            let (column_px, below) = (s.column / s.n, s.below / s.n);
+            let row_px = r + slope * (column_px - c) + below;
+            let (off_m, off_per_row_m) = ahead(g, column_px, row_px, at.z_m)?;
+            Some(Sample {
+                column_px,
+                row_px,
+                half_px: (s.below2 / s.n - below * below).max(0.0).sqrt(),
+                grey: s.grey / s.n,
+                variance: 1.0 / s.n,
+                below_px: Some(below),
+                slope,
+                off_m,
+                off_per_row_m,
+                fan_tan: at.fan_tan,
+                way_m: at.way_m,
+            })
+        });
     Some(Bin {
         samples: samples.collect(),
         on_line: true,
@@ -231,8 +247,8 @@ fn background(seen: &Seen, lines: &[[f64; 5]], g: &Geometry, o: &LightOptions) -
     for left in (0..image.width_px.saturating_sub(wide - 1)).step_by(wide) {
         let middle = left as f64 + 0.5 * (wide as f64 - 1.0);
         let over = |l: &&[f64; 5]| l[0] < (left + wide) as f64 && l[1] > left as f64;
-        let near = |l: &&[f64; 5]| (l[0] - middle).abs().min((l[1] - middle).abs());
-        let nearest = lines.iter().min_by(|a, b| near(&a).total_cmp(&near(&b)));
+        let near = |l: &[f64; 5]| (l[0] - middle).abs().min((l[1] - middle).abs());
+        let nearest = lines.iter().min_by(|a, b| near(a).total_cmp(&near(b)));
         let at = nearest.and_then(|l| place(g, middle, l[4]));
         let Some(at) = at else { continue };
         for top in (0..image.height_px.saturating_sub(high - 1)).step_by(high) {

@@ -5,10 +5,10 @@ use super::equations::{Data, Left, State};
 use super::fit::LightFit;
 use super::options::LightOptions;
 use super::samples::{frames, thinned};
-use crate::verdict::ESTABLISHED;
 use crate::profiles::candidate::Base;
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::ImageRun;
+use crate::verdict::ESTABLISHED;
 use hydroline_inference::posterior::{Marginal, marginals};
 use hydroline_inference::prior::PriorTable;
 use hydroline_rigs::Rig;
@@ -58,7 +58,11 @@ impl Looked<'_> {
     /// Probability that an effect lights the picture, in whatever way.
     pub fn probability(&self, id: &str) -> f64 {
         let of = |m: &&Marginal| self.data.candidates[m.candidate].info.id == id;
-        self.marginals.iter().filter(of).map(|m| m.probability).sum()
+        self.marginals
+            .iter()
+            .filter(of)
+            .map(|m| m.probability)
+            .sum()
     }
 
     /// Log score of the model without effects over that of the likeliest, turned about \[nat\].
@@ -85,7 +89,9 @@ impl<'a> Looked<'a> {
             let t = data.candidates.iter().position(same)?;
             let scales = data.candidates[t].scales.iter().zip(&e.numbers);
             state.terms.push(t);
-            state.numbers.push(scales.map(|(s, v)| s.scaled(*v)).collect());
+            state
+                .numbers
+                .push(scales.map(|(s, v)| s.scaled(*v)).collect());
         }
         let mut visited = Visited::default();
         let first = visited.fit(&data, &state, 0)?;
@@ -174,7 +180,11 @@ fn searched<'a>(
     let mut models: Vec<LightFit> = visited.0.into_values().collect();
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
     for m in models.iter().take(6) {
-        let ids: Vec<&str> = m.terms.iter().map(|t| data.candidates[*t].info.id).collect();
+        let ids: Vec<&str> = m
+            .terms
+            .iter()
+            .map(|t| data.candidates[*t].info.id)
+            .collect();
         tracing::debug!(?ids, score = m.ln_score, numbers = ?m.numbers, sds = ?m.sds, sizes = ?m.state.sizes, nuisance = ?m.state.nuisance, floors = ?data.floors, "light");
     }
     let scored = models.iter().map(|m| (m.terms.clone(), m.ln_score));
@@ -212,13 +222,18 @@ impl Visited {
 
     fn best(&self) -> Option<LightFit> {
         let all = self.0.values();
-        all.max_by(|a, b| a.ln_score.total_cmp(&b.ln_score)).cloned()
+        all.max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
+            .cloned()
     }
 
     /// States of models that may still be the likeliest once the noise is another.
     fn near(&self, best: &LightFit, worth: f64) -> Vec<State> {
         let close = |f: &&LightFit| f.ln_score > best.ln_score - 4.0 * worth;
-        self.0.values().filter(close).map(|f| f.state.clone()).collect()
+        self.0
+            .values()
+            .filter(close)
+            .map(|f| f.state.clone())
+            .collect()
     }
 }
 
@@ -227,7 +242,9 @@ fn ln_prior(data: &Data<'_>, terms: &[usize], others: usize) -> f64 {
     let ids: BTreeSet<&str> = data.candidates.iter().map(|c| c.info.id).collect();
     let places = |id: &str| data.candidates.iter().filter(|c| c.info.id == id).count();
     let table = PriorTable::default();
-    let one = |t: &usize| table.ln_odds_of_effect(ids.len() + others, places(data.candidates[*t].info.id));
+    let one = |t: &usize| {
+        table.ln_odds_of_effect(ids.len() + others, places(data.candidates[*t].info.id))
+    };
     terms.iter().map(one).sum()
 }
 
@@ -250,7 +267,12 @@ fn climbed(
         }
         for k in 0..best.terms.len() {
             let dropped = dropped(&best.state, k);
-            moves.extend(promising.iter().take(data.options.swaps).map(|p| added(&dropped, p)));
+            moves.extend(
+                promising
+                    .iter()
+                    .take(data.options.swaps)
+                    .map(|p| added(&dropped, p)),
+            );
             moves.push(dropped);
         }
         moves.retain(|m| !visited.knows(&m.terms));
@@ -286,12 +308,20 @@ fn dropped(state: &State, k: usize) -> State {
 
 /// What a few steps on a few samples gain from each candidate's starts: the best of each, most promising first.
 fn promised(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
-    let in_use = |c: &LightCandidate| best.terms.iter().any(|t| few.candidates[*t].info.id == c.info.id);
+    let in_use = |c: &LightCandidate| {
+        best.terms
+            .iter()
+            .any(|t| few.candidates[*t].info.id == c.info.id)
+    };
     let tries: Vec<Start> = (few.candidates.iter().enumerate())
         .filter(|(_, c)| !in_use(c))
         .flat_map(|(t, c)| {
-            let scaled = |s: &Vec<f64>| s.iter().zip(&c.scales).map(|(v, k)| k.scaled(*v)).collect();
-            c.starts.iter().map(move |s| (t, scaled(s))).collect::<Vec<Start>>()
+            let scaled =
+                |s: &Vec<f64>| s.iter().zip(&c.scales).map(|(v, k)| k.scaled(*v)).collect();
+            c.starts
+                .iter()
+                .map(move |s| (t, scaled(s)))
+                .collect::<Vec<Start>>()
         })
         .collect();
     let Some(now) = few.fit(&best.state, few.options.steps.0) else {
@@ -332,7 +362,10 @@ fn few<'a>(data: &Data<'a>) -> Data<'a> {
 fn floors(data: &Data<'_>, left: &[Left]) -> [f64; 2] {
     let of = |on_line: bool| {
         let mut sums = (0.0, 0.0);
-        for l in left.iter().filter(|l| l.on_line == on_line && l.belongs > 0.5) {
+        for l in left
+            .iter()
+            .filter(|l| l.on_line == on_line && l.belongs > 0.5)
+        {
             // Where the stripe is faint its shape is not seen.
             let bright = if on_line { l.scale * l.scale } else { 1.0 };
             sums.0 += l.off * l.off - l.noise;
@@ -341,5 +374,8 @@ fn floors(data: &Data<'_>, left: &[Left]) -> [f64; 2] {
         (sums.0 / f64::max(sums.1, 1.0)).max(0.0).sqrt()
     };
     let o = &data.options;
-    [of(true).max(0.25 * o.floor), of(false).max(0.2 * o.floor_grey)]
+    [
+        of(true).max(0.25 * o.floor),
+        of(false).max(0.2 * o.floor_grey),
+    ]
 }

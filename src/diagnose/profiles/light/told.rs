@@ -74,7 +74,9 @@ impl Looked<'_> {
             let rest = || own.iter().filter(|o| *o != c.info.id);
             let instead = |s: &&Vec<String>| s.len() == own.len() && rest().all(|r| s.contains(r));
             let or = tied[1..].iter().filter(instead);
-            let or: Vec<String> = or.flat_map(|s| s.iter().filter(|o| !own.contains(o)).cloned()).collect();
+            let or: Vec<String> = or
+                .flat_map(|s| s.iter().filter(|o| !own.contains(o)).cloned())
+                .collect();
             if probability > TOLD || !or.is_empty() {
                 out.push(LightEffect {
                     effect: c.effect(&best.numbers[k]),
@@ -97,16 +99,24 @@ impl Looked<'_> {
         let (gain, ambient) = (rms(&uncertain.gain), rms(&uncertain.ambient));
         let mut words = Vec::new();
         if gain > o.unnamed.0 && SIZES[state.sizes[0]] > 1.0 {
-            words.push(format!("the line's brightness varies by {:.1} % over the image", 100.0 * gain));
+            words.push(format!(
+                "the line's brightness varies by {:.1} % over the image",
+                100.0 * gain
+            ));
         }
         if ambient > o.unnamed.1 && SIZES[state.sizes[1]] > 1.0 {
-            words.push(format!("the background varies by {ambient:.1} grey levels over the image"));
+            words.push(format!(
+                "the background varies by {ambient:.1} grey levels over the image"
+            ));
         }
         for (on_line, what) in [(false, "of the background"), (true, "across the stripe")] {
             let own = || self.best().left.iter().filter(|l| l.on_line == on_line);
             let strays = own().map(|l| 1.0 - l.belongs).sum::<f64>() / own().count().max(1) as f64;
             if strays > o.strays {
-                words.push(format!("{:.0} % of what was read {what} is something else", 100.0 * strays));
+                words.push(format!(
+                    "{:.0} % of what was read {what} is something else",
+                    100.0 * strays
+                ));
             }
         }
         (!words.is_empty()).then(|| words.join("; "))
