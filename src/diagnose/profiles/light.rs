@@ -29,3 +29,5 @@ pub use told::LightEffect;
 
 #[cfg(test)]
 mod eyes;
+#[cfg(test)]
+mod tests;
