@@ -77,6 +77,13 @@ impl Response {
         a + (at - below).min(1.0) * (b - a)
     }
 
+    /// The most light that still shows the least level.
+    pub fn foot(&self) -> f64 {
+        let least = self.grey.first().copied().unwrap_or(0.0);
+        let above = self.grey.partition_point(|g| *g <= least + 1e-9);
+        FROM + STEP * above.saturating_sub(1) as f64
+    }
+
     /// The light of a mean grey level; `None` where it is at an end of the range and could be more or less.
     pub fn light(&self, grey: f64) -> Option<f64> {
         let above = self.grey.partition_point(|g| *g < grey);
@@ -125,5 +132,9 @@ mod tests {
             assert!((back - light).abs() < 1e-6, "{light}: {back}");
         }
         assert_eq!(curved.light(255.0), None);
+        // Without noise what is cut off below shows from where the curve leaves it.
+        assert_eq!(response(|_| (), 0.0).foot(), 0.0);
+        let video = response(|o| o.brightness.clipped_grey = [16.0, 235.0], 0.0);
+        assert_eq!(video.foot(), 16.0);
     }
 }

@@ -101,11 +101,7 @@ impl Taken<'_, '_> {
         let curve = Response::new(&self.removed, &exposure, &camera.noise, 0.0);
         let levels: Vec<Option<f64>> = (0..=u8::MAX).map(|g| curve.light(f64::from(g))).collect();
         let (least, most) = (
-            levels
-                .iter()
-                .flatten()
-                .copied()
-                .fold(f64::INFINITY, f64::min),
+            curve.foot(),
             levels.iter().flatten().copied().fold(0.0, f64::max),
         );
         let (own, samples) = match seen {
