@@ -8,6 +8,7 @@ pub use hydroline_benchmark as prove;
 pub use hydroline_capture as capture;
 pub use hydroline_cli as cli;
 pub use hydroline_core::{build_info, clock, event, frame, session, shutdown, thread_class, water};
+pub use hydroline_daemon::live as live_run;
 pub use hydroline_daemon::{
     analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,
 };
@@ -15,6 +16,7 @@ pub use hydroline_diagnose as diagnose;
 pub use hydroline_identify as identify;
 pub use hydroline_identify::predict;
 pub use hydroline_import as import;
+pub use hydroline_live as live;
 pub use hydroline_log as log;
 pub use hydroline_plan as plan;
 pub use hydroline_pose as pose;

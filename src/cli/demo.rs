@@ -180,6 +180,7 @@ fn one_run(
         calibration: None,
         calibrate: None,
         build,
+        live: None,
     };
     let report = recording.record(&log)?;
     print_recording(&report);

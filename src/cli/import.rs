@@ -159,6 +159,14 @@ fn write(
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let mut found = survey(table, map, rig.as_ref())
         .map_err(|e| CliError::reading(data, &e, "name a table (CSV)"))?;
+    // A column that the log does not have is not in its table either: said once.
+    let subject = |f: &Finding| f.message.split(':').next().map(str::to_owned);
+    found.findings.retain(|f| {
+        f.kind != "column_missing"
+            || !findings
+                .iter()
+                .any(|o| o.kind == f.kind && subject(o) == subject(f))
+    });
     found.findings.splice(0..0, findings);
     for f in &found.findings {
         let word = match f.severity {

@@ -32,7 +32,7 @@ pub struct Args {
     /// Log to write
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
-    /// What is added to the commands' stamps, at the first of them [s]; default: found
+    /// What is added to the commands' stamps, at the first of them [s]; default: found. Between two files whose clocks count from zeros of their own it is what lies between those clocks
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
     offset_s: Option<f64>,
     /// How well --offset-s is known (one standard deviation) [s]

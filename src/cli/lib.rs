@@ -22,6 +22,7 @@ mod images;
 mod import;
 mod inputs;
 mod join;
+mod live;
 mod log_tools;
 mod man;
 mod outcome;

@@ -89,6 +89,11 @@ pub fn in_place(line: Arguments<'_>) {
     }
 }
 
+/// Whether stdout is a terminal, where a line can take the place of the one before it.
+pub fn is_terminal() -> bool {
+    io::stdout().is_terminal()
+}
+
 /// Whether anything written to stdout can still get anywhere.
 pub fn is_read() -> bool {
     *STDOUT.lock().unwrap_or_else(PoisonError::into_inner) == State::Open

@@ -1,6 +1,7 @@
 //! `hydroline record`: the daemon on the command line.
 
 use super::calibrated::{MakeArgs, UseArgs};
+use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
 use super::print::{errln, out, outln};
 use super::rigging::{self, Rigged};
@@ -32,12 +33,16 @@ A plan is simulated first and refused when it leaves the tank, the target, or pu
 With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
 with --return-to-start you bring it back by hand, and Enter starts the next run.
 
+With --live a page in the browser shows image, pose, loads and what the run cannot show so far; its STOP does what \
+Space does. The page opens on this computer alone; a phone needs --live 0.0.0.0:8080 and --live-token.
+
 Examples:
   hydroline record --rig lshpi --plan surge-4n --dry-run
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
   hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --out run.mcap
+  hydroline record --rig my.toml --plan surge-4n --live --out run.mcap    # http://127.0.0.1:8080
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
@@ -69,6 +74,8 @@ pub struct Args {
     using: UseArgs,
     #[command(flatten)]
     making: MakeArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -118,6 +125,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         check_set(&rig.thrusters)?;
     }
     inputs::warn_of_flush(&rig);
+    args.live.check()?;
     let calibrate = args.making.setup(&rig, &conditions)?;
     let calibration = args.using.load()?;
     let check = plan
@@ -150,12 +158,14 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         calibrate,
         out: calibration_out,
     };
+    let shown = args.live.start(!args.no_thrusters)?;
     let mut reports = Vec::new();
     let rigs = run_rigs(&rig, check.as_ref(), args.runs);
     let session = Session {
         plan: plan.as_ref(),
         conditions: &conditions,
         build,
+        shown: shown.as_ref(),
     };
     let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
     if args.json {
@@ -191,6 +201,25 @@ struct Session<'a> {
     plan: Option<&'a Plan>,
     conditions: &'a Conditions,
     build: BuildInfo,
+    shown: Option<&'a Shown>,
+}
+
+impl Session<'_> {
+    /// Whether STOP was pressed on the live page: no run follows, as after Space.
+    fn stopped(&self) -> bool {
+        self.shown.is_some_and(Shown::stopped)
+    }
+
+    /// The live page's view of one run.
+    fn live(&self, rig: &Rig, out: &Path, run: (u32, u32)) -> Option<hydroline_daemon::live::Live> {
+        let file = out.file_name().unwrap_or_default().to_string_lossy();
+        let mut parts = vec![rig.name.clone(), file.into_owned()];
+        if run.1 > 1 {
+            parts.push(format!("run {} of {}", run.0, run.1));
+        }
+        let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+        Some(self.shown?.run(live::title(&parts), out))
+    }
 }
 
 /// Run after run; a run that fails or is stopped is the last one.
@@ -206,6 +235,7 @@ fn record_all(
         plan,
         conditions,
         build,
+        ..
     } = *session;
     let mut outcome = Outcome::Done;
     for (k, (out, rig)) in outs.iter().zip(rigs).enumerate() {
@@ -225,6 +255,7 @@ fn record_all(
                 .transpose()?,
             calibrate: calibrating.calibrate.clone(),
             build,
+            live: session.live(rig, out, run),
         };
         let report = recording.record(out)?;
         if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
@@ -274,8 +305,8 @@ fn record_all(
         if run.0 == run.1 {
             break;
         }
-        let go_on = settle(args.settle)?
-            && (!args.return_to_start || brought_back(rig.tank.start_pose, run)?);
+        let go_on = settle(args.settle, session)?
+            && (!args.return_to_start || brought_back(rig.tank.start_pose, run, session)?);
         if !go_on {
             errln!(
                 "hydroline: stopped between runs; {} of {} runs are recorded",
@@ -414,14 +445,14 @@ fn stopped(keys: Option<&Keys>) -> bool {
     keys.is_some_and(|keys| keys.space() || keys.quit())
 }
 
-/// Waits between runs; false when a signal or a key ended the wait.
-fn settle(pause: Duration) -> Result<bool, CliError> {
+/// Waits between runs; false when a signal, a key or the page's STOP ended the wait.
+fn settle(pause: Duration, session: &Session<'_>) -> Result<bool, CliError> {
     let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let keys = Keys::watch(None);
     let bar = progress::bar(pause.as_secs(), "settling [s]");
     let end = Instant::now() + pause;
     loop {
-        if signals.heard().is_some() || stopped(keys.as_ref()) {
+        if signals.heard().is_some() || stopped(keys.as_ref()) || session.stopped() {
             return Ok(false);
         }
         let left = end.saturating_duration_since(Instant::now());
@@ -435,7 +466,7 @@ fn settle(pause: Duration) -> Result<bool, CliError> {
 }
 
 /// Waits until someone at the tank says that the vehicle is back at the start; false when that will not be.
-fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
+fn brought_back(start: [f64; 6], run: (u32, u32), session: &Session<'_>) -> Result<bool, CliError> {
     let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let [x, y, z, _, _, psi] = start;
     errln!(
@@ -449,7 +480,7 @@ fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
         std::thread::sleep(Duration::from_millis(150));
         keys.enter();
         loop {
-            if signals.heard().is_some() || stopped(Some(&keys)) {
+            if signals.heard().is_some() || stopped(Some(&keys)) || session.stopped() {
                 return Ok(false);
             }
             if keys.enter() {
@@ -468,7 +499,7 @@ fn brought_back(start: [f64; 6], run: (u32, u32)) -> Result<bool, CliError> {
     loop {
         match told.recv_timeout(Duration::from_millis(50)) {
             Ok(here) => return Ok(here),
-            Err(_) if signals.heard().is_some() => return Ok(false),
+            Err(_) if signals.heard().is_some() || session.stopped() => return Ok(false),
             Err(_) => {}
         }
     }
@@ -495,6 +526,8 @@ pub(super) struct Recording<'a> {
     pub calibrate: Option<Setup>,
     /// The recording program.
     pub build: BuildInfo,
+    /// Where it shows itself.
+    pub live: Option<hydroline_daemon::live::Live>,
 }
 
 impl Recording<'_> {
@@ -600,6 +633,7 @@ impl Recording<'_> {
             recorder,
             clock,
             map: Some(map),
+            live: self.live.clone(),
         };
         let shown = bar.clone();
         let watch = Box::new(move |status: &Status| show(&shown, status));

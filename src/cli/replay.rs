@@ -1,6 +1,7 @@
 //! `hydroline replay`: every frame of a log, or of a folder of images, extracted again.
 
 use super::calibrated::UseArgs;
+use super::live::{self, LiveArgs};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, images, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
@@ -29,6 +30,7 @@ Examples:
   hydroline replay run.mcap --out run-poses.mcap
   hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
   hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
+  hydroline replay run.mcap --out run-poses.mcap --live    # http://127.0.0.1:8080
   hydroline replay frames/ --rate-hz 25 --rig my.toml --out poses.mcap    # a folder of images
   hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap
 
@@ -69,6 +71,8 @@ pub struct Args {
     /// smoothed sd; smoothed poses lean on the rig's coefficients: identify from unsmoothed ones
     #[arg(long)]
     smooth: bool,
+    #[command(flatten)]
+    live: LiveArgs,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -135,12 +139,21 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
                 .to_owned(),
         ));
     }
+    args.live.check()?;
     let targets = targets(args)?;
+    let shown = args.live.start(false)?;
     let mut reports = Vec::new();
     let mut outcome = Outcome::Done;
     for (log, out) in &targets {
         let (mut options, comparable) = options(args, log, rig.as_ref(), calibration.as_ref())?;
         options.build = build;
+        if let Some(shown) = &shown {
+            let name = log.file_name().unwrap_or_default().to_string_lossy();
+            let live = shown.run(live::title(&["replay", &name]), out);
+            let toml = options.rig_toml.clone().or_else(|| own_rig(log));
+            let rig = toml.and_then(|text| Rig::from_toml(&text, "rig", None).ok());
+            options.live = Some((live, rig.map(Box::new)));
+        }
         let bar = progress::bar(0, "frames");
         let result = replay(log, out, &options, &mut |frames| {
             bar.set_length(frames.max(bar.length().unwrap_or(0)));
@@ -184,6 +197,11 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         outln!("{}", serde_json::json!({ "replays": reports }));
     }
     Ok(outcome)
+}
+
+/// The rig in a log's head, for the live page.
+fn own_rig(log: &Path) -> Option<String> {
+    LogReader::open(log).ok()?.rig_toml().map(str::to_owned)
 }
 
 /// What keeps a replay from being a whole result: frames that nobody can read, or that mostly have no pose.

@@ -1,5 +1,6 @@
 //! `hydroline simulate`: a plan through the forward model, without waiting.
 
+use super::live::{self, LiveArgs};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
@@ -17,6 +18,7 @@ The log is what `record` would have written, without waiting for the clock.
 Examples:
   hydroline simulate --rig lshpi --plan surge-4n --out sim.mcap
   hydroline simulate --rig lshpi --plan reversals --motion-only --seed 7 --out motion.mcap
+  hydroline simulate --rig lshpi --plan reversals --live --out sim.mcap    # http://127.0.0.1:8080
   hydroline simulate --rig lshpi --plan still --show-board dots-50 --out board.mcap
 
 Exit codes: 0 done; 1 the motion runs away, or the log cannot be written; 2 bad arguments, rig or plan.")]
@@ -54,6 +56,8 @@ pub struct Args {
         value_name = "M"
     )]
     board_offset_m: f64,
+    #[command(flatten)]
+    live: LiveArgs,
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -71,6 +75,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     inputs::new_file("--out", &args.out)?;
     let board = args.show_board.as_deref().map(Board::load_or_builtin);
     let board = board.transpose()?;
+    args.live.check()?;
+    warn(&rig, &plan)?;
+    let shown = args.live.start(false)?;
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -80,8 +87,10 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         note: args.note.clone(),
         board: board.map(|board| (board, args.board_offset_m)),
         build,
+        live: shown
+            .as_ref()
+            .map(|shown| shown.run(live::title(&[&rig.name, &plan.name]), &args.out)),
     };
-    warn(&rig, &plan)?;
     let length_s = plan.duration_s() + options.tail_s;
     let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
     // Ctrl-C leaves no half log behind that looks like a whole one.

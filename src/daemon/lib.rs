@@ -3,6 +3,7 @@
 pub mod analysis;
 pub mod calibrate;
 pub mod diagnostics;
+pub mod live;
 pub mod record;
 pub mod replay;
 pub mod response;

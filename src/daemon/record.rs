@@ -4,6 +4,7 @@
 //! five threads: capture (never waits for anything but the camera), analysis (newest frame only), poses
 //! (newest stripe only), the thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
 
+mod aim_words;
 mod calibrating;
 pub mod floor;
 pub mod glance;
@@ -12,17 +13,20 @@ pub mod limits;
 mod manager;
 mod measured_pose;
 pub mod newest;
+mod publisher;
 mod session;
 mod supervise;
 mod tracker;
 mod watch;
 mod worker;
 
+pub use aim_words::TERMINAL_COLUMNS;
 pub use calibrating::Calibrating;
 pub use session::{SessionInput, head};
 pub use supervise::LEAD;
 
 use crate::calibrate::{self, message};
+use crate::live::Live;
 use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
@@ -36,11 +40,13 @@ use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 use hydroline_stripe::ExtractorConfig;
+use hydroline_thruster::safety::NeutralReason;
 use hydroline_thruster::scheduler::PlannedLoad;
 use hydroline_thruster::service::{Opener, ServiceError, ServiceStats, Sink};
 use hydroline_thruster::{ControllerClock, LinkRecord, ServiceConfig, ThrusterService};
 use measured_pose::MeasuredPose;
 use newest::Newest;
+use publisher::{Desk, Note};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -58,6 +64,8 @@ pub struct Parts {
     pub clock: Arc<dyn Clock>,
     /// From image to laser plane; `None` = profiles without plane coordinates.
     pub map: Option<Arc<dyn PlaneMap>>,
+    /// Where the run shows itself; `None` = nowhere.
+    pub live: Option<Live>,
 }
 
 /// What to do.
@@ -194,6 +202,10 @@ struct Shared {
     floor: Mutex<Option<watch::Measured>>,
     pose: Mutex<Option<MeasuredPose>>,
     calibrating: Mutex<Option<Calibrating>>,
+    /// For the live page.
+    desk: Option<Desk>,
+    /// There is a line to the thrusters.
+    drives: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -213,6 +225,9 @@ impl Shared {
     /// An event goes to the log and, by its severity, to the diagnostics.
     fn event(&self, event: &Event) {
         self.recorder.event(event);
+        if let Some(desk) = &self.desk {
+            desk.post(Note::Event(event.into()));
+        }
         match event.severity {
             Severity::Info => tracing::info!(kind = event.kind, "{}", event.message),
             Severity::Warning => tracing::warn!(kind = event.kind, "{}", event.message),
@@ -309,12 +324,22 @@ pub fn run(
         floor: Mutex::new(None),
         pose: Mutex::new(None),
         calibrating: Mutex::new(None),
+        desk: parts
+            .live
+            .map(|live| Desk::new(live, job, parts.map.clone())),
+        drives: parts.line.is_some(),
     });
     announce(&shared, &job.rig, parts.map.as_deref());
     let service = match parts.line {
         Some(opener) => Some(start_service(&shared, &job.rig, opener)?),
         None => None,
     };
+    let live = publisher::start(shared.clone(), job);
+    if let (Some(service), Some(desk)) = (&service, &shared.desk) {
+        let line = service.handle();
+        let stop = move || line.bar(NeutralReason::Request);
+        desk.live().feed.attach(Box::new(stop));
+    }
     let started = start_threads(&shared, parts.source, parts.map, job, service.as_ref());
     let status = Arc::new(Newest::default());
     show(status.clone(), watch);
@@ -329,6 +354,9 @@ pub fn run(
     shutdown.raise(stop.clone());
     manager::stopping(&stop.to_string());
     let thrusters = service.map(ThrusterService::shutdown);
+    if let Some(desk) = &shared.desk {
+        desk.live().feed.detach();
+    }
     if let Ok(signals) = crate::signals::listen() {
         signals.detach_all();
     }
@@ -344,6 +372,14 @@ pub fn run(
         worker::join(threads.limits);
     }
     shared.say(Severity::Info, "daemon.stop", stop.to_string());
+    if let Some(desk) = &shared.desk {
+        desk.post(Note::End(stop.to_string()));
+        desk.status.close();
+    }
+    if let Some(live) = live {
+        // It waits for nobody, and neither does this for long.
+        let _ = live.join();
+    }
 
     let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
     let log = parts.recorder.finish(&summary(
@@ -407,6 +443,9 @@ fn start_service(
     let sink: Sink = Box::new(move |record| match record {
         LinkRecord::Command(command) => {
             to.tracker.command(&command);
+            if let Some(desk) = &to.desk {
+                desk.post(Note::Command(command.clone()));
+            }
             to.recorder.command(&pb::ThrusterCommand {
                 timestamp: Some(timestamp(command.timestamp_ns)),
                 sequence: command.sequence,
@@ -418,15 +457,20 @@ fn start_service(
                 cause: command.cause.to_owned(),
             });
         }
-        LinkRecord::Echo(echo) => to.recorder.echo(&pb::ThrusterEcho {
-            timestamp: Some(timestamp(echo.timestamp_ns)),
-            sequence: echo.sequence,
-            thruster: echo.thruster.to_string(),
-            pulse_us: echo.pulse_us,
-            controller_time_us: echo.controller_time_us,
-            round_trip_s: echo.round_trip_s,
-            errors: echo.errors,
-        }),
+        LinkRecord::Echo(echo) => {
+            to.recorder.echo(&pb::ThrusterEcho {
+                timestamp: Some(timestamp(echo.timestamp_ns)),
+                sequence: echo.sequence,
+                thruster: echo.thruster.to_string(),
+                pulse_us: echo.pulse_us,
+                controller_time_us: echo.controller_time_us,
+                round_trip_s: echo.round_trip_s,
+                errors: echo.errors,
+            });
+            if let Some(desk) = &to.desk {
+                desk.post(Note::Echo(echo));
+            }
+        }
         LinkRecord::Event(event) => to.event(&event),
         LinkRecord::Clock(clock) => {
             *to.controller.lock().unwrap_or_else(PoisonError::into_inner) = Some(clock);

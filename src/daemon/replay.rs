@@ -6,6 +6,8 @@
 
 use crate::analysis::Analyst;
 use crate::calibrate::message;
+use crate::live::Live;
+use crate::live::unhurried::Unhurried;
 use crate::response::{Found, ResponseReport};
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
@@ -47,6 +49,8 @@ pub use smoothed::SmoothReport;
 
 /// Frames extracted together: enough for all cores, little enough to hold in memory (64 x 0.4 MB).
 const BATCH: usize = 64;
+/// The same while a live page shows them: something new a few times a second.
+const BATCH_SHOWN: usize = 8;
 /// Messages held at most, however few frames are among them: a flood of small ones must not fill the memory.
 const PENDING_MAX: usize = 1 << 14;
 
@@ -79,6 +83,8 @@ pub struct Options {
     pub calibration: Option<Calibration>,
     /// The replaying program.
     pub build: BuildInfo,
+    /// Where it shows itself, and the rig in force for loads and outline; changes no byte of the log.
+    pub live: Option<(Live, Option<Box<Rig>>)>,
 }
 
 /// What a replay found.
@@ -262,6 +268,15 @@ pub fn replay(
         kinds: Kinds::default(),
         clipping: ClippingWatch::default(),
         still: StillWatch::default(),
+        screen: options.live.as_ref().map(|(live, rig)| {
+            Unhurried::new(
+                live,
+                "replay",
+                options.rule,
+                rig.as_deref(),
+                options.map.clone(),
+            )
+        }),
     };
     if let Some((motions, report)) = bound {
         state.bound = motions;
@@ -302,6 +317,9 @@ pub fn replay(
     summary
         .more
         .extend(state.still.metadata(options.tolerance()));
+    if let Some(screen) = state.screen.take() {
+        screen.end("replayed to the end");
+    }
     let outcome = state.writer.finish(&summary)?;
     Ok((state.report, outcome))
 }
@@ -374,6 +392,8 @@ struct Replay<'a> {
     run: Option<PoseRun>,
     /// Measures the noise of the poses, if the vehicle was at rest.
     still: StillWatch,
+    /// The live page.
+    screen: Option<Unhurried>,
     /// Smoothed motion by stamp, in place of the frames' own poses.
     bound: HashMap<u64, VehicleMotion>,
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
@@ -417,7 +437,12 @@ impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
         self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
         self.pending.push(message);
-        if self.frames_pending >= BATCH || self.pending.len() >= PENDING_MAX {
+        let batch = if self.screen.is_some() {
+            BATCH_SHOWN
+        } else {
+            BATCH
+        };
+        if self.frames_pending >= batch || self.pending.len() >= PENDING_MAX {
             self.flush()
         } else {
             Ok(())
@@ -477,6 +502,10 @@ impl Replay<'_> {
                         )?;
                     }
                     self.write_pose(log_ns, frame.meta.mid_exposure_ns, pixels)?;
+                    if let Some(screen) = &mut self.screen {
+                        screen.frame(&frame, &profile);
+                        screen.done(self.report.frames, frame.meta.mid_exposure_ns, None);
+                    }
                 }
                 return Ok(());
             }
@@ -508,9 +537,17 @@ impl Replay<'_> {
             Record::Command(command) => {
                 self.report.commands += 1;
                 self.still.command(&command);
+                if let Some(screen) = &mut self.screen {
+                    screen.command(&command);
+                }
                 Entry::command(&command)
             }
-            Record::Echo(echo) => Entry::echo(&echo),
+            Record::Echo(echo) => {
+                if let Some(screen) = &mut self.screen {
+                    screen.echo(&echo);
+                }
+                Entry::echo(&echo)
+            }
             // What the daemon measured live from this frame was computed again above.
             Record::Motion(motion)
                 if motion
@@ -530,11 +567,19 @@ impl Replay<'_> {
             }
             Record::Motion(motion) => {
                 self.still.motion(&motion);
+                if let Some(screen) = &mut self.screen {
+                    screen.motion("from the log", &motion);
+                }
                 Entry::motion(&motion)
             }
             Record::Truth(truth) => Entry::truth(&truth),
             Record::Clock(clock) => Entry::clock(&clock),
-            Record::Event(event) => Entry::event_message(&event),
+            Record::Event(event) => {
+                if let Some(screen) = &mut self.screen {
+                    screen.event(&event);
+                }
+                Entry::event_message(&event)
+            }
             // What was in force while recording gives way to what is in force here; one in the making stays.
             Record::PlaneCalibration(old) if is_in_the_making(&old) => {
                 self.report.calibrates = true;
@@ -593,6 +638,9 @@ impl Replay<'_> {
 
     fn write_motion(&mut self, log_ns: u64, motion: &VehicleMotion) -> Result<(), ReplayError> {
         self.writer.write(log_ns, &Entry::motion(motion))?;
+        if let Some(screen) = &mut self.screen {
+            screen.motion("fitted", motion);
+        }
         if let Some(pose) = messages::pose_message(motion) {
             self.writer.write(log_ns, &Entry::pose(&pose))?;
         }

@@ -3,8 +3,13 @@
 //! The same rig, plan, seed and options give the same bytes: times start at a fixed UNIX second,
 //! nothing reads a clock, and the renderer's noise is counted, not drawn.
 
+use crate::analysis::Analyst;
+use crate::live::Live;
+use crate::live::unhurried::Unhurried;
 use crate::simulated::{BoardInView, motion_message};
 use bytes::Bytes;
+use hydroline_calib::IdealMap;
+use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureError, NegotiatedFormat, SourceDescription};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
@@ -16,10 +21,12 @@ use hydroline_log::{
 use hydroline_plan::setpoint::{Setpoint, SetpointError, setpoint};
 use hydroline_rigs::{Board, Plan, Rig};
 use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
+use hydroline_stripe::ExtractorConfig;
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::Arc;
 
 /// How to simulate.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +47,8 @@ pub struct Options {
     pub board: Option<(Board, f64)>,
     /// The simulating program, for the log's head.
     pub build: BuildInfo,
+    /// Where it shows itself; changes no byte of the log.
+    pub live: Option<Live>,
 }
 
 impl Default for Options {
@@ -53,6 +62,7 @@ impl Default for Options {
             note: None,
             board: None,
             build: BuildInfo::default(),
+            live: None,
         }
     }
 }
@@ -130,6 +140,10 @@ pub fn simulate(
         Some(_) => rig.camera.height_px as usize,
         None => 1,
     };
+    let mut screen = options
+        .live
+        .as_ref()
+        .map(|live| Screen::new(live, &rig, plan, options.board.is_some()));
     let mut next_command = 0;
     // Commanded already because a row of the frame in hand looks beyond the frame's stamp, not logged yet.
     let mut ahead: VecDeque<(f64, Setpoint)> = VecDeque::new();
@@ -153,10 +167,20 @@ pub fn simulate(
             let Some((command_s, set)) = ahead.pop_front() else {
                 break;
             };
-            write_commands(&mut log, &rig, &set, command_s, &mut sequence)?;
+            for message in commands_of(&rig, &set, command_s, sequence) {
+                log.write(at_ns(command_s), &Entry::command(&message))?;
+                if let Some(screen) = &mut screen {
+                    screen.unhurried.command(&message);
+                }
+            }
+            // As the thruster service: one sequence per set, shared by all thrusters.
+            sequence = sequence.wrapping_add(1);
         }
         let stamp_ns = at_ns(t_s);
-        let truth = world.state_at(t_s)?;
+        let truth = motion_message(stamp_ns, &world.state_at(t_s)?);
+        if let Some(screen) = &mut screen {
+            screen.unhurried.motion("simulated", &truth);
+        }
         match &renderer {
             Some(renderer) => {
                 let pixels = match &board {
@@ -165,6 +189,9 @@ pub fn simulate(
                 };
                 let frame = frame(&rig, pixels, k, stamp_ns);
                 log.write(stamp_ns, &Entry::frame(&frame, k))?;
+                if let Some(screen) = &mut screen {
+                    screen.frame(&frame);
+                }
             }
             None => {
                 let reported = world.pose_reported(t_s)?;
@@ -174,8 +201,14 @@ pub fn simulate(
                 )?;
             }
         }
-        log.write(stamp_ns, &Entry::truth(&motion_message(stamp_ns, &truth)))?;
+        log.write(stamp_ns, &Entry::truth(&truth))?;
+        if let Some(screen) = &mut screen {
+            screen.unhurried.done(k + 1, stamp_ns, Some(frames));
+        }
         progress(k + 1, frames);
+    }
+    if let Some(screen) = screen {
+        screen.unhurried.end("simulated to the plan's end");
     }
     Ok(log.finish(&SummaryInput::clean("simulated to the plan's end"))?)
 }
@@ -219,34 +252,53 @@ fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
     }
 }
 
-fn write_commands(
-    log: &mut FileRecorder,
-    rig: &Rig,
-    set: &Setpoint,
+fn commands_of<'a>(
+    rig: &'a Rig,
+    set: &'a Setpoint,
     t_s: f64,
-    sequence: &mut u32,
-) -> Result<(), LogError> {
-    for (thruster, (thrust_n, pulse_us)) in rig
-        .thrusters
-        .thrusters
-        .iter()
-        .zip(set.thrust_n.iter().zip(&set.pulses_us))
-    {
-        let message = pb::ThrusterCommand {
+    sequence: u32,
+) -> impl Iterator<Item = pb::ThrusterCommand> + 'a {
+    let values = set.thrust_n.iter().zip(&set.pulses_us);
+    let thrusters = rig.thrusters.thrusters.iter().zip(values);
+    thrusters.map(
+        move |(thruster, (thrust_n, pulse_us))| pb::ThrusterCommand {
             timestamp: Some(timestamp(at_ns(t_s))),
-            sequence: *sequence,
+            sequence,
             thruster: thruster.name.clone(),
             thrust_n: *thrust_n,
             pulse_us: *pulse_us,
             due_ns: at_ns(t_s),
             plan_step: set.plan_step,
             cause: "plan".to_owned(),
-        };
-        log.write(at_ns(t_s), &Entry::command(&message))?;
+        },
+    )
+}
+
+/// What the live page shows of it: stripes of the frames that somebody looks at.
+struct Screen {
+    unhurried: Unhurried,
+    analyst: Analyst,
+}
+
+impl Screen {
+    fn new(live: &Live, rig: &Rig, plan: &Plan, shows_board: bool) -> Self {
+        let map: Arc<dyn PlaneMap> = Arc::new(IdealMap::of(rig));
+        let outlined = (!shows_board).then(|| map.clone());
+        let rule = rig.grey_rule();
+        let mut unhurried = Unhurried::new(live, "simulate", rule, Some(rig), outlined);
+        unhurried.plan(&plan.name, plan.steps.len() as u32);
+        Self {
+            unhurried,
+            analyst: Analyst::new(ExtractorConfig::default(), Some(map), rule),
+        }
     }
-    // As the thruster service: one sequence per set, shared by all thrusters.
-    *sequence = sequence.wrapping_add(1);
-    Ok(())
+
+    fn frame(&mut self, frame: &Frame) {
+        if self.unhurried.wants_picture() {
+            let profile = self.analyst.analyse(frame);
+            self.unhurried.frame(frame, &profile);
+        }
+    }
 }
 
 fn frame(rig: &Rig, pixels: Vec<u8>, index: u64, stamp_ns: u64) -> Frame {

@@ -16,6 +16,7 @@ mod shown;
 mod words;
 mod written;
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use hydroline_rigs::{Dof, Rig};
@@ -24,11 +25,12 @@ use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::joined;
 use super::source::Source;
-use super::verdict::{DataFault, NoiseFound, Word};
+use super::verdict::{DataFault, NoiseFound, Verdict, Word};
 use found::Judged;
 use giving::Asking;
 use hydroline_identify::data::{CHANNELS, Run, is_still};
 use hydroline_inference::closed::closed;
+use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
@@ -98,6 +100,22 @@ pub fn diagnose(
     verdict.given = inputs.names();
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
+    tell(verdict, &judged, &dofs);
+    made.shown = judged.shown();
+    progress("next run");
+    verdict.next_experiment = judged.next(rig);
+    verdict.noise = noise_found(&found.problem);
+    let withheld = joined::withhold(verdict, &runs);
+    verdict.sentence = words::sentence(verdict, &judged.against());
+    if verdict.verdict != Word::DataFault {
+        judged.adopt(&mut made.rig);
+        joined::take_out(&withheld, rig, &mut made.rig);
+    }
+    Ok(made)
+}
+
+/// What the models say, into the verdict.
+fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.effects = judged.effects();
     verdict.candidates = judged.candidates();
     verdict.equivalent = judged.equivalent();
@@ -118,17 +136,14 @@ pub fn diagnose(
     verdict.alternatives = judged.alternatives();
     verdict.blind_spots = judged.blind_spots();
     verdict.notes.extend(judged.notes());
-    made.shown = judged.shown();
-    progress("next run");
-    verdict.next_experiment = judged.next(rig);
-    for (c, noise) in found.problem.noises.channels.iter().enumerate() {
+}
+
+/// Noise of every channel, and the share of its samples that are outliers.
+fn noise_found(problem: &Problem) -> BTreeMap<String, NoiseFound> {
+    let mut made = BTreeMap::new();
+    for (c, noise) in problem.noises.channels.iter().enumerate() {
         let Some(n) = noise else { continue };
-        let flags = found
-            .problem
-            .noises
-            .used
-            .iter()
-            .zip(&found.problem.body.recording.runs);
+        let flags = problem.noises.used.iter().zip(&problem.body.recording.runs);
         let (mut out, mut all) = (0usize, 0usize);
         for (used, r) in flags {
             for (k, u) in used.iter().enumerate() {
@@ -144,15 +159,9 @@ pub fn diagnose(
             correlation_s: n.correlation_s,
             outliers: out as f64 / all.max(1) as f64,
         };
-        verdict.noise.insert(Recording::name(c).to_owned(), of);
+        made.insert(Recording::name(c).to_owned(), of);
     }
-    let withheld = joined::withhold(verdict, &runs);
-    verdict.sentence = words::sentence(verdict, &judged.against());
-    if verdict.verdict != Word::DataFault {
-        judged.adopt(&mut made.rig);
-        joined::take_out(&withheld, rig, &mut made.rig);
-    }
-    Ok(made)
+    made
 }
 
 /// A number of what was measured, so that the order of logs does not matter.

@@ -42,7 +42,6 @@ pub(crate) fn to_body(angles: [f64; 3], tank: [f64; 3]) -> [f64; 3] {
 }
 
 /// A vector along the body's axes, along the tank's.
-#[cfg(test)]
 pub(crate) fn to_tank(angles: [f64; 3], body: [f64; 3]) -> [f64; 3] {
     let r = rotation(angles);
     std::array::from_fn(|i| (0..3).map(|j| r[i][j] * body[j]).sum())

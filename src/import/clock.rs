@@ -209,7 +209,7 @@ impl Clock {
     }
 
     /// What the clock found, `origin_ns` being the first row's time.
-    pub fn report(&self, time: &TimeMap, origin_ns: i128, findings: &mut Vec<Finding>) {
+    pub fn report(&self, time: &TimeMap, origin_ns: Option<i128>, findings: &mut Vec<Finding>) {
         if let Some(line) = self.beyond_bits {
             findings.push(Finding::fault(
                 "unwrap",
@@ -247,7 +247,18 @@ impl Clock {
             even.report(findings);
         }
         self.report_zones(findings);
+        let Some(origin_ns) = origin_ns else {
+            return;
+        };
         let origin_s = origin_ns as f64 * 1e-9;
+        if !time.unix && time.start_unix_s.is_none() && origin_ns != 0 {
+            findings.push(Finding::info(
+                "clock_zero",
+                format!(
+                    "the file's clock begins at {origin_s:.6} s: the log counts from there, and keeps that number for join"
+                ),
+            ));
+        }
         let numbers = matches!(time.source, TimeSource::Numbers(_)) && time.epoch_ns == 0;
         if time.unix && numbers && (0.0..UNIX_EARLIEST_S).contains(&origin_s) {
             findings.push(Finding::fault(

@@ -74,6 +74,14 @@ impl Draft {
         self.toml.push(text.into());
     }
 
+    fn finish(self, kind: &'static str) -> Guess {
+        Guess {
+            kind,
+            toml: self.toml.join("\n") + "\n",
+            remarks: self.remarks,
+        }
+    }
+
     /// A doubt: a comment in the map, and a remark.
     fn doubt(&mut self, text: impl Into<String>) {
         let text = text.into();
@@ -104,10 +112,13 @@ pub fn guess(source: &(impl Source + ?Sized)) -> io::Result<Result<Guess, GuessE
         return Ok(Err(GuessError::NoTime { columns: columns() }));
     };
     let motion = motion::find(&shape, &stats, &time);
-    if motion.is_empty() {
+    if motion.is_empty() && shape.open.is_empty() {
         return Ok(Err(GuessError::NoMotion { columns: columns() }));
     }
     let mut draft = write(&shape, &stats, &time, &motion);
+    if motion.is_empty() {
+        return Ok(Ok(draft.finish(shape.kind)));
+    }
     // The map is tried, and faults are said at once. What the file leaves open is what makes the fewest.
     let mut faults = faults(source, &draft)?;
     let angles = motion.other_angles();
@@ -131,11 +142,7 @@ pub fn guess(source: &(impl Source + ?Sized)) -> io::Result<Result<Guess, GuessE
             .remarks
             .push(format!("with this map: {kind}: {message}"));
     }
-    Ok(Ok(Guess {
-        kind: shape.kind,
-        toml: draft.toml.join("\n") + "\n",
-        remarks: draft.remarks,
-    }))
+    Ok(Ok(draft.finish(shape.kind)))
 }
 
 fn write(
@@ -153,7 +160,24 @@ fn write(
     file::write(&shape.file, &mut draft);
     time.write(&mut draft);
     motion.write(shape, stats, &mut draft);
+    propose(shape, &mut draft);
     draft
+}
+
+/// What nameless columns may be, as comments: the person knows which.
+fn propose(shape: &shape::Shape, draft: &mut Draft) {
+    for proposal in &shape.open {
+        draft.doubt(format!(
+            "if the message is a {}, without the #:",
+            proposal.message
+        ));
+        for (table, unit, column) in &proposal.tables {
+            let lines = table.lines().map(str::to_owned);
+            let keys = [format!("column = {column}"), format!("unit = \"{unit}\"")];
+            let lines = lines.chain(keys).map(|l| format!("# {l}"));
+            draft.toml.extend(lines);
+        }
+    }
 }
 
 /// What an import with the drafted map would say, (kind, words), and how bad that is.

@@ -158,21 +158,40 @@ pub fn join(
     let relation = match given.offset_s {
         Some(offset_s) => Relation {
             from: From::Given,
-            offset_s,
+            offset_s: offset_s + read.zeros_s().unwrap_or(0.0),
             offset_sd_s: given.offset_sd_s,
             drift_ppm: given.drift_ppm.unwrap_or(0.0),
             drift_sd_ppm: given.drift_ppm.map_or(CRYSTALS_PPM, |_| given.drift_sd_ppm),
             reference_ns: read.reference_ns(),
-            warnings: if given.offset_sd_s > 0.0 {
-                Vec::new()
-            } else {
-                vec!["the offset is taken as exact: --offset-sd-s says how well it is known, and a diagnosis then names no latency within it".to_owned()]
-            },
+            warnings: given_warnings(&read, given.offset_sd_s, offset_s),
         },
         None => match clocks::relation(&read) {
             Some(relation) => relation,
-            None => read.estimate(rig, given)?,
+            None => {
+                let mut found = read.estimate(rig, given)?;
+                if let Some(zeros_s) = read.zeros_s().filter(|z| z.abs() > 0.0) {
+                    found.warnings.push(format!(
+                        "both files' clocks count from zeros of their own, which import moved: between those clocks, as --offset-s counts, the offset is {:.6} s",
+                        found.offset_s - zeros_s
+                    ));
+                }
+                found
+            }
         },
     };
     write::write(&read, motion, commands, relation, out, build)
+}
+
+fn given_warnings(read: &pair::Pair, offset_sd_s: f64, offset_s: f64) -> Vec<String> {
+    let mut out = Vec::new();
+    // Where import left the zeros where they were there is nothing to say.
+    if let Some(zeros_s) = read.zeros_s().filter(|z| z.abs() > 0.0) {
+        out.push(format!(
+            "both files' clocks count from zeros of their own, which import moved: the offset given counts between those clocks, so that the log's stamps are moved by {offset_s} + {zeros_s:.6} s"
+        ));
+    }
+    if offset_sd_s <= 0.0 {
+        out.push("the offset is taken as exact: --offset-sd-s says how well it is known, and a diagnosis then names no latency within it".to_owned());
+    }
+    out
 }

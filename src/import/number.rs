@@ -74,6 +74,23 @@ pub(crate) fn says_nothing(cell: &str) -> bool {
                 .any(|w| cell.eq_ignore_ascii_case(w)))
 }
 
+/// Whether a cell is a number with its thousands set apart: `1,234.5`, `1.234,5`, `1 234.5`, `1'234.5`.
+fn is_grouped(cell: &str, decimal: char) -> bool {
+    let whole = cell
+        .trim_start_matches(['-', '+'])
+        .split(decimal)
+        .next()
+        .unwrap_or("");
+    let is_mark =
+        |c: char| matches!(c, ',' | '.' | ' ' | '\'' | '’' | '\u{a0}' | '\u{202f}') && c != decimal;
+    let groups: Vec<&str> = whole.split(is_mark).collect();
+    let digits = |g: &str| !g.is_empty() && g.chars().all(|c| c.is_ascii_digit());
+    groups.len() > 1
+        && groups.iter().all(|g| digits(g))
+        && groups[0].len() <= 3
+        && groups[1..].iter().all(|g| g.len() == 3)
+}
+
 /// Cells that are no numbers, by kind.
 #[derive(Default)]
 pub(crate) struct BadCells {
@@ -107,6 +124,15 @@ impl BadCells {
         }
     }
 
+    /// What a cell with separators of thousands calls for.
+    fn thousands(cell: &str, decimal: char) -> &'static str {
+        if is_grouped(cell, decimal) {
+            "; are these separators of thousands? Export without them: a table with a comma that may be one or the other is not read"
+        } else {
+            ""
+        }
+    }
+
     pub fn report(&self, map: &Map, findings: &mut Vec<Finding>) {
         let missing = "; where that is no loss, the map says missing = \"skip\" or \"hold\" there";
         for (kind, column, line, cell, count) in &self.seen {
@@ -119,11 +145,13 @@ impl BadCells {
                     "column '{column}': {count} cell(s) hold '{cell}' or the like, the first on line {line}"
                 ),
                 "decimal_separator" => format!(
-                    "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export",
-                    map.file.decimal
+                    "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export{}",
+                    map.file.decimal,
+                    Self::thousands(cell, map.file.decimal)
                 ),
                 _ => format!(
-                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'"
+                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'{}",
+                    Self::thousands(cell, map.file.decimal)
                 ),
             };
             findings.push(Finding::fault(kind, Some(*line), words));

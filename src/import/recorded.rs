@@ -215,6 +215,16 @@ impl Recording {
     /// Those of the files.
     pub fn table(&self, map: &Map) -> Result<RecordedTable, RecordedError> {
         let mut findings = Vec::new();
+        // The cause comes before what follows from it.
+        self.damage(&mut findings);
+        if self.contents.topics.is_empty()
+            && let Some(cause) = findings.first()
+        {
+            let damage = cause.message.split("; ").next().unwrap_or_default();
+            return Err(RecordedError::Damaged {
+                damage: damage.to_owned(),
+            });
+        }
         let chosen = |topic: &str| self.is_chosen(topic);
         let columns = columns::Columns::of(map, &self.contents, &chosen, &mut findings);
         let own = columns.map_for_table(map);
@@ -229,7 +239,6 @@ impl Recording {
         read(self.kind, &self.files.files, &mut writer)?;
         let (rows, found) = writer.finish()?;
         findings.extend(found);
-        self.damage(&mut findings);
         let of = if several { ", one for each stamp" } else { "" };
         findings.push(Finding::info(
             "recorded",

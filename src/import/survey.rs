@@ -14,6 +14,8 @@ use crate::table::{Imported, has_faults, pass};
 pub struct Survey {
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
+    /// What the file's own clock said in the first row, where it counts from a zero of its own \[ns\].
+    pub relative_origin_ns: Option<i128>,
     /// What was found.
     pub findings: Vec<Finding>,
     pub(crate) spoilt: Spoilt,
@@ -39,6 +41,7 @@ pub fn survey(source: &(impl Source + ?Sized), map: &Map, rig: Option<&Rig>) -> 
     let (found, spoilt) = watch.finish();
     Ok(Survey {
         start_ns: passed.start_ns,
+        relative_origin_ns: passed.relative_origin_ns,
         findings: together(passed.findings, found),
         spoilt,
     })
@@ -62,6 +65,7 @@ pub fn read_table(
     })?;
     let (found, spoilt) = watch.finish();
     data.start_ns = passed.start_ns;
+    data.relative_origin_ns = passed.relative_origin_ns;
     data.lost_rows = passed.lost_rows;
     data.findings = together(passed.findings, found);
     spoilt.clear_all(&mut data);

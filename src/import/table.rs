@@ -81,6 +81,8 @@ pub struct Imported {
     pub times_s: Vec<f64>,
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
+    /// What the file's own clock said in the first row, where it counts from a zero of its own \[ns\].
+    pub relative_origin_ns: Option<i128>,
     /// Line of each row.
     pub lines: Vec<u64>,
     /// Per channel of `/vehicle/motion`, then companions; NaN = nothing usable in the cell. Empty = not mapped.
@@ -156,6 +158,8 @@ pub(crate) fn has_faults(findings: &[Finding]) -> bool {
 pub(crate) struct Passed {
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
+    /// What the file's own clock said then, where it counts from a zero of its own \[ns\].
+    pub relative_origin_ns: Option<i128>,
     /// Rows left out.
     pub lost_rows: usize,
     /// About form, time and cells.
@@ -173,6 +177,7 @@ pub(crate) fn pass(
     let mut findings = layout.notes();
     let nothing = |findings| Passed {
         start_ns: 0,
+        relative_origin_ns: None,
         lost_rows: 0,
         findings,
     };
@@ -244,9 +249,11 @@ pub(crate) fn pass(
     }
     form.report(&layout, &mut findings);
     reader.report(&mut findings);
-    clock.report(&map.time, origin.map_or(0, |o| o.0), &mut findings);
+    clock.report(&map.time, origin.map(|o| o.0), &mut findings);
+    let own_zero = !map.time.unix && map.time.start_unix_s.is_none();
     Ok(Passed {
         start_ns: origin.map_or(0, |o| o.1),
+        relative_origin_ns: origin.map(|o| o.0).filter(|_| own_zero),
         lost_rows,
         findings,
     })

@@ -1,11 +1,14 @@
 use super::*;
 use proptest::prelude::*;
 
+mod foreign;
 #[path = "../../tests/support/inputs.rs"]
 mod inputs;
 mod layouts;
+mod motions;
 mod reports;
 mod values;
+mod written;
 
 fn accept(accept_faults: bool) -> Options {
     Options {

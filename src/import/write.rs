@@ -22,6 +22,10 @@ const STILL_ROWS_MAX: usize = 1 << 18;
 /// Chunks of the log close by size: a table is not cut short by a crash, it is imported again.
 const CHUNK_AGE_NS: u64 = 600_000_000_000;
 
+/// Names in a log's session: what a file's own clock, that counts from any zero, said \[ns\] at which UNIX time of the log.
+pub(crate) const RELATIVE_ORIGIN: &str = "import.relative_origin_ns";
+pub(crate) const RELATIVE_START: &str = "import.relative_start_unix_ns";
+
 /// Why nothing was imported.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
@@ -92,7 +96,8 @@ pub fn import(
     out: &Path,
     options: Options,
 ) -> Result<ImportOutcome, ImportError> {
-    let mut log = Writer::create(&data.findings, data.start_ns, map, map_text, out, options)?;
+    let begins = (data.start_ns, data.relative_origin_ns);
+    let mut log = Writer::create(&data.findings, begins, map, map_text, out, options)?;
     for k in 0..data.times_s.len() {
         log.row(&data.sample(k))?;
     }
@@ -114,7 +119,7 @@ pub fn import_table(
 ) -> Result<ImportOutcome, ImportError> {
     let mut log = Writer::create(
         &survey.findings,
-        survey.start_ns,
+        (survey.start_ns, survey.relative_origin_ns),
         map,
         map_text,
         out,
@@ -160,7 +165,7 @@ struct Writer<'a> {
 impl<'a> Writer<'a> {
     fn create(
         findings: &[Finding],
-        start_ns: u64,
+        (start_ns, relative_origin_ns): (u64, Option<i128>),
         map: &'a Map,
         map_text: &str,
         out: &Path,
@@ -177,6 +182,10 @@ impl<'a> Writer<'a> {
             ("kind".to_owned(), "import".to_owned()),
             ("import.map".to_owned(), map_text.to_owned()),
         ]);
+        if let Some(ns) = relative_origin_ns {
+            session.insert(RELATIVE_START.to_owned(), start_ns.to_string());
+            session.insert(RELATIVE_ORIGIN.to_owned(), ns.to_string());
+        }
         session.insert(
             "import.findings".to_owned(),
             serde_json::to_string(findings).unwrap_or_default(),

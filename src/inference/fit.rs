@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use super::belief::Belief;
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
 use super::filter::{Filter, Force};
@@ -110,6 +111,89 @@ impl Fit {
             cost: f64::INFINITY,
             sizes: Vec::new(),
         }
+    }
+}
+
+/// Steps without success after which a descent ends.
+const FAILED_MOST: usize = 8;
+
+/// A model on its way to a mode (Levenberg-Marquardt, Marquardt's scaling).
+struct Descent<'a> {
+    problem: &'a Problem,
+    terms: &'a [usize],
+    belief: Belief,
+    bounds: Vec<(f64, f64)>,
+    effort: Effort,
+    all: Vec<Simulated>,
+    equations: Equations<'a>,
+    at: Point,
+}
+
+impl Descent<'_> {
+    /// Cells that are likeliest where it is.
+    fn choose(&mut self, cells: &Cells) -> Cells {
+        let (all, belief, at) = (&self.all, &self.belief, &self.at);
+        self.equations.choose(all, cells.clone(), belief, at).0
+    }
+
+    /// Down to the mode under these cells; `None` where the model gives no finite motion.
+    fn run(&mut self, cells: &Cells) -> Option<()> {
+        let Problem {
+            body,
+            worth,
+            noises,
+            ..
+        } = self.problem;
+        let of = |d: &usize| (*d, filters(body, worth, noises, *d, cells.misfit[*d]));
+        let filters: BTreeMap<usize, Vec<Filter>> = body.dofs.iter().map(of).collect();
+        let (mut damping, mut failed) = (1e-3, 0);
+        let (mut information, mut gradient, mut cost) =
+            self.equations.sum(&self.all, cells, &self.belief, &self.at);
+        for _ in 0..self.effort.steps {
+            let mut damped = information.clone();
+            for i in 0..self.at.len() {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let Some(root) = Cholesky::new(damped) else {
+                damping = (damping * 10.0_f64).max(1e-6);
+                failed += 1;
+                if failed > FAILED_MOST {
+                    break;
+                }
+                continue;
+            };
+            let move_by = root.solve(&gradient);
+            let promised = 0.5 * move_by.dot(&gradient);
+            let moved = self.at.iter().zip(move_by.iter()).zip(&self.bounds);
+            let tried: Point = moved
+                .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
+                .collect();
+            let values = self.problem.predicted(self.terms, &tried);
+            let new = self.problem.cost(&values, &filters) - self.belief.ln(&tried, cells);
+            if new.is_finite() && new <= cost + 1e-9 {
+                let gained = cost - new;
+                self.at = tried;
+                self.all = self.problem.simulate(self.terms, &self.at)?;
+                self.equations.clear();
+                (information, gradient, cost) =
+                    self.equations.sum(&self.all, cells, &self.belief, &self.at);
+                damping = (damping * 0.2).max(1e-9);
+                failed = 0;
+                if gained < self.effort.decrement && promised < 2.0 * self.effort.decrement {
+                    break;
+                }
+            } else {
+                if promised < 0.1 * self.effort.decrement {
+                    break;
+                }
+                damping = (damping * 8.0).max(1e-4);
+                failed += 1;
+                if failed > FAILED_MOST {
+                    break;
+                }
+            }
+        }
+        Some(())
     }
 }
 
@@ -324,87 +408,39 @@ impl Problem {
 
     /// Fits a model from a point.
     pub fn fit(&self, terms: &[usize], start: &[f64], cells: Cells, effort: Effort) -> Option<Fit> {
-        let belief = self.belief(terms);
-        let bounds = self.body.bounds(terms);
-        let mut at: Point = start.to_vec();
+        let at: Point = start.to_vec();
+        let mut descent = Descent {
+            problem: self,
+            terms,
+            belief: self.belief(terms),
+            bounds: self.body.bounds(terms),
+            effort,
+            all: self.simulate(terms, &at)?,
+            equations: Equations::new(self, at.len()),
+            at,
+        };
         let mut cells = cells;
-        let mut all = self.simulate(terms, &at)?;
-        let mut equations = Equations::new(self, at.len());
         let mut seen: Vec<Cells> = Vec::new();
         for round in 0..effort.rounds {
             let chosen = if round == 0 && effort.as_given {
                 cells.clone()
             } else {
-                equations.choose(&all, cells.clone(), &belief, &at).0
+                descent.choose(&cells)
             };
             if round > 0 && (chosen == cells || seen.contains(&chosen)) {
                 break;
             }
             seen.push(chosen.clone());
             cells = chosen;
-            let filters: BTreeMap<usize, Vec<Filter>> = self
-                .body
-                .dofs
-                .iter()
-                .map(|d| {
-                    (
-                        *d,
-                        filters(&self.body, &self.worth, &self.noises, *d, cells.misfit[*d]),
-                    )
-                })
-                .collect();
-            let mut damping = 1e-3;
-            let mut failed = 0;
-            let (mut information, mut gradient, mut cost) =
-                equations.sum(&all, &cells, &belief, &at);
-            let mut step = 0;
-            while step < effort.steps {
-                step += 1;
-                let mut damped = information.clone();
-                for i in 0..at.len() {
-                    damped[(i, i)] *= 1.0 + damping;
-                }
-                let Some(root) = Cholesky::new(damped) else {
-                    damping = (damping * 10.0_f64).max(1e-6);
-                    failed += 1;
-                    if failed > 8 {
-                        break;
-                    }
-                    continue;
-                };
-                let move_by = root.solve(&gradient);
-                let promised = 0.5 * move_by.dot(&gradient);
-                let tried: Point = at
-                    .iter()
-                    .zip(move_by.iter())
-                    .zip(&bounds)
-                    .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
-                    .collect();
-                let values = self.predicted(terms, &tried);
-                let new = self.cost(&values, &filters) - belief.ln(&tried, &cells);
-                if new.is_finite() && new <= cost + 1e-9 {
-                    let gained = cost - new;
-                    at = tried;
-                    all = self.simulate(terms, &at)?;
-                    equations.clear();
-                    (information, gradient, cost) = equations.sum(&all, &cells, &belief, &at);
-                    damping = (damping * 0.2).max(1e-9);
-                    failed = 0;
-                    if gained < effort.decrement && promised < 2.0 * effort.decrement {
-                        break;
-                    }
-                } else {
-                    if promised < 0.1 * effort.decrement {
-                        break;
-                    }
-                    damping = (damping * 8.0).max(1e-4);
-                    failed += 1;
-                    if failed > 8 {
-                        break;
-                    }
-                }
-            }
+            descent.run(&cells)?;
         }
+        let Descent {
+            belief,
+            all,
+            mut equations,
+            at,
+            ..
+        } = descent;
         let (information, _, cost) = equations.sum(&all, &cells, &belief, &at);
         let root = Cholesky::new(information)?;
         let (sizes, more) = equations.sizes(&all, &cells, &belief, &at);

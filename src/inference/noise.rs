@@ -119,54 +119,74 @@ fn instruments(x: &Numbers, there: [bool; 2]) -> Instruments {
     })
 }
 
-fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (Instruments, Flags) {
-    let fast: [Option<f64>; 2] = [fast_sd(pairs, 0), fast_sd(pairs, 1)];
-    let there = fast.map(|f| f.is_some());
-    let mut used: Flags = pairs
-        .iter()
-        .map(|run| {
-            run.iter()
-                .map(|p| [0, 1].map(|c| there[c] && p[c].is_finite()))
-                .collect()
-        })
-        .collect();
-    if !there[0] && !there[1] {
-        return ([None; 2], used);
+/// Residuals of one DOF, and what is known of its instruments.
+struct Observed<'a> {
+    body: &'a Body,
+    dof: usize,
+    pairs: &'a Pairs,
+    /// sd of the fast part of position and rate.
+    fast: [Option<f64>; 2],
+    /// Median of the sds that the log gives for the position.
+    logged: Option<f64>,
+}
+
+impl<'a> Observed<'a> {
+    fn new(body: &'a Body, dof: usize, pairs: &'a Pairs) -> Self {
+        let runs = body.recording.runs.iter();
+        let of = |r: &'a Recorded| r.logged_sd.iter().map(move |s| s[dof]);
+        let mut logged: Vec<f64> = runs.flat_map(of).filter(|v| v.is_finite()).collect();
+        Observed {
+            body,
+            dof,
+            pairs,
+            fast: [fast_sd(pairs, 0), fast_sd(pairs, 1)],
+            logged: hydroline_numerics::statistics::median(&mut logged),
+        }
     }
-    let runs = &body.recording.runs;
-    let logged: Option<f64> = {
-        let mut all: Vec<f64> = runs
-            .iter()
-            .flat_map(|r: &Recorded| r.logged_sd.iter().map(move |s| s[dof]))
-            .filter(|v| v.is_finite())
-            .collect();
-        hydroline_numerics::statistics::median(&mut all)
-    };
-    let response = body.responses[dof];
-    let mut x: Numbers = [0.0; 8];
-    for c in 0..2 {
-        let white = fast[c].unwrap_or(1.0).ln();
-        let known = before.and_then(|b| b.channels[dof + 6 * c]);
-        let colour = known.filter(|k| k.coloured_sd > 0.0);
-        x[3 * c] = known.map_or(white, |k| k.white_sd.max(1e-12).ln());
-        x[3 * c + 1] = colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln());
-        x[3 * c + 2] = colour.map_or(body.prior.colour_s, |k| k.correlation_s).ln();
+
+    fn there(&self) -> [bool; 2] {
+        self.fast.map(|f| f.is_some())
     }
-    // An acceleration that is worth the largest residual within a second.
-    let largest = pairs.iter().flatten().flatten().filter(|v| v.is_finite());
-    x[6] = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
-    x[7] = 0.0;
-    let cost = |x: &Numbers, used: &Flags| -> f64 {
+
+    /// Where the search begins: at the noise before, or at the fast part's.
+    fn begin(&self, before: Option<&Noises>) -> Numbers {
+        let mut x: Numbers = [0.0; 8];
+        for c in 0..2 {
+            let white = self.fast[c].unwrap_or(1.0).ln();
+            let known = before.and_then(|b| b.channels[self.dof + 6 * c]);
+            let colour = known.filter(|k| k.coloured_sd > 0.0);
+            x[3 * c] = known.map_or(white, |k| k.white_sd.max(1e-12).ln());
+            x[3 * c + 1] = colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln());
+            x[3 * c + 2] = colour
+                .map_or(self.body.prior.colour_s, |k| k.correlation_s)
+                .ln();
+        }
+        // An acceleration that is worth the largest residual within a second.
+        let all = self.pairs.iter().flatten().flatten();
+        let largest = all.filter(|v| v.is_finite());
+        x[6] = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
+        x
+    }
+
+    /// Filter of a run under these numbers.
+    fn filter(&self, x: &Numbers, run: usize, used: &[[bool; 2]]) -> Filter {
+        let r = &self.body.recording.runs[run];
         let force = Force {
             sd_mps2: x[6].exp(),
             correlation_s: x[7].exp().clamp(0.1, 60.0),
         };
-        let made = instruments(x, there);
+        let response = self.body.responses[self.dof];
+        let made = instruments(x, self.there());
+        Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
+            used[k][c]
+        })
+    }
+
+    /// Minus the log likelihood of the residuals, and the log prior.
+    fn cost(&self, x: &Numbers, used: &Flags) -> f64 {
         let mut sum = 0.0;
-        for ((r, p), used) in runs.iter().zip(pairs).zip(used) {
-            let filter = Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
-                used[k][c]
-            });
+        for (run, (p, used)) in self.pairs.iter().zip(used).enumerate() {
+            let filter = self.filter(x, run, used);
             let mut series: Vec<[f64; 2]> = p
                 .iter()
                 .map(|v| v.map(|v| if v.is_finite() { v } else { 0.0 }))
@@ -174,8 +194,9 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
             filter.apply(&mut series);
             sum += 0.5 * (series.iter().flatten().map(|v| v * v).sum::<f64>() + filter.ln_variance);
         }
-        for c in (0..2).filter(|c| there[*c]) {
-            let slow = (x[3 * c + 2] - body.prior.colour_s.ln()) / body.prior.colour_ln;
+        let prior = &self.body.prior;
+        for c in (0..2).filter(|c| self.fast[*c].is_some()) {
+            let slow = (x[3 * c + 2] - prior.colour_s.ln()) / prior.colour_ln;
             let large = (x[3 * c + 1] - x[3 * c] - COLOUR_RATIO.0) / COLOUR_RATIO.1;
             if slow.abs() > COLOUR_SDS || large > COLOUR_SDS {
                 return f64::INFINITY;
@@ -186,14 +207,28 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
                 freedom: 4.0,
             };
             sum -= ratio.ln(x[3 * c + 1] - x[3 * c]);
-            sum -= Density::normal(body.prior.colour_s.ln(), body.prior.colour_ln).ln(x[3 * c + 2]);
-            if let Some(sd) = logged.filter(|_| c == 0) {
+            sum -= Density::normal(prior.colour_s.ln(), prior.colour_ln).ln(x[3 * c + 2]);
+            if let Some(sd) = self.logged.filter(|_| c == 0) {
                 sum -= Density::normal(sd.ln(), LOGGED_LN).ln(x[0]);
             }
         }
         sum -= Density::normal(0.0, 1.5).ln(x[7]);
         if sum.is_finite() { sum } else { f64::INFINITY }
-    };
+    }
+}
+
+fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (Instruments, Flags) {
+    let observed = Observed::new(body, dof, pairs);
+    let there = observed.there();
+    let sound = |p: &[f64; 2]| [0, 1].map(|c| there[c] && p[c].is_finite());
+    let mut used: Flags = pairs
+        .iter()
+        .map(|run| run.iter().map(sound).collect())
+        .collect();
+    if !there[0] && !there[1] {
+        return ([None; 2], used);
+    }
+    let mut x = observed.begin(before);
     for round in 0..3 {
         // Whether slow residuals are the instrument's or a force's has two answers; each is begun from.
         let shares: &[f64] = if round == 0 {
@@ -204,23 +239,14 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
         let tried = shares.iter().map(|share| {
             let mut from = x;
             from[6] += share;
-            descend(from, there, |x| cost(x, &used))
+            descend(from, there, |x| observed.cost(x, &used))
         });
         x = tried
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .map_or(x, |found| found.0);
-        let force = Force {
-            sd_mps2: x[6].exp(),
-            correlation_s: x[7].exp().clamp(0.1, 60.0),
-        };
-        let made = instruments(&x, there);
         let mut changed = false;
-        for ((r, p), used) in runs.iter().zip(pairs).zip(&mut used) {
-            changed |= reject(p, used, |used| {
-                Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
-                    used[k][c]
-                })
-            });
+        for (run, (p, used)) in pairs.iter().zip(&mut used).enumerate() {
+            changed |= reject(p, used, |used| observed.filter(&x, run, used));
         }
         if !changed || round == 2 {
             break;

@@ -3,6 +3,9 @@
 //! Textbook loop: of all models visited the likeliest that was not yet looked at is expanded; what lies outside of
 //! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function.
 
+mod noise;
+mod proposals;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
@@ -11,10 +14,8 @@ use hydroline_identify::parameter::Term;
 
 use super::body::Own;
 use super::fit::{Effort, Fit, Problem};
-use super::hyper::{Cell, Cells, Noises, SIZES};
-use super::noise::estimate;
+use super::hyper::{Cell, Cells, SIZES};
 use super::posterior::{UNNAMED, above_tolerance};
-use super::promise::Promise;
 
 /// Options of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +52,11 @@ pub struct Options {
     pub noise_gain: f64,
     /// Change of a noise's logarithm below which it stays.
     pub noise_change: f64,
+    /// Factors by which the correlation times of coloured noise are taken shorter at the end, the fast part kept: what is
+    /// slow in it may be what a law misses.
+    pub shorter: [f64; 2],
+    /// Log score that this has to gain: the noise as it was then keeps a twentieth, and is left out.
+    pub shorter_gain: f64,
     /// DOFs that nothing commanded: where no model follows one, its motion is an input, and there is no use in going on.
     pub may_give_up: [bool; 6],
     /// Fits after which that is asked.
@@ -75,6 +81,8 @@ impl Default for Options {
             noise_rounds: 2,
             noise_gain: 1.0,
             noise_change: 0.03,
+            shorter: [2.0, 4.0],
+            shorter_gain: 20f64.ln(),
             may_give_up: [false; 6],
             give_up_after: 30,
         }
@@ -230,109 +238,6 @@ impl Search<'_> {
             .cloned()
     }
 
-    /// Which additions are fitted: what explains one DOF's residual is alike, and must not crowd out the others.
-    fn proposed<'p>(&self, fit: &Fit, promises: &'p [Promise]) -> Vec<&'p Promise> {
-        let most = match fit.terms.is_empty() {
-            true => self.options.first_additions,
-            false => self.options.additions,
-        };
-
-        let dof = |p: &Promise| self.problem.body.candidates[p.candidate].dof();
-        let worth = |p: &&Promise| p.instead.is_none() && p.gain > self.options.least_gain;
-        let all: Vec<&Promise> = promises.iter().filter(worth).collect();
-        let (first, others) = all.split_at(self.options.foremost.min(all.len()));
-        let mut chosen = first.to_vec();
-        let mut left = Vec::new();
-        for p in others {
-            if chosen.iter().all(|c| dof(c) != dof(p)) {
-                chosen.push(p);
-            } else {
-                left.push(*p);
-            }
-        }
-        chosen.extend(left);
-        chosen.truncate(most);
-        chosen
-    }
-
-    fn expand(&mut self, fit: Fit) {
-        let fit = &self.sharpened(fit);
-        self.expanded.insert(fit.terms.clone());
-        let promises = self.problem.promises(fit);
-        let mut jobs: Vec<Job> = Vec::new();
-        let mut add = |job: Job| {
-            if !self.models.contains_key(&job.0) {
-                jobs.push(job);
-            }
-        };
-        for p in self.proposed(fit, &promises) {
-            let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
-            add((terms, point, fit.cells.clone()));
-        }
-        let tables = self
-            .problem
-            .tables(fit, &self.followed_by_laws())
-            .into_iter();
-        for p in tables
-            .filter(|p| p.gain > self.options.least_gain)
-            .take(self.options.tables)
-        {
-            let nothing = vec![0.0; self.problem.body.candidates[p.candidate].scales.len()];
-            let (terms, point) = self.problem.with(fit, p.candidate, &nothing);
-            add((terms, point, p.cells));
-        }
-        for member in 0..fit.terms.len() {
-            let (terms, point) = self.problem.without(fit, member);
-            add((terms.clone(), point.clone(), fit.cells.clone()));
-            let instead: Vec<&Promise> = promises
-                .iter()
-                .filter(|p| p.instead == Some(member))
-                .collect();
-            for p in instead
-                .into_iter()
-                .filter(|p| p.gain > self.options.least_gain)
-                .take(self.options.exchanges)
-            {
-                let smaller = Fit {
-                    terms: terms.clone(),
-                    point: point.clone(),
-                    ..fit.clone()
-                };
-                let (terms, point) = self.problem.with(&smaller, p.candidate, &p.numbers);
-                add((terms, point, fit.cells.clone()));
-            }
-            // A force along a covariate may be a known law that is only nearly the library's: both at once, for the law
-            // alone may be worse by far than the force.
-            let mut laws = self.problem.nearly(fit.terms[member]);
-            laws.retain(|(effect, _)| !fit.terms.contains(effect));
-            let place = |effect: &usize| {
-                let mut of = promises.iter().filter(|p| p.instead == Some(member));
-                of.position(|p| p.candidate == *effect)
-            };
-            laws.sort_by_key(|(effect, _)| place(effect).unwrap_or(usize::MAX));
-            for (effect, trend) in laws.into_iter().take(self.options.laws) {
-                let promised = promises
-                    .iter()
-                    .find(|p| p.instead == Some(member) && p.candidate == effect);
-                let start = self.problem.body.candidates[effect].starts.first();
-                let Some(numbers) = promised.map(|p| &p.numbers).or(start) else {
-                    continue;
-                };
-                let mut made = Fit {
-                    terms: terms.clone(),
-                    point: point.clone(),
-                    ..fit.clone()
-                };
-                let nothing = vec![0.0; self.problem.body.candidates[trend].scales.len()];
-                for (candidate, numbers) in [(effect, numbers), (trend, &nothing)] {
-                    (made.terms, made.point) = self.problem.with(&made, candidate, numbers);
-                }
-                add((made.terms, made.point, fit.cells.clone()));
-            }
-        }
-        self.fit(jobs, Effort::default());
-    }
-
     /// DOFs in which only known laws are asked: a table follows any motion, and what nobody commanded and only a table follows
     /// is an input. Where nothing at all was commanded every DOF is explained as well as it can be.
     fn followed_by_laws(&self) -> [bool; 6] {
@@ -386,80 +291,6 @@ impl Search<'_> {
             }
         }
     }
-
-    /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
-    ///
-    /// What a model on the way misses is in what it leaves: with `only_less` no channel's noise becomes larger by it.
-    fn renew_noise(&mut self, only_less: bool) -> bool {
-        let Some(best) = self.best().cloned() else {
-            return false;
-        };
-        let Some(predicted) = self.problem.closest(&best.terms, &best.point) else {
-            return false;
-        };
-        let mut noises = estimate(&self.problem.body, &predicted, Some(&self.problem.noises));
-        if only_less {
-            noises.no_larger_than(&self.problem.noises);
-        }
-        let pairs = noises.channels.iter().zip(&self.problem.noises.channels);
-        let change = pairs
-            .filter_map(|(a, b)| Some((a.as_ref()?.total_sd() / b.as_ref()?.total_sd()).ln().abs()))
-            .fold(0.0, f64::max);
-        let rejected = noises.used != self.problem.noises.used;
-        if change < self.options.noise_change && !rejected {
-            return false;
-        }
-        tracing::debug!(
-            "noise {:?}",
-            noises.channels.iter().flatten().collect::<Vec<_>>()
-        );
-        // On the samples that count now the new noise must not make the model less likely by more than that: noise that is
-        // estimated of a residual by itself sometimes does.
-        let before = self.problem.noises.clone();
-        let kept = Noises {
-            channels: before.channels,
-            used: noises.used.clone(),
-        };
-        let [old, new] = [kept, noises].map(|noises| {
-            self.problem.noises = noises;
-            self.problem
-                .fit(
-                    &best.terms,
-                    &best.point,
-                    best.cells.clone(),
-                    Effort::default(),
-                )
-                .map(|f| (f.ln_score, self.problem.noises.clone()))
-        });
-        let Some((score, noises)) = new else {
-            self.problem.noises = before;
-            return false;
-        };
-        let worse = old.filter(|(before, _)| *before > score + self.options.noise_gain);
-        let is_worse = worse.is_some();
-        self.problem.noises = worse.map_or(noises, |w| w.1);
-        !is_worse || rejected
-    }
-
-    /// Scores of the models at the front under the present noise; the others are dropped.
-    fn rescore(&mut self) {
-        let Some(floor) = self.best().map(|b| b.ln_score - 3.0 * self.options.window) else {
-            return;
-        };
-        let mut kept: Vec<Fit> = std::mem::take(&mut self.models).into_values().collect();
-        kept.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
-        let jobs = kept
-            .into_iter()
-            .enumerate()
-            .filter(|(k, f)| {
-                *k < self.options.rescored && f.ln_score >= floor || f.terms.is_empty()
-            })
-            .map(|(_, f)| f)
-            .map(|f| (f.terms, f.point, f.cells))
-            .collect();
-        self.expanded.clear();
-        self.fit(jobs, Effort::default());
-    }
 }
 
 /// Searches the models of a problem.
@@ -492,6 +323,9 @@ pub fn search(
         search.rescore();
         search.options.cost = search.cost + options.cost / 3;
         search.run();
+    }
+    if !search.gives_up() {
+        search.with_shorter_noise(options.cost / 3);
     }
     Some(Found {
         given_up: search.not_followed(),
@@ -542,297 +376,4 @@ pub(super) fn resumed(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::posterior::Posterior;
-    use crate::prior::PriorTable;
-    use crate::recording::Recording;
-    use crate::testing::{Tank, entry};
-    use hydroline_rigs::{PhysicsEntry, Rig};
-    use std::time::Instant;
-
-    fn cases() -> Vec<(&'static str, Vec<usize>, Vec<PhysicsEntry>)> {
-        let lag = |dof: &str| vec![entry("thruster_lag", &[("lag_s", 0.25)], &[("dof", dof)])];
-        let cross = |dof: &str, a: &str, b: &str, c: f64| {
-            vec![entry(
-                "cross_flow_coupling",
-                &[("c", c)],
-                &[("dof", dof), ("a", a), ("b", b)],
-            )]
-        };
-        vec![
-            ("surge-nothing", vec![0], vec![]),
-            ("surge-lag", vec![0], lag("surge")),
-            ("planar-nothing", vec![0, 1, 5], vec![]),
-            ("planar-lag-yaw", vec![0, 1, 5], lag("yaw")),
-            (
-                "planar-current",
-                vec![0, 1, 5],
-                vec![entry(
-                    "current",
-                    &[("vx_mps", -0.012), ("vy_mps", 0.008)],
-                    &[],
-                )],
-            ),
-            ("planar-cross", vec![0, 1, 5], cross("yaw", "u", "r", -8.0)),
-            (
-                "planar-latency",
-                vec![0, 1, 5],
-                vec![entry("command_latency", &[("delay_s", 0.1)], &[])],
-            ),
-            (
-                "surge-pitch",
-                vec![0],
-                vec![entry(
-                    "thrust_line_offset",
-                    &[("lever_m", 0.02)],
-                    &[("axis", "pitch")],
-                )],
-            ),
-            ("surge-bump", vec![0], vec![bump()]),
-            (
-                "surge-two",
-                vec![0],
-                vec![
-                    entry("thruster_lag", &[("lag_s", 0.2)], &[("dof", "surge")]),
-                    entry("constant_force", &[("bias_n", 0.2)], &[("dof", "surge")]),
-                ],
-            ),
-        ]
-    }
-
-    /// Short runs, so that every day has its share; `a_few_cases` has more.
-    fn short(driven: &[usize], effects: Vec<PhysicsEntry>, seed: u64) -> (Found, Posterior) {
-        let tank = Tank {
-            seconds: 12.0,
-            hz: 12.5,
-            ..Tank::new(driven, effects)
-        };
-        let runs = tank.runs(3, seed);
-        let dofs = Recording::new(&runs, 0.1).moving(&tank.rig.tolerance.channels());
-        let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
-        let found = search(problem, Options::default(), &|_| {}).unwrap();
-        let posterior = Posterior::new(&found);
-        (found, posterior)
-    }
-
-    fn probability(found: &Found, posterior: &Posterior, name: &str) -> f64 {
-        let body = &found.problem.body;
-        let of = posterior
-            .effects
-            .iter()
-            .find(|e| body.candidates[e.candidate].name() == name);
-        of.map_or(0.0, |e| e.probability)
-    }
-
-    #[test]
-    fn nothing_left_out_is_nothing_found() {
-        for driven in [&[0][..], &[0, 1, 5]] {
-            let (_, posterior) = short(driven, vec![], 3);
-            let nothing = posterior.models.iter().find(|m| m.0.is_empty()).unwrap();
-            assert!(nothing.1 > 0.5, "{posterior:?}");
-            assert!(
-                posterior.effects.iter().all(|e| e.probability < 0.5),
-                "{posterior:?}"
-            );
-            assert!(posterior.unnamed.iter().all(|u| u.1 < 0.1), "{posterior:?}");
-        }
-    }
-
-    /// A lag in yaw alone, while surge and sway are driven as well, gave no verdict in ten minutes.
-    #[test]
-    fn a_lag_of_one_dof_of_three_is_named_there() {
-        let lag = entry("thruster_lag", &[("lag_s", 0.25)], &[("dof", "yaw")]);
-        let (found, posterior) = short(&[0, 1, 5], vec![lag], 4);
-        assert!(
-            probability(&found, &posterior, "thruster_lag yaw") > 0.95,
-            "{posterior:?}"
-        );
-        let best = &found.models[&posterior.models[0].0];
-        let body = &found.problem.body;
-        let member = best
-            .terms
-            .iter()
-            .position(|t| body.candidates[*t].name() == "thruster_lag yaw")
-            .unwrap();
-        let at = body.places(&best.terms)[member];
-        let (lag_s, slope) = body.natural(&best.terms, &best.point)[at];
-        let sd = slope * best.covariance[(at, at)].sqrt();
-        assert!((lag_s - 0.25).abs() < 4.0 * sd && sd < 0.01, "{lag_s} {sd}");
-    }
-
-    /// Surge runs that pitch, which no command asks for, were taken for complete.
-    #[test]
-    fn a_dof_that_nobody_commanded_is_looked_at() {
-        let offset = entry(
-            "thrust_line_offset",
-            &[("lever_m", 0.03)],
-            &[("axis", "pitch")],
-        );
-        let (found, posterior) = short(&[0], vec![offset], 5);
-        assert!(found.problem.body.dofs.contains(&4));
-        assert!(
-            probability(&found, &posterior, "thrust_line_offset pitch") > 0.95,
-            "{posterior:?}"
-        );
-    }
-
-    /// A force that no effect of the library is, at one place of the tank.
-    fn bump() -> PhysicsEntry {
-        let points: Vec<(String, f64)> = (0..40)
-            .map(|k| {
-                let x_m = -1.0 + 2.0 * f64::from(k) / 39.0;
-                let force_n = 1.2 * (-((x_m - 0.2) / 0.1_f64).powi(2)).exp();
-                (format!("f{:02}_n", k + 1), force_n)
-            })
-            .collect();
-        let mut numbers: Vec<(&str, f64)> = vec![("from", -1.0), ("to", 1.0)];
-        numbers.extend(points.iter().map(|(n, v)| (n.as_str(), *v)));
-        entry("free_force", &numbers, &[("dof", "surge"), ("along", "x")])
-    }
-
-    /// Such a force was explained by whatever came nearest.
-    #[test]
-    fn a_force_without_a_name_is_a_table_and_no_effect() {
-        let (found, posterior) = short(&[0], vec![bump()], 6);
-        let table = probability(&found, &posterior, "free_force surge x");
-        assert!(table > 0.9, "{posterior:?}");
-    }
-
-    /// What a search finds, for eyes.
-    fn told(problem: Problem, begun: Instant) {
-        for d in &problem.body.dofs {
-            println!(
-                "   {d} {:?} {:?}",
-                problem.noises.channels[*d], problem.body.responses[*d]
-            );
-        }
-        let found = search(problem, Options::default(), &|what| {
-            println!("   {:.1} s {what}", begun.elapsed().as_secs_f64());
-        })
-        .unwrap();
-        let body = &found.problem.body;
-        let dofs = &body.dofs;
-        let posterior = Posterior::new(&found);
-        println!(
-            "   {} fits, {:.1} s",
-            found.fits,
-            begun.elapsed().as_secs_f64()
-        );
-        for (terms, p) in posterior.models.iter().take(6) {
-            let fit = &found.models[terms];
-            let names: Vec<String> = terms.iter().map(|t| body.candidates[*t].name()).collect();
-            let places = body.places(terms);
-            let natural = body.natural(terms, &fit.point);
-            let numbers: Vec<String> = natural[places[0]..places[terms.len()]]
-                .iter()
-                .zip(places[0]..)
-                .map(|(v, i)| {
-                    format!(
-                        "{:.4}±{:.4}",
-                        v.0,
-                        v.1.abs() * fit.covariance[(i, i)].sqrt()
-                    )
-                })
-                .collect();
-            let cells: Vec<_> = dofs
-                .iter()
-                .map(|d| (fit.cells.misfit[*d].size, fit.cells.misfit[*d].correlation))
-                .collect();
-            println!(
-                "   p {p:.4} {:.2} {names:?} {numbers:?} {cells:?}",
-                fit.ln_score
-            );
-        }
-        for e in posterior.effects.iter().take(8) {
-            println!(
-                "   {:.4} {}",
-                e.probability,
-                body.candidates[e.candidate].name()
-            );
-        }
-        let best = &found.models[&posterior.models[0].0];
-        let natural = body.natural(&best.terms, &best.point);
-        for (i, own) in body.own.iter().enumerate() {
-            let ratio = best.point[i].exp();
-            println!(
-                "   {} {:.4} = {ratio:.3} of the rig's, ±{:.3}",
-                own.name(),
-                natural[i].0,
-                best.covariance[(i, i)].sqrt()
-            );
-        }
-        let short = |r: [f64; 12]| -> Vec<String> {
-            r.iter()
-                .filter(|v| v.is_finite())
-                .map(|v| format!("{v:.2e}"))
-                .collect()
-        };
-        println!(
-            "   alone {:?}",
-            short(found.problem.left(&[], &found.models[&Vec::new()].point))
-        );
-        println!(
-            "   best  {:?}",
-            short(found.problem.left(&best.terms, &best.point))
-        );
-        for (t, w) in best.terms.iter().zip(found.problem.weights(best)) {
-            println!("   weight {} {:?}", body.candidates[*t].name(), short(w));
-        }
-        println!("   unnamed {:?}", posterior.unnamed);
-        for d in dofs {
-            println!(
-                "   noise {d} {:?} {:?}",
-                found.problem.noises.channels[*d],
-                found.problem.noises.channels[6 + *d]
-            );
-        }
-    }
-
-    /// `RIG=rig.toml LOGS="a.mcap b.mcap" cargo test -p hydroline-inference --lib of_logs -- --ignored --nocapture`
-    #[test]
-    #[ignore]
-    fn of_logs() {
-        let rig = std::env::var("RIG").unwrap_or_else(|_| "lshpi".to_owned());
-        let rig = Rig::load_or_builtin(&rig).unwrap();
-        let logs = std::env::var("LOGS").unwrap();
-        let runs: Vec<_> = logs
-            .split_whitespace()
-            .map(|l| hydroline_identify::data::load(std::path::Path::new(l), &rig).unwrap())
-            .collect();
-        let begun = Instant::now();
-        let dofs = Recording::new(&runs, 0.0).moving(&rig.tolerance.channels());
-        println!("== {logs} dofs {dofs:?}");
-        told(
-            Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
-            begun,
-        );
-    }
-
-    /// `CASE=name SEED=n cargo test -p hydroline-inference --lib a_few -- --ignored --nocapture`
-    #[test]
-    #[ignore]
-    fn a_few_cases() {
-        let one = std::env::var("CASE").unwrap_or_default();
-        let seed: u64 = std::env::var("SEED")
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(1);
-        for (name, driven, effects) in cases() {
-            if !name.contains(&one) {
-                continue;
-            }
-            let tank = Tank::new(&driven, effects);
-            let runs = tank.runs(4, seed);
-            let begun = Instant::now();
-            let recording = Recording::new(&runs, 0.1);
-            let dofs = recording.moving(&tank.rig.tolerance.channels());
-            let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
-            println!(
-                "== {name} dofs {dofs:?}, noise at {:.1} s",
-                begun.elapsed().as_secs_f64()
-            );
-            told(problem, begun);
-        }
-    }
-}
+mod tests;

@@ -2,7 +2,6 @@
 //! ours. `import_logs/make.py` writes the logs and what their readers make of them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -12,35 +11,10 @@ use hydroline::import::recorded::Recording;
 use hydroline::import::{Map, Source};
 use serde_json::Value;
 
-/// A Python that has the readers; `None` where it has not (the comparison is skipped, aloud).
-fn python() -> Option<OsString> {
-    let named = std::env::var_os("HYDROLINE_PYTHON");
-    let python = named.clone().unwrap_or_else(|| "python3".into());
-    let tried = Command::new(&python)
-        .args([
-            "-c",
-            "import mcap, rosbags, pymavlink, pyulog, google.protobuf",
-        ])
-        .output();
-    let problem = match tried {
-        Ok(output) if output.status.success() => return Some(python),
-        Ok(output) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
-        Err(e) => e.to_string(),
-    };
-    assert!(
-        named.is_none(),
-        "HYDROLINE_PYTHON={} lacks a reader: {problem}; tests/setup --tests installs them",
-        python.display()
-    );
-    crate::inputs::skip(
-        "a python3 with mcap, rosbags, pymavlink and pyulog (tests/setup --tests, or set HYDROLINE_PYTHON)",
-    );
-    None
-}
-
 /// Logs of a kind, in a folder of their own.
 fn made(kind: &str) -> Option<tempfile::TempDir> {
-    let python = python()?;
+    let python =
+        crate::inputs::python(&["mcap", "rosbags", "pymavlink", "pyulog", "google.protobuf"])?;
     let dir = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/import_logs/make.py");
     let out = Command::new(python)

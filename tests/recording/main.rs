@@ -11,6 +11,7 @@ mod flat;
 mod formats;
 mod import_logs;
 mod join;
+mod live_page;
 mod notebook;
 mod readme;
 mod record_clock;
@@ -22,6 +23,9 @@ mod service_files;
 mod simulate_light;
 mod simulate_reproducible;
 mod third_party;
+
+#[path = "../support/http.rs"]
+mod http;
 
 #[path = "../support/inputs.rs"]
 mod inputs;

@@ -46,21 +46,9 @@ fn the_notebook_reads_a_log_as_the_merged_table_has_it() {
         assert!(!row.contains("NaN") && !row.contains("inf"), "{row}");
     }
 
-    let named = std::env::var_os("HYDROLINE_PYTHON");
-    let python = named.clone().unwrap_or_else(|| "python3".into());
-    let has = Command::new(&python)
-        .args(["-c", "import pandas, mcap_protobuf"])
-        .output();
-    if !has.is_ok_and(|o| o.status.success()) {
-        assert!(
-            named.is_none(),
-            "HYDROLINE_PYTHON cannot import pandas and mcap_protobuf; tests/setup --tests installs them"
-        );
-        crate::inputs::skip(
-            "a python3 with pandas and mcap-protobuf-support (tests/setup --tests)",
-        );
+    let Some(python) = crate::inputs::python(&["pandas", "mcap_protobuf"]) else {
         return;
-    }
+    };
     let notebook = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/guide/read-a-log.ipynb");
     let notebook: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(notebook).unwrap()).unwrap();

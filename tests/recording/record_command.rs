@@ -283,6 +283,7 @@ pub fn recorded(
         recorder: crate::support::recorder(&rig, opener, clock.clone()),
         clock,
         map: Some(Arc::new(IdealMap::of(&rig))),
+        live: None,
     };
     let report = hydroline::record::run(
         parts,

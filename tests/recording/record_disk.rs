@@ -24,6 +24,7 @@ fn record_on(disk: BadDisk, length_s: f64) -> Report {
         recorder,
         clock,
         map: None,
+        live: None,
     };
     record::run(
         parts,

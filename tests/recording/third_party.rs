@@ -2,7 +2,6 @@
 //! answer late is written as a towing tank's table, a ROS 2 bag and an ArduPilot log would hold it
 //! (`import_logs/vehicle.py`).
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -10,24 +9,6 @@ use crate::support::hydroline;
 use serde_json::Value;
 
 const LAG_S: f64 = 0.35;
-
-/// A Python that writes these files; `None` where it has not what it needs (the test is skipped, aloud).
-fn python() -> Option<OsString> {
-    let named = std::env::var_os("HYDROLINE_PYTHON");
-    let python = named.clone().unwrap_or_else(|| "python3".into());
-    let has = Command::new(&python)
-        .args(["-c", "import tomllib, rosbags, numpy"])
-        .output();
-    if has.is_ok_and(|o| o.status.success()) {
-        return Some(python);
-    }
-    assert!(
-        named.is_none(),
-        "HYDROLINE_PYTHON lacks rosbags; tests/setup --tests installs it"
-    );
-    crate::inputs::skip("a python3 with rosbags (tests/setup --tests, or set HYDROLINE_PYTHON)");
-    None
-}
 
 fn run(words: &[&str]) -> Output {
     let out = hydroline().args(words).output().unwrap();
@@ -112,7 +93,9 @@ fn with_thrusters(map: &str) -> String {
 
 #[test]
 fn three_commands_from_a_foreign_file_to_a_verdict() {
-    let Some(python) = python() else { return };
+    let Some(python) = crate::inputs::python(&["rosbags", "pymavlink", "numpy"]) else {
+        return;
+    };
     let dir = tempfile::tempdir().unwrap();
     let tables = runs(dir.path());
     let script =

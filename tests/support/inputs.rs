@@ -4,6 +4,7 @@
 //! beside the clone in `../shared`, or where `HYDROLINE_SHARED` says; paths below are the same in both.
 #![allow(dead_code)] // every test binary takes what it needs
 
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::panic::Location;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,32 @@ pub fn skip(needs: impl Display) {
         "SKIPPED: {}::{test}: needs {needs}",
         env!("CARGO_CRATE_NAME")
     );
+}
+
+/// A Python that can import these modules: `HYDROLINE_PYTHON`, which has to, else `python3`; `None` where that lacks one,
+/// which has then been said.
+#[track_caller]
+pub fn python(modules: &[&str]) -> Option<OsString> {
+    let named = std::env::var_os("HYDROLINE_PYTHON");
+    let python = named.clone().unwrap_or_else(|| "python3".into());
+    let tried = std::process::Command::new(&python)
+        .args(["-c", &format!("import {}", modules.join(", "))])
+        .output();
+    let problem = match tried {
+        Ok(output) if output.status.success() => return Some(python),
+        Ok(output) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+        Err(e) => e.to_string(),
+    };
+    assert!(
+        named.is_none(),
+        "HYDROLINE_PYTHON={}: {problem}; tests/setup --tests installs what is needed",
+        python.display()
+    );
+    skip(format_args!(
+        "a python3 with {} (tests/setup --tests, or set HYDROLINE_PYTHON)",
+        modules.join(", ")
+    ));
+    None
 }
 
 /// Those of `names` whose log lies in a folder: the committed set leaves some of the full one's out.

@@ -81,6 +81,7 @@ pub fn record_into(path: &Path, rig: &Rig, source: Box<dyn FrameSource>, length_
         recorder,
         clock,
         map: Some(Arc::new(IdealMap::of(rig))),
+        live: None,
     };
     record::run(
         parts,

@@ -19,6 +19,7 @@ use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
 use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
+use hydroline_live::LiveError;
 use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
 use hydroline_reproduce::ReproduceError;
@@ -157,6 +158,15 @@ impl Sorted for RecordError {
             Self::Thrust(_) => true,
             Self::Log(error) => error.is_input(),
             Self::Start { .. } => false,
+        }
+    }
+}
+
+impl Sorted for LiveError {
+    fn is_input(&self) -> bool {
+        match self {
+            LiveError::Open { .. } | LiveError::Token { .. } | LiveError::Listen { .. } => true,
+            LiveError::Start(_) => false,
         }
     }
 }

@@ -103,6 +103,7 @@ fn run(stall_ms: u64) -> (Vec<Duration>, u64, u64, u64) {
         recorder,
         clock,
         map: None,
+        live: None,
     };
     let job = Job {
         rig,

@@ -39,6 +39,8 @@ pub struct Glance {
     pub columns: (usize, u32),
     /// Noise of the image \[grey levels\].
     pub noise_sd: f64,
+    /// Share of the stripe that lies on the target, and that would with the vehicle at the rig's start; `None` = not known.
+    pub on_target: Option<(f64, f64)>,
     /// Minutes of recording the disk still takes; `None` = not asked.
     pub disk_min: Option<f64>,
 }
@@ -50,6 +52,7 @@ pub struct Gatherer {
     lost: u64,
     faulty: u64,
     newest: Option<StripeProfile>,
+    on_target: Option<(f64, f64)>,
     newest_fault: Option<FrameFault>,
     wanted_fps: f64,
     silent_s: f64,
@@ -62,7 +65,15 @@ const STEADY_S: f64 = 2.0;
 /// ... and over this many of the rig's frames: one frame more or less is then 4 %.
 const STEADY_FRAMES: f64 = 25.0;
 /// Below this share of the rig's rate something is wrong: exposure too long, USB too narrow, another mode.
-const SLOW: f64 = 0.9;
+pub(super) const SLOW: f64 = 0.9;
+/// A stripe in fewer of all columns is narrow.
+pub(super) const WIDE: f64 = 0.5;
+/// More of the stripe saturated is too bright.
+pub(super) const SATURATED_MAX: f64 = 0.05;
+/// A weaker line is too dark \[grey levels\].
+pub(super) const PEAK_MIN: f64 = 60.0;
+/// A wider line (standard deviation) is out of focus \[px\].
+pub(super) const SIGMA_MAX_PX: f64 = 3.5;
 
 impl Gatherer {
     /// For a camera that is to deliver `wanted_fps` frames per second.
@@ -117,6 +128,11 @@ impl Gatherer {
         self.newest = Some(profile);
     }
 
+    /// Keeps how much of it lies on the target, and how much should.
+    pub fn on_target(&mut self, shares: Option<(f64, f64)>) {
+        self.on_target = shares;
+    }
+
     /// Summarises the window of `window_s` seconds that ends now and starts the next one.
     pub fn glance(&mut self, window_s: f64, disk_min: Option<f64>) -> Glance {
         let rate_fps = if window_s > 0.0 {
@@ -153,6 +169,7 @@ impl Gatherer {
             },
             columns: (points, profile.map_or(0, |p| p.width_px)),
             noise_sd: profile.map_or(0.0, |p| p.noise_sd),
+            on_target: self.on_target,
             disk_min,
         }
     }
@@ -174,11 +191,16 @@ fn median(values: &[f32]) -> Option<f64> {
 }
 
 impl Glance {
+    /// No frame for longer than a camera pauses.
+    pub(super) fn stands_still(&self) -> bool {
+        self.silent_s >= SILENT_S.max(3.0 / self.wanted_fps.max(0.1))
+    }
+
     /// What to change, in the words of someone standing at the tank; empty when all is well.
     pub fn advice(&self) -> Vec<String> {
         let mut advice = Vec::new();
         // Without fresh pixels nothing can be said of laser and lens.
-        if self.silent_s >= SILENT_S.max(3.0 / self.wanted_fps.max(0.1)) {
+        if self.stands_still() {
             advice.push(format!(
                 "no frame for {:.0} s: is the cable in, and does the camera stream? `hydroline check` says more",
                 self.silent_s
@@ -205,24 +227,24 @@ impl Glance {
             advice.push("no stripe: is the laser on, in view, and the lens cap off?".to_owned());
             return advice;
         }
-        if (found as f64) < 0.5 * f64::from(all) {
+        if (found as f64) < WIDE * f64::from(all) {
             advice.push(format!(
                 "stripe in only {found} of {all} columns: aim the laser's fan at the image's middle"
             ));
         }
-        if self.saturated > 0.05 {
+        if self.saturated > SATURATED_MAX {
             advice.push(format!(
                 "{:.0} % saturated: shorten the exposure or lower the gain",
                 100.0 * self.saturated
             ));
         }
         match (self.peak, self.sigma_px) {
-            (Some(peak), _) if peak < 60.0 => {
+            (Some(peak), _) if peak < PEAK_MIN => {
                 advice.push(format!(
                     "peak {peak:.0} of 255 is weak: lengthen the exposure or darken the hall"
                 ));
             }
-            (_, Some(sigma)) if sigma > 3.5 => {
+            (_, Some(sigma)) if sigma > SIGMA_MAX_PX => {
                 advice.push(format!(
                     "stripe {sigma:.1} px wide (sd): focus the lens, then the laser"
                 ));

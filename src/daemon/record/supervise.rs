@@ -53,6 +53,7 @@ pub(super) fn supervise(
         started_ns: shared.clock.monotonic_ns(),
         began_ns: None,
         spaced: false,
+        paged: false,
     };
     runtime.block_on(supervisor.run(status))
 }
@@ -71,6 +72,8 @@ struct Supervisor<'a> {
     began_ns: Option<u64>,
     /// Space was pressed: the plan is over because someone wanted it.
     spaced: bool,
+    /// STOP was pressed on the live page.
+    paged: bool,
 }
 
 impl Supervisor<'_> {
@@ -99,7 +102,11 @@ impl Supervisor<'_> {
                         manager::ready();
                         self.begin()?;
                     }
-                    status.put(self.status());
+                    let now = self.status();
+                    if let Some(desk) = &self.shared.desk {
+                        desk.status.put(now.clone());
+                    }
+                    status.put(now);
                 }
             }
         }
@@ -148,6 +155,7 @@ impl Supervisor<'_> {
         if let Some(reason) = self.watch_keys() {
             return Some(reason);
         }
+        self.watch_page();
         match (self.elapsed(), self.job.length) {
             (Some(elapsed), Some(length)) if elapsed >= length => Some(self.finished()),
             (None, _) if self.waited() > self.job.ready_within => Some(self.not_ready()),
@@ -157,6 +165,9 @@ impl Supervisor<'_> {
 
     /// The time is over: well, unless the plan did not come to its end.
     fn finished(&self) -> StopReason {
+        if self.paged {
+            return StopReason::Asked("STOP on the live page (thrusters to neutral)");
+        }
         if self.spaced {
             return StopReason::Asked("Space (thrusters to neutral)");
         }
@@ -201,6 +212,22 @@ impl Supervisor<'_> {
                 .say(Severity::Warning, "thruster.neutral", words);
         }
         None
+    }
+
+    /// STOP on the live page has already brought the thrusters to neutral, for good: as Space does.
+    fn watch_page(&mut self) {
+        let pressed = self
+            .shared
+            .desk
+            .as_ref()
+            .is_some_and(|d| d.live().feed.pressed());
+        if pressed && !self.paged {
+            self.paged = true;
+            self.spaced = true;
+            let words = "STOP on the live page: thrusters to neutral, no plan runs any more; recording goes on, q ends it";
+            self.shared
+                .say(Severity::Warning, "thruster.neutral", words);
+        }
     }
 
     fn waited(&self) -> Duration {

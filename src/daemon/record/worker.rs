@@ -158,6 +158,9 @@ pub(super) fn analysis(
                     shared.recorder.profile(&profile);
                     let drawing = messages::stripe_annotations(&profile);
                     shared.recorder.annotations(&drawing);
+                    if let Some(desk) = &shared.desk {
+                        desk.show(&frame, &profile);
+                    }
                     if let (Some(live), Some((image, _))) = (&mut live, &pixels) {
                         let stamp_ns = frame.meta.mid_exposure_ns;
                         calibrating::look(shared, live, image, stamp_ns, ends);
@@ -241,6 +244,12 @@ pub(super) fn poses(
 fn measured(shared: &Shared, seen: &Seen, fit: &JointPose) {
     let measured = MeasuredPose::of(seen.received_ns, fit);
     *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) = Some(measured);
+    if let Some(desk) = &shared.desk {
+        let now = shared.clock.triple();
+        let ahead_ns = now.realtime_ns.saturating_sub(now.monotonic_ns);
+        let at_ns = seen.stamp_ns.saturating_sub(ahead_ns);
+        desk.pose(measured, at_ns, seen.stamp_ns);
+    }
 }
 
 /// The camera's response as an opening shows it, said in the log.

@@ -338,7 +338,12 @@ impl Judged<'_> {
     /// Vehicle and established effects of the likeliest model into a rig.
     pub fn adopt(&self, rig: &mut Rig) {
         let body = &self.found.problem.body;
-        let natural = body.natural(&self.best.terms, &self.best.point);
+        let fit = if self.small_effects_fail() {
+            self.alone
+        } else {
+            self.best
+        };
+        let natural = body.natural(&fit.terms, &fit.point);
         for (own, (value, _)) in body.own.iter().zip(&natural) {
             match own {
                 Own::Coefficient(c, _) => c.put(&mut rig.vehicle, *value),
@@ -348,8 +353,8 @@ impl Judged<'_> {
                 }
             }
         }
-        let places = body.places(&self.best.terms);
-        for (member, t) in self.best.terms.iter().enumerate() {
+        let places = body.places(&fit.terms);
+        for (member, t) in fit.terms.iter().enumerate() {
             let at = places[member];
             let c = &body.candidates[*t];
             // How a law varies stands with the effect.
@@ -360,13 +365,9 @@ impl Judged<'_> {
                 natural[at..at + n].iter().map(|v| v.0).collect()
             };
             let mut effect = c.checked(&numbers(at, c.scales.len()));
-            let trend = self
-                .found
-                .problem
-                .dependants(&self.best.terms, member)
-                .next();
+            let trend = self.found.problem.dependants(&fit.terms, member).next();
             effect.trend = trend.and_then(|m| {
-                let trend = &body.candidates[self.best.terms[m]];
+                let trend = &body.candidates[fit.terms[m]];
                 let (along, range) = trend.along?;
                 Some(Trend {
                     parameter: 0,

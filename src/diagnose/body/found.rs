@@ -211,7 +211,21 @@ impl<'a> Judged<'a> {
             ));
         }
         notes.extend(self.against());
+        if self.small_effects_fail() {
+            notes.push("runs left out are foretold worse with the small effects than by the vehicle alone: none of them is written".to_owned());
+        }
         notes
+    }
+
+    /// Whether the likeliest explanation holds anything that matters.
+    fn something_matters(&self) -> bool {
+        self.groups.first().is_some_and(|(set, _)| !set.is_empty())
+    }
+
+    /// Whether nothing matters, and what does not is contradicted by the runs left out: then it is in no model, and there is
+    /// still nothing that matters.
+    pub fn small_effects_fail(&self) -> bool {
+        !self.best.terms.is_empty() && !self.something_matters() && self.foretells_worse()
     }
 
     /// What speaks against the likeliest model as a whole, in words.
@@ -220,7 +234,7 @@ impl<'a> Judged<'a> {
         if self.on_a_limit() {
             notes.push("a coefficient ended a hundredfold off the rig's, which is as far as is looked: the model does not describe this motion".to_owned());
         }
-        if !self.best.terms.is_empty() && self.foretells_worse() {
+        if self.something_matters() && self.foretells_worse() {
             notes.push("runs left out are foretold worse with these effects than by the vehicle alone: they are no explanation".to_owned());
         }
         notes

@@ -9,6 +9,10 @@ use crate::table::Imported;
 pub(super) const SPEED_MAX_MPS: f64 = 15.0;
 /// The same of a turn \[rad/s\].
 pub(super) const RATE_MAX_RADPS: f64 = 12.0;
+/// A heading that goes on over several turns does so no faster \[rad/s\]: a turn in two seconds.
+const TURNING_MAX_RADPS: f64 = 3.0;
+/// Share of a heading's range that lies between its ends if it turns one way.
+const ONE_WAY: f64 = 0.8;
 
 /// Between which values a channel lies.
 #[derive(Debug, Clone, Copy)]
@@ -71,7 +75,11 @@ pub(super) fn check(place: usize, values: &[f64], data: &Imported, findings: &mu
     }
     stuck(place, values, data, findings);
     if let Some(words) = beyond(place, extent, values, data) {
-        findings.push(Finding::fault("units", None, words));
+        findings.push(if place == 5 && circles(values, extent, data) {
+            Finding::warning("units", None, words + " Or in circles?")
+        } else {
+            Finding::fault("units", None, words)
+        });
     } else if place < 3 && extent.high - extent.low < 1e-5 {
         findings.push(Finding::warning(
             "units",
@@ -146,6 +154,15 @@ fn beyond(place: usize, extent: Extent, values: &[f64], data: &Imported) -> Opti
         )),
         _ => None,
     }
+}
+
+/// Whether a heading goes on one way, no faster than a vehicle turns.
+fn circles(values: &[f64], extent: Extent, data: &Imported) -> bool {
+    let mut finite = values.iter().filter(|v| v.is_finite());
+    let ends = finite.next().zip(finite.next_back());
+    let net = ends.map_or(0.0, |(a, b)| (b - a).abs());
+    net > ONE_WAY * (extent.high - extent.low)
+        && largest_speed(&data.times_s, values) < TURNING_MAX_RADPS
 }
 
 /// Largest speed held over ten rows: single outliers do not count.

@@ -1,17 +1,37 @@
-//! Is the column called r really dψ/dt? Every mapped rate against every pose channel's derivative.
+//! Is the column called r really dψ/dt? Every mapped rate against every pose channel's change over the same spans.
+
+mod agreement;
+mod series;
+mod spans;
+mod tracks;
 
 use std::f64::consts::PI;
 
 use super::{Finding, name};
-use crate::attitude::to_body;
 use crate::table::Imported;
+use agreement::{Agreement, MOVES, Verdict};
 use hydroline_identify::data::unwrap_turns;
+use tracks::{Tracks, Vector};
 
 /// Rows that are enough to say whether two channels agree.
 const ROWS_COMPARED: usize = 20_000;
-
 /// Slower than this velocities are not held against positions \[m/s\].
 const SPEED_COMPARED_MPS: f64 = 0.05;
+/// Gains that pass: calibrations differ, units by more.
+const GAINS: [f64; 2] = [0.8, 1.25];
+/// The same of two values that stand still, which a bias or a current may be part of.
+const GAINS_STEADY: [f64; 2] = [0.5, 2.0];
+/// A correlation from which on a sign or a unit can be told, and one below which nothing follows.
+const FOLLOWS: f64 = 0.5;
+const APART: f64 = 0.3;
+/// A rate that is another channel's follows that one so well, and better than its own by so much.
+const SWAPPED: f64 = 0.7;
+const BETTER: f64 = 0.3;
+/// Share of the way's mean square that velocities are away if they are nothing like it, and what they come closer in the right frame.
+const AWAY: f64 = 0.3;
+const CLOSER: f64 = 0.25;
+/// Share that velocities in the wrong frame are away at least: a heading that is off by 8 degrees makes as much.
+const AWAY_SOMEWHAT: f64 = 0.02;
 
 /// What the map says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -22,106 +42,178 @@ pub(super) struct Assumed {
     pub in_tank: bool,
 }
 
-/// What the pose says of each rate.
-struct Expected {
-    /// Per rate; `None` = its pose is not measured.
-    rates: Vec<Option<Vec<f64>>>,
-    /// Along the tank's axes.
-    tank: Option<[Vec<f64>; 2]>,
-    heading: Vec<f64>,
-}
-
 pub(super) fn check(data: &Imported, assumed: Assumed, findings: &mut Vec<Finding>) {
     let n = data.times_s.len();
-    let has = |c: usize| data.motion[c].len() == n;
-    if !(6..12).any(has) {
-        wraps(data, findings);
+    let pose = wraps(data, findings);
+    if !(6..12).any(|c| data.motion[c].len() == n) {
         return;
     }
-    let expected = expect(data, assumed, findings);
-    // Every so many rows: a long table tells no more.
-    let stride = n.div_ceil(ROWS_COMPARED);
-    let turned = frame(data, &expected, assumed, stride, findings);
-    for rate in (0..6).filter(|r| has(6 + r)) {
-        if turned && rate < 3 {
-            continue;
-        }
-        let Some(own) = &expected.rates[rate] else {
-            continue;
+    let tracks = Tracks::new(data, pose, assumed);
+    velocities(&tracks, assumed, findings);
+    rates(&tracks, findings);
+}
+
+fn velocities(tracks: &Tracks<'_>, assumed: Assumed, findings: &mut Vec<Finding>) {
+    let level = tracks.has_pose(0) && tracks.has_pose(1);
+    let tank = level.then(|| tracks.in_tank());
+    if tank
+        .as_ref()
+        .is_some_and(|tank| frame(tracks, tank, assumed, findings))
+    {
+        return;
+    }
+    let direct = tracks.direct(0);
+    for rate in (0..3).filter(|r| tracks.has_rate(*r)) {
+        let of = |axis: usize| -> Option<Agreement> {
+            if !tracks.has_pose(axis) {
+                return None;
+            }
+            match &tank {
+                Some(tank) => Some(tracks.velocity(rate, axis, tank)),
+                // A way along one axis alone is the body's.
+                None => (axis != 1).then(|| tracks.scalar(rate, axis, &direct)),
+            }
         };
-        let measured = &data.motion[6 + rate];
-        let fit = agreement(own, measured, stride);
-        let others = (0..6)
-            .filter(|o| *o != rate)
-            .filter_map(|o| {
-                let e = expected.rates[o].as_ref()?;
-                Some((o, agreement(e, measured, stride).0))
-            })
-            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        findings.push(words(rate, fit, others));
+        if let Some(own) = of(rate) {
+            let others = (0..3).filter(|o| *o != rate);
+            findings.push(words(rate, own, others.filter_map(|o| Some((o, of(o)?)))));
+        }
     }
 }
 
-fn words(rate: usize, (fit, gain): (f64, f64), others: Option<(usize, f64)>) -> Finding {
+fn rates(tracks: &Tracks<'_>, findings: &mut Vec<Finding>) {
+    let (raw, together) = (tracks.direct(1), tracks.of_angles());
+    let whole = (3..6).all(|c| tracks.has_pose(c) && tracks.has_rate(c));
+    for rate in (3..6).filter(|r| tracks.has_rate(*r)) {
+        let of = |axis: usize, sums: &Vector| {
+            tracks
+                .has_pose(axis)
+                .then(|| tracks.scalar(rate, axis, sums))
+        };
+        let Some(own) = of(rate, &raw) else {
+            continue;
+        };
+        // A vehicle that is heeled turns by its pitch rate too; where angles are in another unit only the rate itself tells.
+        let coupled = whole.then(|| of(rate, &together)).flatten();
+        let own = coupled.filter(|c| c.fit() > own.fit()).unwrap_or(own);
+        let others = (3..6).filter(|o| *o != rate);
+        findings.push(words(
+            rate,
+            own,
+            others.filter_map(|o| Some((o, of(o, &raw)?))),
+        ));
+    }
+}
+
+/// The other channel that a rate follows as if it were that one's.
+fn swapped(
+    own: &Agreement,
+    others: impl Iterator<Item = (usize, Agreement)>,
+) -> Option<(usize, f64)> {
+    let apart = matches!(own.verdict(), Verdict::Apart { .. });
+    if !(own.pose_moves() || apart) {
+        return None;
+    }
+    let is_like = |from: f64, to: f64| to >= GAINS_STEADY[0] && from <= GAINS_STEADY[1];
+    others
+        .filter(|(_, a)| {
+            let (from, to) = a.gains();
+            let fit = a.fit().abs();
+            a.pose_moves()
+                && fit > SWAPPED
+                && fit > own.fit().abs() + BETTER
+                && (is_like(from, to) || is_like(-to, -from))
+        })
+        .map(|(other, a)| (other, a.fit()))
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+}
+
+fn words(rate: usize, own: Agreement, others: impl Iterator<Item = (usize, Agreement)>) -> Finding {
     let (name, pose) = (name(6 + rate), name(rate));
-    if let Some((other, other_fit)) =
-        others.filter(|(_, f)| f.abs() > 0.7 && f.abs() > fit.abs() + 0.3)
-    {
+    if let Some((other, other_fit)) = swapped(&own, others) {
         return Finding::fault(
             "swapped_columns",
             None,
             format!(
-                "{name} follows d({})/dt (correlation {other_fit:.2}), not d({pose})/dt ({fit:.2}): columns swapped in the map?",
-                self::name(other)
+                "{name} follows d({})/dt (correlation {other_fit:.2}), not d({pose})/dt ({:.2}): columns swapped in the map?",
+                self::name(other),
+                own.fit()
             ),
         );
     }
-    if fit.abs() < 0.3 {
-        return Finding::warning(
+    let apart = |fit: f64| {
+        Finding::warning(
             "kinematics",
             None,
             format!(
                 "{name} hardly follows d({pose})/dt (correlation {fit:.2}): wrong column, or noise only"
             ),
-        );
-    }
-    if gain < 0.0 {
-        return Finding::fault(
+        )
+    };
+    let sign = |gain: f64| {
+        Finding::fault(
             "sign",
             None,
             format!(
                 "{name} is -{:.2} times d({pose})/dt: one of them has the wrong sign",
-                -gain
+                gain.abs()
             ),
-        );
-    }
-    if fit > 0.8 && !(0.8..=1.25).contains(&gain) {
-        let degrees = 180.0 / PI;
-        let hint = [
-            (degrees, "degrees against radians"),
-            (1.0 / degrees, "radians against degrees"),
-            (1000.0, "mm against m"),
-            (1e-3, "m against mm"),
-            (3600.0 / 1852.0, "knots against m/s"),
-            (1852.0 / 3600.0, "m/s against knots"),
-            (1.0 / 0.3048, "feet against m"),
-            (0.3048, "m against feet"),
-            (3.6, "km/h against m/s"),
-        ]
-        .iter()
-        .min_by(|a, b| (gain / a.0).ln().abs().total_cmp(&(gain / b.0).ln().abs()))
-        .filter(|(g, _)| (gain / g - 1.0).abs() < 0.2)
-        .map_or("a unit or a time unit", |h| h.1);
-        return Finding::fault(
+        )
+    };
+    let units = |gain: f64| {
+        Finding::fault(
             "units",
             None,
-            format!("{name} is {gain:.4} times d({pose})/dt: {hint}?"),
-        );
+            format!("{name} is {gain:.4} times d({pose})/dt: {}?", hint(gain)),
+        )
+    };
+    match own.verdict() {
+        Verdict::TooLittle => Finding::info(
+            "kinematics",
+            format!("{name} and d({pose})/dt: too little motion to hold one against the other"),
+        ),
+        Verdict::Apart { fit } => apart(fit),
+        Verdict::Follows { fit, .. } if fit.abs() < APART => apart(fit),
+        Verdict::Follows { fit, gain, to, .. } if fit < -FOLLOWS && to < 0.0 => sign(gain),
+        Verdict::Follows {
+            fit,
+            gain,
+            from,
+            to,
+        } if fit > FOLLOWS && (from > GAINS[1] || to < GAINS[0]) => units(gain),
+        Verdict::Steady { ratio } if ratio < 0.0 => sign(ratio),
+        Verdict::Steady { ratio } if !(GAINS_STEADY[0]..=GAINS_STEADY[1]).contains(&ratio) => {
+            units(ratio)
+        }
+        Verdict::Steady { ratio } => Finding::info(
+            "kinematics",
+            format!("{name} is d({pose})/dt (both steady, gain {ratio:.3})"),
+        ),
+        Verdict::Follows { fit, gain, .. } => Finding::info(
+            "kinematics",
+            format!("{name} is d({pose})/dt (correlation {fit:.2}, gain {gain:.3})"),
+        ),
     }
-    Finding::info(
-        "kinematics",
-        format!("{name} is d({pose})/dt (correlation {fit:.2}, gain {gain:.3})"),
-    )
+}
+
+/// What a gain may come from.
+fn hint(gain: f64) -> &'static str {
+    let degrees = 180.0 / PI;
+    [
+        (degrees, "degrees against radians"),
+        (1.0 / degrees, "radians against degrees"),
+        (1000.0, "mm against m"),
+        (1e-3, "m against mm"),
+        (3600.0 / 1852.0, "knots against m/s"),
+        (1852.0 / 3600.0, "m/s against knots"),
+        (1.0 / 0.3048, "feet against m"),
+        (0.3048, "m against feet"),
+        (3.6, "km/h against m/s"),
+    ]
+    .iter()
+    .min_by(|a, b| (gain / a.0).ln().abs().total_cmp(&(gain / b.0).ln().abs()))
+    .filter(|(g, _)| (gain / g - 1.0).abs() < 0.2)
+    .map_or("a unit or a time unit", |h| h.1)
 }
 
 /// An angle that wraps jumps by a whole turn, which is no rate.
@@ -142,134 +234,35 @@ fn wraps(data: &Imported, findings: &mut Vec<Finding>) -> Vec<Vec<f64>> {
     pose
 }
 
-fn expect(data: &Imported, assumed: Assumed, findings: &mut Vec<Finding>) -> Expected {
-    let n = data.times_s.len();
-    let span = (n / 200).clamp(1, 10);
-    let mut pose = wraps(data, findings);
-    let has = |c: usize| pose[c].len() == n;
-    let there: Vec<bool> = (0..6).map(has).collect();
-    if assumed.sparse {
-        for values in &mut pose {
-            fill(values, &data.times_s);
-        }
-    }
-    let derivative = |c: usize| -> Vec<f64> {
-        (0..n)
-            .map(|i| {
-                let (a, b) = (i.saturating_sub(span), (i + span).min(n - 1));
-                (pose[c][b] - pose[c][a]) / (data.times_s[b] - data.times_s[a])
-            })
-            .collect()
-    };
-    // Which frame velocities are in is told by the heading alone.
-    let heading = if there[5] {
-        pose[5].clone()
-    } else {
-        vec![0.0; n]
-    };
-    let mut rates: Vec<Option<Vec<f64>>> = vec![None; 6];
-    let mut tank = None;
-    // A vehicle that pitches heaves along its own axis while it surges; what is not measured of the attitude is 0.
-    let angle = |c: usize, i: usize| if there[c] { pose[c][i] } else { 0.0 };
-    if there[0] && there[1] {
-        let (dx, dy) = (derivative(0), derivative(1));
-        let dz = there[2].then(|| derivative(2));
-        let body: Vec<[f64; 3]> = (0..n)
-            .map(|i| {
-                let down = dz.as_ref().map_or(0.0, |d| d[i]);
-                to_body([3, 4, 5].map(|c| angle(c, i)), [dx[i], dy[i], down])
-            })
-            .collect();
-        let along = |axis: usize| body.iter().map(|v| v[axis]).collect();
-        rates[0] = Some(along(0));
-        rates[1] = Some(along(1));
-        rates[2] = dz.is_some().then(|| along(2));
-        tank = Some([dx, dy]);
-    } else if there[0] {
-        rates[0] = Some(derivative(0));
-    }
-    for (c, own) in rates.iter_mut().enumerate().skip(2) {
-        if own.is_none() {
-            *own = there[c].then(|| derivative(c));
-        }
-    }
-    Expected {
-        rates,
-        tank,
-        heading,
-    }
-}
-
-/// Straight lines over rows without a value.
-fn fill(values: &mut [f64], times_s: &[f64]) {
-    let mut last: Option<usize> = None;
-    for i in 0..values.len() {
-        if !values[i].is_finite() {
-            continue;
-        }
-        if let Some(from) = last {
-            let (v0, slope) = (
-                values[from],
-                (values[i] - values[from]) / (times_s[i] - times_s[from]),
-            );
-            for k in from + 1..i {
-                values[k] = v0 + slope * (times_s[k] - times_s[from]);
-            }
-        }
-        last = Some(i);
-    }
-}
-
 /// Whether the file's velocities are in the other frame than the map says: a fault, and then nothing else is to be said of them.
 fn frame(
-    data: &Imported,
-    expected: &Expected,
+    tracks: &Tracks<'_>,
+    tank: &Vector,
     assumed: Assumed,
-    stride: usize,
     findings: &mut Vec<Finding>,
 ) -> bool {
-    let n = data.times_s.len();
-    let whole = [5, 6, 7].iter().all(|c| data.motion[*c].len() == n);
-    let (Some([dx, dy]), true) = (&expected.tank, whole) else {
+    if !(tracks.has_pose(5) && tracks.has_rate(0) && tracks.has_rate(1)) {
+        return false;
+    }
+    let other = tracks.in_other_frame(assumed);
+    let Some(seen) = tracks.distances(tank, &other) else {
         return false;
     };
-    // Squares: of the file's velocities, of their distance from what the map says they are, from the other.
-    let (mut size, mut own, mut other) = (0.0, 0.0, 0.0);
-    for i in (0..n).step_by(stride) {
-        let (u, v, psi) = (data.motion[6][i], data.motion[7][i], expected.heading[i]);
-        let body = (
-            dx[i] * psi.cos() + dy[i] * psi.sin(),
-            dy[i] * psi.cos() - dx[i] * psi.sin(),
-        );
-        if !(u + v + body.0 + body.1).is_finite() {
-            continue;
-        }
-        // As they stand in the file.
-        let file = if assumed.in_tank {
-            (u * psi.cos() - v * psi.sin(), u * psi.sin() + v * psi.cos())
-        } else {
-            (u, v)
-        };
-        let away = |from: (f64, f64)| (file.0 - from.0).powi(2) + (file.1 - from.1).powi(2);
-        let (stated, opposite) = if assumed.in_tank {
-            (away((dx[i], dy[i])), away(body))
-        } else {
-            (away(body), away((dx[i], dy[i])))
-        };
-        size += file.0.powi(2) + file.1.powi(2);
-        own += stated;
-        other += opposite;
+    // What is away by no more than noise and sampling make says nothing.
+    let unexplained = MOVES * seen.noise + seen.unresolved;
+    if seen.own <= unexplained || seen.own <= AWAY_SOMEWHAT * seen.way {
+        return false;
     }
-    if !(other < 0.25 * own && other < 0.3 * size) {
+    let share = |of: f64| 100.0 * (of / seen.way).sqrt();
+    if seen.other >= CLOSER * seen.own || seen.other >= AWAY * seen.way {
         // Faster than noise, and still nothing like the way: a unit or an angle may be wrong.
-        let rows = (n / stride).max(1) as f64;
-        if own > 0.3 * size && size > rows * SPEED_COMPARED_MPS.powi(2) {
+        if seen.own > AWAY * seen.way && seen.way.max(seen.own) > SPEED_COMPARED_MPS.powi(2) {
             findings.push(Finding::warning(
                 "kinematics",
                 None,
                 format!(
                     "u_mps, v_mps: {:.0} % away from what the positions and the heading make: another frame, unit or heading?",
-                    100.0 * (own / size).sqrt()
+                    share(seen.own)
                 ),
             ));
         }
@@ -285,36 +278,9 @@ fn frame(
         None,
         format!(
             "u_mps, v_mps: the map says frame = \"{says}\", but they follow the positions as velocities in the {is}'s frame do (residual {:.0} % instead of {:.0} %): frame = \"{is}\"?",
-            100.0 * (other / size).sqrt(),
-            100.0 * (own / size).sqrt()
+            share(seen.other),
+            share(seen.own)
         ),
     ));
     true
-}
-
-/// Correlation and least-squares gain of b on a, NaN pairs left out.
-fn agreement(a: &[f64], b: &[f64], stride: usize) -> (f64, f64) {
-    let pairs: Vec<(f64, f64)> = a
-        .iter()
-        .zip(b)
-        .step_by(stride)
-        .map(|(x, y)| (*x, *y))
-        .filter(|p| p.0.is_finite() && p.1.is_finite())
-        .collect();
-    let n = pairs.len().max(1) as f64;
-    let (ma, mb) = (
-        pairs.iter().map(|p| p.0).sum::<f64>() / n,
-        pairs.iter().map(|p| p.1).sum::<f64>() / n,
-    );
-    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
-    for (x, y) in pairs {
-        aa += (x - ma).powi(2);
-        bb += (y - mb).powi(2);
-        ab += (x - ma) * (y - mb);
-    }
-    if aa <= 0.0 || bb <= 0.0 {
-        (0.0, 0.0)
-    } else {
-        (ab / (aa * bb).sqrt(), ab / aa)
-    }
 }

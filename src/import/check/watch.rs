@@ -134,6 +134,8 @@ impl<'a> Watch<'a> {
         self.drift.add(&data.times_s, &data.compare_s);
         self.loads.stretch(&data, self.old);
         let mut findings = Vec::new();
+        let mut lost: Vec<(usize, std::ops::Range<usize>)> = Vec::new();
+        let lines = |r: std::ops::Range<usize>| data.lines[r.start]..=data.lines[r.end - 1];
         for (place, values) in data.motion.iter().enumerate() {
             if values.is_empty() || self.is_constant(place) {
                 continue;
@@ -142,16 +144,19 @@ impl<'a> Watch<'a> {
             channel::check(place, values, &data, &mut findings);
             let found = jumps::check(place, self.zero(place), &data);
             // Where a unit is wrong everything jumps.
-            if !findings
-                .iter()
-                .any(|f| f.kind == "units" && f.subject() == name(place))
-            {
+            if !findings.iter().any(|f| {
+                f.kind == "units" && f.severity == Severity::Fault && f.subject() == name(place)
+            }) {
                 findings.extend(found.findings);
-                let lines = |r: std::ops::Range<usize>| data.lines[r.start]..=data.lines[r.end - 1];
-                self.spoilt
-                    .extend(found.spoilt.into_iter().map(|r| (place, lines(r))));
+                let spoilt = found.spoilt.into_iter().map(|r| (place, lines(r)));
+                self.spoilt.extend(spoilt);
+                lost.extend(found.lost.into_iter().map(|r| (place, r)));
             }
         }
+        let (more, said) = jumps::of_the_same_body(&lost, |p| self.zero(p), &data);
+        findings.extend(said);
+        let all = lost.into_iter().chain(more);
+        self.spoilt.extend(all.map(|(place, r)| (place, lines(r))));
         self.spoilt.truncate(GROUPS_MAX);
         let assumed = kinematics::Assumed {
             sparse: self.map.sparse(),
@@ -190,6 +195,10 @@ impl<'a> Watch<'a> {
 
     /// What the file's 0 becomes; NaN where it is mixed with other columns.
     fn zero(&self, place: usize) -> f64 {
+        // A lost body's quaternion is that of no turn.
+        if (3..6).contains(&place) && self.map.quaternion.is_some() {
+            return 0.0;
+        }
         let own = self.map.channels.iter().find(|c| c.place == place);
         own.filter(|c| !c.in_tank).map_or(f64::NAN, |c| c.offset)
     }

@@ -2,6 +2,7 @@
 
 mod mocap;
 mod ros;
+mod vicon;
 
 use super::head::Head;
 use super::shape::{self, Defaults, Named, Shape};
@@ -10,7 +11,7 @@ use crate::number::number;
 
 /// A kind that is known by its first lines.
 pub(super) fn known(head: &Head) -> Option<Shape> {
-    mocap::vicon(head)
+    vicon::vicon(head)
         .or_else(|| mocap::qualisys(head))
         .or_else(|| mocap::motive(head))
         .or_else(|| labview(head))
@@ -178,10 +179,18 @@ fn labview(head: &Head) -> Option<Shape> {
             clock = clock.trim(), date = date.trim()
         ));
     }
-    if ends.len() > 2 {
+    if let [_, first, others @ ..] = &ends[..]
+        && !others.is_empty()
+    {
+        let line = |i: usize| head.lines[i].0;
+        let starts: Vec<String> = std::iter::once(first)
+            .chain(others)
+            .map(|i| (line(*i) + 1).to_string())
+            .collect();
         remarks.push(format!(
-            "another segment begins on line {}: last_line of [file] leaves it out",
-            head.lines[ends[2]].0
+            "{} segments, or more: each has its names on a line of its own ({}), and a map reads one: import each by itself, with header_line on that line and last_line before the next segment's head",
+            starts.len(),
+            starts.join(", ")
         ));
     }
     let step_s = labels("Delta_X")
@@ -196,5 +205,6 @@ fn labview(head: &Head) -> Option<Shape> {
         rate_hz: step_s.map(|d| 1.0 / d),
         units: Defaults::default(),
         remarks,
+        open: Vec::new(),
     })
 }

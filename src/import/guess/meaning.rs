@@ -1,5 +1,11 @@
 //! What a column's name says that it is.
 
+pub(super) mod words;
+pub(super) mod written;
+
+pub(super) use words::Words;
+use words::{is_time, is_way_or_speed, split};
+
 /// What a column may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
@@ -16,6 +22,10 @@ pub(super) enum Meaning {
     Channel(usize),
     /// Velocity along axes that may be the body's or the tank's.
     Velocity(usize),
+    /// Velocity to the north, to the east, downwards: along the tank's axes.
+    Ground(usize),
+    /// An angle about x, y or z, whose order with the others is not known.
+    Angle(usize),
     /// A way or a speed along an axis that is not named.
     Along(usize),
     /// Depth below the surface, height above something.
@@ -35,178 +45,113 @@ pub(super) enum Meaning {
 }
 
 use Meaning::{
-    Along, Aside, Channel, Companion, Date, Depth, Frame, Height, Load, Nanoseconds, Quaternion,
-    Seconds, Thruster, Time, Unknown, Velocity,
+    Along, Angle, Aside, Channel, Companion, Date, Depth, Frame, Ground, Height, Load, Nanoseconds,
+    Quaternion, Seconds, Thruster, Time, Unknown, Velocity,
 };
 
-/// A name in small words; what the unit says is taken off.
-pub(super) struct Words {
-    pub words: Vec<String>,
-    /// The unit that ends it, as in `x_mm`.
-    pub unit: Option<&'static str>,
-}
-
-const SUFFIXES: [(&[&str], &str); 27] = [
-    (&["deg", "per", "s"], "deg/s"),
-    (&["rad", "per", "s"], "rad/s"),
-    (&["deg", "s"], "deg/s"),
-    (&["rad", "s"], "rad/s"),
-    (&["mm", "s"], "mm/s"),
-    (&["cm", "s"], "cm/s"),
-    (&["m", "s"], "m/s"),
-    (&["m", "per", "s"], "m/s"),
-    (&["ft", "s"], "ft/s"),
-    (&["mps"], "m/s"),
-    (&["radps"], "rad/s"),
-    (&["degps"], "deg/s"),
-    (&["dps"], "deg/s"),
-    (&["rpm"], "rpm"),
-    (&["kn"], "kn"),
-    (&["kts"], "kn"),
-    (&["knots"], "kn"),
-    (&["mm"], "mm"),
-    (&["cm"], "cm"),
-    (&["ft"], "ft"),
-    (&["m"], "m"),
-    (&["deg"], "deg"),
-    (&["degrees"], "deg"),
-    (&["cdeg"], "cdeg"),
-    (&["rad"], "rad"),
-    (&["n"], "N"),
-    (&["nm"], "N m"),
+/// How far from the truth a value may be, or how it was come by: never the value itself.
+const UNCERTAINTY: [&str; 16] = [
+    "cov",
+    "covar",
+    "covariance",
+    "covariances",
+    "var",
+    "variance",
+    "std",
+    "stddev",
+    "stdev",
+    "sd",
+    "sigma",
+    "uncertainty",
+    "residual",
+    "error",
+    "err",
+    "rms",
 ];
-const TIME_SUFFIXES: [(&str, &str); 9] = [
-    ("s", "s"),
-    ("sec", "s"),
-    ("secs", "s"),
-    ("seconds", "s"),
-    ("ms", "ms"),
-    ("us", "us"),
-    ("usec", "us"),
-    ("ns", "ns"),
-    ("nsec", "ns"),
+/// Behind a name: that it is the measured one.
+const MEASURED: [&str; 12] = [
+    "meas",
+    "measured",
+    "ist",
+    "act",
+    "actual",
+    "filt",
+    "filtered",
+    "raw",
+    "est",
+    "estimated",
+    "true",
+    "gt",
+];
+/// Words for what somebody wished the value to be; of a load that is the command.
+const WISHED: [&str; 17] = [
+    "setpoint",
+    "sp",
+    "desired",
+    "des",
+    "target",
+    "tgt",
+    "goal",
+    "ref",
+    "reference",
+    "wanted",
+    "demand",
+    "demanded",
+    "commanded",
+    "nominal",
+    "soll",
+    "sollwert",
+    "consigne",
 ];
 
-/// Splits `/odom/pose/position/x`, `posX`, `x_mm`, `AUV X [mm]` into words.
-fn split(name: &str) -> Vec<String> {
-    let bare = match name.find(['[', '(', '{']) {
-        Some(at) if at > 0 => &name[..at],
-        _ => name,
-    };
-    let mut words: Vec<String> = vec![String::new()];
-    let mut before = ' ';
-    for c in bare.chars() {
-        let turns = (before.is_lowercase() || before.is_ascii_digit()) && c.is_uppercase();
-        if !c.is_alphanumeric() || turns {
-            words.push(String::new());
-        }
-        if c.is_alphanumeric()
-            && let Some(word) = words.last_mut()
-        {
-            word.extend(c.to_lowercase());
-        }
-        before = c;
-    }
-    words.retain(|w| !w.is_empty());
-    words
-}
-
-impl Words {
-    pub fn of(name: &str) -> Words {
-        let mut words = split(name);
-        let timely = words.iter().any(|w| is_time(w));
-        let mut unit = None;
-        if words.len() >= 2 && timely {
-            let last = words[words.len() - 1].clone();
-            if let Some((_, own)) = TIME_SUFFIXES.iter().find(|(w, _)| *w == last) {
-                unit = Some(*own);
-                words.pop();
-            }
-        } else {
-            for (suffix, own) in SUFFIXES {
-                if words.len() > suffix.len() && words.ends_with(&suffix.map_strings()) {
-                    unit = Some(own);
-                    words.truncate(words.len() - suffix.len());
-                    break;
-                }
-            }
-        }
-        Words { words, unit }
-    }
-}
-
-trait MapStrings {
-    fn map_strings(&self) -> Vec<String>;
-}
-impl MapStrings for &[&str] {
-    fn map_strings(&self) -> Vec<String> {
-        self.iter().map(|s| (*s).to_owned()).collect()
-    }
-}
-
-fn is_time(word: &str) -> bool {
-    matches!(
-        word,
-        "t" | "time"
-            | "timestamp"
-            | "stamp"
-            | "timestamps"
-            | "times"
-            | "zeit"
-            | "temps"
-            | "tiempo"
-            | "clock"
-            | "utc"
-            | "datetime"
-            | "elapsed"
-    )
-}
+/// Other values that stand beside motion; roll, pitch and yaw may have such a word as the name of what they are of.
+const BESIDE: [&str; 24] = [
+    "status",
+    "flag",
+    "quality",
+    "acc",
+    "accel",
+    "accelerometer",
+    "acceleration",
+    "accelerations",
+    "mag",
+    "magnetometer",
+    "temperature",
+    "temp",
+    "voltage",
+    "pressure",
+    "bias",
+    "gain",
+    "comment",
+    "seq",
+    "sequence",
+    "sub",
+    "rot",
+    "marker_quality",
+    "count",
+    "valid",
+];
 
 /// The meaning of a name below a group's.
 pub(super) fn meaning(name: &str, group: &str) -> Meaning {
-    let own = Words::of(name).words;
+    let mut own = Words::of(name).words;
+    let says_how = |w: &String| MEASURED.contains(&w.as_str()) || WISHED.contains(&w.as_str());
+    while own.len() > 1 && own.last().is_some_and(&says_how) {
+        own.pop();
+    }
     let above = split(group);
     let Some(last) = own.last().map(String::as_str) else {
         return Unknown;
     };
     let has = |list: &[&str]| own.iter().chain(&above).any(|w| list.contains(&w.as_str()));
     let alone = own.len() == 1;
-    if has(&[
-        "cov",
-        "covariance",
-        "std",
-        "sd",
-        "sigma",
-        "residual",
-        "error",
-        "err",
-        "status",
-        "flag",
-        "quality",
-        "setpoint",
-        "desired",
-        "target",
-        "acc",
-        "accel",
-        "accelerometer",
-        "acceleration",
-        "accelerations",
-        "mag",
-        "magnetometer",
-        "temperature",
-        "temp",
-        "voltage",
-        "pressure",
-        "bias",
-        "gain",
-        "comment",
-        "seq",
-        "sequence",
-        "sub",
-        "rot",
-        "marker_quality",
-    ]) && !matches!(last, "roll" | "pitch" | "yaw")
-    {
+    // An element of a matrix has its number behind.
+    let bare = |w: &str| w.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+    let uncertain = own
+        .iter()
+        .chain(&above)
+        .any(|w| UNCERTAINTY.contains(&bare(w).as_str()));
+    if uncertain || (has(&BESIDE) && !matches!(last, "roll" | "pitch" | "yaw")) {
         return Aside;
     }
     if let Some(time) = of_time(&own, last, alone) {
@@ -235,16 +180,20 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
         "cmd", "command", "commands", "force", "thrust", "tau", "wrench", "torque", "load",
         "moment",
     ]);
+    let rotates = has(&["angle", "angles", "euler", "rotation", "rotations"]);
     if let Some(axis) = axis {
         return match letter {
             Some("a" | "b") => Aside,
             Some("w") => Channel(9 + axis),
             Some("v") => Velocity(6 + axis),
-            Some("p") => Channel(axis),
+            Some("p" | "t") => Channel(axis),
+            Some("f") => Load(axis),
+            Some(other) if own.len() == 2 && other.chars().all(char::is_alphabetic) => Unknown,
             _ if turns => Channel(9 + axis),
             _ if loads && has(&["torque", "moment"]) => Load(3 + axis),
             _ if loads => Load(axis),
             _ if moves => Velocity(6 + axis),
+            _ if rotates => Angle(axis),
             _ => Channel(axis),
         };
     }
@@ -266,7 +215,22 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
     {
         return Load(axis);
     }
-    by_word(last, &has, moves, loads, alone)
+    // `F_surge`.
+    let loads = loads || letter == Some("f");
+    let ground = match last {
+        "north" => Some(0),
+        "east" => Some(1),
+        "down" => Some(2),
+        "n" | "e" | "d" if own.iter().any(|w| is_way_or_speed(w)) => {
+            ["n", "e", "d"].iter().position(|w| *w == last)
+        }
+        _ => None,
+    };
+    match ground {
+        Some(axis) if moves => Ground(6 + axis),
+        Some(axis) => Channel(axis),
+        None => by_word(last, &has, moves, loads, alone),
+    }
 }
 
 fn of_time(own: &[String], last: &str, alone: bool) -> Option<Meaning> {
@@ -324,7 +288,12 @@ fn by_word(
         ("wave", "wave_m"),
     ];
     if let Some((_, place)) = companion.iter().find(|(w, _)| has(&[*w])) {
-        return Companion(place);
+        // A shaft's torque is no speed.
+        return if has(&["torque", "moment", "force", "thrust"]) {
+            Unknown
+        } else {
+            Companion(place)
+        };
     }
     if last == "rpm" {
         return Companion("shaft_radps");
@@ -346,9 +315,6 @@ fn by_word(
             "p" | "q" | "r" if alone || rate => {
                 Channel(9 + usize::from(last != "p") + usize::from(last == "r"))
             }
-            "north" => Channel(0),
-            "east" => Channel(1),
-            "down" => Channel(2),
             "depth" => Depth,
             "height" | "altitude" | "alt" => Height,
             "f" | "force" | "thrust" | "kraft" => Load(0),
@@ -358,8 +324,18 @@ fn by_word(
                 Along(0)
             }
             "velocity" | "speed" | "vel" if alone => Along(6),
-            "thruster" => Thruster,
-            _ if has(&["thruster", "motor", "servo"]) => Thruster,
+            _ if has(&[
+                "thruster",
+                "thrusters",
+                "motor",
+                "motors",
+                "servo",
+                "servos",
+                "esc",
+            ]) =>
+            {
+                Thruster
+            }
             _ => Unknown,
         },
     }

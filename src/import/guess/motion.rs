@@ -1,15 +1,25 @@
 //! The guessed map's channels, orientation and commands.
 
-use super::Draft;
-use super::meaning::{Meaning, Words, meaning};
+use super::meaning::Meaning;
+use super::meaning::Words;
+use super::meaning::written::{self, unit_text};
 use super::shape::Shape;
-use super::stats::{Column, Stats};
+use super::stats::Stats;
 use super::time::Time;
-use crate::map::{COMPANIONS, PLACES, dimension, place_name};
+use crate::map::{COMPANIONS, PLACES, place_name};
 use crate::unit::{self, Dimension};
+
+mod left;
+mod units;
+mod write;
+
+use left::{Left, Why};
 
 /// Components of a load, in the order of the channels.
 const LOADS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
+
+/// What turns so many times more than another does so clearly.
+const CLEARLY: f64 = 4.0;
 
 /// One channel.
 #[derive(Debug, Clone)]
@@ -30,13 +40,17 @@ pub(super) struct Motion {
     loads: Vec<(usize, usize, String, Vec<String>)>,
     /// Whether velocities are along the tank's axes.
     pub in_tank: bool,
+    /// Columns of velocities to the north, to the east and downwards.
+    ground: Vec<usize>,
     /// Names do not say whose axes velocities are along.
     frame_open: bool,
     y_up: bool,
     /// A heading beyond a turn is in degrees, or goes on over several turns in radians.
     angle_open: bool,
     /// What is not mapped and why.
-    left: Vec<String>,
+    left: Left,
+    /// What else is to be said.
+    notes: Vec<String>,
 }
 
 impl Motion {
@@ -54,7 +68,7 @@ impl Motion {
 }
 
 /// Bodies, markers and topics of a file, with what each has.
-fn best_group(shape: &Shape, meanings: &[Meaning]) -> Option<String> {
+fn best_group(shape: &Shape, meanings: &[written::Column]) -> Option<String> {
     let body = |group: &str| -> String {
         group
             .trim_end_matches(" Position")
@@ -65,10 +79,10 @@ fn best_group(shape: &Shape, meanings: &[Meaning]) -> Option<String> {
     let mut groups: Vec<(String, usize)> = Vec::new();
     for (column, m) in shape.columns.iter().zip(meanings) {
         let own = body(&column.group);
-        let worth = match m {
-            Meaning::Quaternion(_) => 3,
-            Meaning::Channel(3..6) => 2,
-            Meaning::Channel(_) | Meaning::Velocity(_) => 1,
+        let worth = match m.is() {
+            Some(Meaning::Quaternion(_)) => 3,
+            Some(Meaning::Channel(3..6)) => 2,
+            Some(Meaning::Channel(_) | Meaning::Velocity(_) | Meaning::Ground(_)) => 1,
             _ => 0,
         };
         match groups.iter_mut().find(|g| g.0 == own) {
@@ -84,14 +98,10 @@ fn best_group(shape: &Shape, meanings: &[Meaning]) -> Option<String> {
 }
 
 pub(super) fn find(shape: &Shape, stats: &Stats, time: &Time) -> Motion {
-    let meanings: Vec<Meaning> = shape
-        .columns
-        .iter()
-        .map(|c| meaning(&c.name, &c.group))
-        .collect();
+    let meanings: Vec<written::Column> = shape.columns.iter().map(written::column).collect();
     let group = best_group(shape, &meanings);
     let mut out = Motion {
-        y_up: shape.units.y_up && upright(shape, stats, &meanings),
+        y_up: shape.units.y_up,
         in_tank: shape.kind.starts_with("EuRoC"),
         ..Motion::default()
     };
@@ -108,44 +118,24 @@ pub(super) fn find(shape: &Shape, stats: &Stats, time: &Time) -> Motion {
         let foreign = group
             .as_ref()
             .is_some_and(|g| !named.group.is_empty() && !named.group.starts_with(g.as_str()));
-        if foreign && !matches!(own, Meaning::Load(_) | Meaning::Companion(_)) {
+        if foreign && !matches!(own.is(), Some(Meaning::Load(_) | Meaning::Companion(_))) {
             if !others.contains(&named.group)
-                && matches!(own, Meaning::Channel(_) | Meaning::Quaternion(_))
+                && matches!(own.is(), Some(Meaning::Channel(_) | Meaning::Quaternion(_)))
             {
                 others.push(named.group.clone());
             }
             continue;
         }
-        match own {
-            Meaning::Channel(place) | Meaning::Velocity(place) => {
-                out.frame_open |= matches!(own, Meaning::Velocity(_));
-                out.channel(*place, i, shape);
+        match *own {
+            written::Column::Is(Meaning::Quaternion(c)) => {
+                quaternion[c].get_or_insert(i);
             }
-            Meaning::Depth | Meaning::Height => out.vertical(*own, i, shape),
-            Meaning::Along(place) if !out.has(*place) => {
-                out.channel(*place, i, shape);
-                if let Some(c) = out.channels.last_mut() {
-                    c.doubts
-                        .push("along which axis is not written: forward assumed".to_owned());
-                }
+            written::Column::Is(own) => out.take(own, i, shape),
+            written::Column::OtherUnit => {
+                let unit = unit_text(named).unwrap_or_default().to_owned();
+                out.left.add(Why::Unit(unit), shape.words(i));
             }
-            Meaning::Quaternion(c) if quaternion[*c].is_none() => quaternion[*c] = Some(i),
-            Meaning::Load(d) => out.load(*d, i, shape),
-            Meaning::Companion(name) => {
-                match COMPANIONS.iter().position(|n| *n == *name) {
-                    Some(at) => out.channel(12 + at, i, shape),
-                    None => out.left.push(format!("{}: not mapped", shape.words(i))),
-                }
-            }
-            Meaning::Thruster => out.left.push(format!(
-                "{} looks like one thruster's command: [[command]] with thruster = its name in the rig, {}, unit = \"us\" for a pulse (then import --rig) or \"N\"",
-                shape.words(i),
-                shape.key(i).replace('\n', ", ")
-            )),
-            Meaning::Unknown if !named.name.is_empty() || shape.columns.len() < 20 => {
-                out.left.push(format!("{}: its name says nothing that is known here", shape.words(i)));
-            }
-            _ => {}
+            written::Column::Wished => out.left.add(Why::Wished, shape.words(i)),
         }
     }
     if let [Some(w), Some(x), Some(y), Some(z)] = quaternion {
@@ -155,6 +145,7 @@ pub(super) fn find(shape: &Shape, stats: &Stats, time: &Time) -> Motion {
             ([x, y, z, w], "xyzw")
         });
         out.channels.retain(|c| !(3..6).contains(&c.place));
+        out.turns_about_z(stats, [x, y, z]);
     }
     if !others.is_empty() {
         others.dedup();
@@ -164,30 +155,84 @@ pub(super) fn find(shape: &Shape, stats: &Stats, time: &Time) -> Motion {
         } else {
             "point"
         };
-        out.left.push(format!(
+        out.notes.push(format!(
             "the {what} mapped is '{own}'; the file has others: {}",
             others.join(", ")
         ));
     }
+    out.drop_ground_without_heading(shape);
     out.channels.sort_by_key(|c| c.place);
     out.infer_units(shape, stats, time);
     out
 }
 
-/// Whether the second axis of a file of Motive's is the one that stands up, as it is unless it was set otherwise.
-fn upright(shape: &Shape, stats: &Stats, meanings: &[Meaning]) -> bool {
-    let column = |p: usize| {
-        let i = meanings.iter().position(|m| *m == Meaning::Channel(p))?;
-        (!shape.columns.is_empty()).then(|| stats.columns.get(i))?
-    };
-    match (column(1), column(2)) {
-        // Below the floor all the time and level with it across: z down.
-        (Some(y), Some(z)) => !(z.high < 0.0 && y.largest() < 0.5 * z.largest()),
-        _ => true,
-    }
-}
-
 impl Motion {
+    /// One column, by what it is.
+    fn take(&mut self, own: Meaning, i: usize, shape: &Shape) {
+        match own {
+            Meaning::Channel(place) => self.channel(place, i, shape),
+            Meaning::Velocity(place) => {
+                self.frame_open = true;
+                self.channel(place, i, shape);
+            }
+            Meaning::Ground(place) => {
+                if !self.has(place) {
+                    self.ground.push(i);
+                }
+                self.channel(place, i, shape);
+            }
+            Meaning::Angle(_) => self.left.add(Why::Angle, shape.words(i)),
+            Meaning::Depth | Meaning::Height => self.vertical(own, i, shape),
+            Meaning::Along(place) if !self.has(place) => {
+                self.channel(place, i, shape);
+                if let Some(c) = self.channels.last_mut() {
+                    c.doubts
+                        .push("along which axis is not written: forward assumed".to_owned());
+                }
+            }
+            Meaning::Load(d) => self.load(d, i, shape),
+            Meaning::Companion(name) => {
+                if let Some(at) = COMPANIONS.iter().position(|n| *n == name) {
+                    self.channel(12 + at, i, shape);
+                }
+            }
+            Meaning::Thruster => self.notes.push(format!(
+                "{} looks like one thruster's command: [[command]] with thruster = its name in the rig, {}, unit = \"us\" for a pulse (then import --rig) or \"N\"",
+                shape.words(i),
+                shape.key(i).replace('\n', ", ")
+            )),
+            Meaning::Unknown if !shape.columns[i].name.is_empty() || shape.columns.len() < 20 => {
+                self.left.add(Why::Name, shape.words(i));
+            }
+            _ => {}
+        }
+    }
+
+    /// Velocities to the north and east are turned by the heading; without one they are no velocities of the body.
+    fn drop_ground_without_heading(&mut self, shape: &Shape) {
+        if self.ground.is_empty() {
+            return;
+        }
+        if self.has(5) || self.quaternion.is_some() {
+            self.in_tank = true;
+            return;
+        }
+        for i in std::mem::take(&mut self.ground) {
+            self.channels.retain(|c| c.column != i);
+            self.left.add(Why::NoHeading, shape.words(i));
+        }
+    }
+
+    /// A vehicle turns about what stands up more than about anything else.
+    fn turns_about_z(&mut self, stats: &Stats, [x, y, z]: [usize; 3]) {
+        let turns = |c: usize| stats.columns[c].high - stats.columns[c].low;
+        if self.y_up && turns(z) > CLEARLY * turns(y).max(turns(x)) {
+            self.notes.push(
+                "the body turns about Z far more than about Y: was the file exported with Z up? Then z_m = -Z, y_m = -Y and axes = \"z_up\"".to_owned(),
+            );
+        }
+    }
+
     fn channel(&mut self, place: usize, column: usize, shape: &Shape) {
         // Motive: x forward, y up, z to starboard.
         let (place, sign) = match (self.y_up, place) {
@@ -196,11 +241,8 @@ impl Motion {
             _ => (place, 1.0),
         };
         if self.has(place) {
-            self.left.push(format!(
-                "{}: {} is mapped already",
-                shape.words(column),
-                place_name(place)
-            ));
+            self.left
+                .add(Why::Mapped(place_name(place)), shape.words(column));
             return;
         }
         self.channels.push(Channel {
@@ -231,10 +273,7 @@ impl Motion {
     fn load(&mut self, dof: usize, column: usize, shape: &Shape) {
         let thruster = LOADS[dof];
         if self.loads.iter().any(|l| l.0 == dof) {
-            self.left.push(format!(
-                "{}: {thruster} is mapped already",
-                shape.words(column)
-            ));
+            self.left.add(Why::Mapped(thruster), shape.words(column));
             return;
         }
         let dimension = if dof < 3 {
@@ -243,9 +282,8 @@ impl Motion {
             Dimension::Moment
         };
         let named = &shape.columns[column];
-        let written = named.unit.as_deref().or(Words::of(&named.name).unit);
         let mut doubts = Vec::new();
-        let unit = match written.and_then(|u| unit::find(dimension, u)) {
+        let unit = match unit_text(named).and_then(|u| unit::find(dimension, u)) {
             Some(u) => u.name,
             None => {
                 doubts.push(format!(
@@ -255,7 +293,9 @@ impl Motion {
                 if dof < 3 { "N" } else { "N m" }
             }
         };
-        if !named.name.to_lowercase().contains(thruster) {
+        let words = Words::of(&named.name).words;
+        let says = |list: &[&str]| words.iter().any(|w| list.contains(&w.as_str()));
+        if !(says(&[thruster]) && says(&["cmd", "command", "commands", "commanded"])) {
             doubts.push(format!(
                 "{}: taken as the load commanded in {thruster}; whether it was commanded or measured is not written",
                 shape.words(column)
@@ -291,203 +331,6 @@ impl Motion {
             in_tank: !self.in_tank,
             ..self.clone()
         })
-    }
-
-    /// Units as they are written, or as the kind has them, or by the size of the numbers.
-    fn infer_units(&mut self, shape: &Shape, stats: &Stats, time: &Time) {
-        let written = |c: &Channel| {
-            let named = &shape.columns[c.column];
-            named
-                .unit
-                .as_deref()
-                .or(Words::of(&named.name).unit)
-                .and_then(|u| unit::find(dimension(c.place), u))
-        };
-        let column = |c: &Channel| &stats.columns[c.column];
-        // Angles of one file are in one unit: the largest tells.
-        let open = |c: &&Channel, d: Dimension| written(c).is_none() && dimension(c.place) == d;
-        let largest = |d: Dimension| {
-            let all = self.channels.iter().filter(|c| open(c, d));
-            all.map(|c| column(c).largest()).fold(0.0, f64::max)
-        };
-        let (angles, rates) = (largest(Dimension::Angle), largest(Dimension::Rate));
-        let lengths = self.channels.iter().filter(|c| open(c, Dimension::Length));
-        let fastest = lengths
-            .map(|c| column(c).usual / time.interval_s.max(1e-9))
-            .fold(0.0, f64::max);
-        let length_is_mm = fastest > 15.0;
-        // Roll and pitch tell; a heading may go on over several turns.
-        let tilt = self
-            .channels
-            .iter()
-            .filter(|c| open(c, Dimension::Angle) && c.place != 5);
-        let tilt = tilt.map(|c| column(c).largest()).fold(0.0, f64::max);
-        self.angle_open =
-            shape.units.angle.is_none() && tilt < 1.9 && (6.3..60.0).contains(&angles);
-        for c in &mut self.channels {
-            let dimension = dimension(c.place);
-            if let Some(u) = written(c) {
-                u.name.clone_into(&mut c.unit);
-                continue;
-            }
-            let known = match dimension {
-                Dimension::Length => shape.units.length,
-                Dimension::Angle => shape.units.angle,
-                Dimension::Speed => shape.units.length.and_then(|u| match u {
-                    "m" => Some("m/s"),
-                    "mm" => Some("mm/s"),
-                    "cm" => Some("cm/s"),
-                    _ => None,
-                }),
-                _ => shape
-                    .units
-                    .angle
-                    .map(|u| if u == "deg" { "deg/s" } else { "rad/s" }),
-            };
-            let (unit, because) = match (known, dimension) {
-                (Some(u), _) => (u, format!("as {} has it", shape.kind)),
-                (None, Dimension::Length) if length_is_mm => {
-                    ("mm", format!("{fastest:.0} m/s if it were m"))
-                }
-                (None, Dimension::Length) => (
-                    "m",
-                    format!("{:.3} .. {:.3}", column(c).low, column(c).high),
-                ),
-                (None, Dimension::Angle) if angles > 6.3 => {
-                    ("deg", format!("the angles reach {angles:.1}"))
-                }
-                (None, Dimension::Angle) => (
-                    "rad",
-                    format!("no angle is beyond {angles:.3}; deg if the vehicle hardly turned"),
-                ),
-                (None, Dimension::Speed) => (
-                    "m/s",
-                    format!("{:.3} .. {:.3}", column(c).low, column(c).high),
-                ),
-                // Rates go with the angles where those tell.
-                (None, _) if rates > 12.0 || angles > 6.3 => (
-                    "deg/s",
-                    format!("the rates reach {rates:.1}, the angles {angles:.1}"),
-                ),
-                (None, _) => ("rad/s", format!("the rates reach {rates:.3}")),
-            };
-            unit.clone_into(&mut c.unit);
-            if !(shape.units.stated && dimension == Dimension::Length) {
-                c.doubts.push(format!(
-                    "the unit is not written: {unit} assumed ({because})"
-                ));
-            }
-        }
-    }
-
-    pub fn write(&self, shape: &Shape, stats: &Stats, draft: &mut Draft) {
-        self.axes(shape, draft);
-        for c in &self.channels {
-            draft.line(format!("[motion.{}]", place_name(c.place)));
-            for doubt in &c.doubts {
-                draft.toml.push(format!("# {doubt}"));
-                draft
-                    .remarks
-                    .push(format!("{}: {doubt}", place_name(c.place)));
-            }
-            draft
-                .toml
-                .extend(shape.key(c.column).lines().map(str::to_owned));
-            draft.line(format!("unit = \"{}\"", c.unit));
-            if c.sign < 0.0 {
-                draft.line("sign = -1");
-            }
-            if (6..9).contains(&c.place) && self.in_tank {
-                draft.line("frame = \"tank\"");
-            }
-            missing(&stats.columns[c.column], draft);
-        }
-        if let Some((columns, order)) = self.quaternion {
-            draft.line("[quaternion]");
-            let list: Vec<String> = columns
-                .iter()
-                .map(|c| {
-                    shape
-                        .key(*c)
-                        .lines()
-                        .next()
-                        .unwrap_or("")
-                        .trim_start_matches("column = ")
-                        .to_owned()
-                })
-                .collect();
-            draft.line(format!("columns = [{}]", list.join(", ")));
-            draft.line(format!("order = \"{order}\""));
-            if self.y_up {
-                draft.line("axes = \"y_up\"");
-            }
-            missing(&stats.columns[columns[0]], draft);
-        }
-        for (dof, column, unit, doubts) in &self.loads {
-            draft.line("[[command]]");
-            for doubt in doubts {
-                draft.toml.push(format!("# {doubt}"));
-                draft
-                    .remarks
-                    .push(format!("command {}: {doubt}", LOADS[*dof]));
-            }
-            draft.line(format!("thruster = \"{}\"", LOADS[*dof]));
-            draft
-                .toml
-                .extend(shape.key(*column).lines().map(str::to_owned));
-            draft.line(format!("unit = \"{unit}\""));
-            missing(&stats.columns[*column], draft);
-        }
-        for left in &self.left {
-            draft.doubt(left.clone());
-        }
-    }
-
-    /// Whose axes these are is in no file.
-    fn axes(&self, shape: &Shape, draft: &mut Draft) {
-        let across = [1, 2, 3, 4, 5, 7, 8, 9, 10, 11]
-            .iter()
-            .any(|p| self.has(*p))
-            || self.quaternion.is_some();
-        if self.y_up {
-            draft.doubt("axes: x forward, y up, z to starboard, as Motive has them unless set otherwise, so z_m = -Y and y_m = Z; whether the body points along x is not written");
-        } else if across {
-            let kind = shape.kind;
-            draft.doubt(format!(
-                "signs and axes are the file's, taken for x forward, y to starboard, z down, as {kind} need not have them: with z up, sign = -1 on y_m z_m theta_rad psi_rad v_mps w_mps q_radps r_radps, and axes = \"z_up\" of a quaternion"
-            ));
-        }
-        if (6..9).any(|p| self.has(p)) && (self.frame_open || self.in_tank) {
-            let frame = if self.in_tank { "tank" } else { "body" };
-            let other = if self.in_tank { "body" } else { "tank" };
-            let checked =
-                if self.has(0) && self.has(1) && (self.has(5) || self.quaternion.is_some()) {
-                    "; import holds this against the positions"
-                } else {
-                    ""
-                };
-            draft.doubt(format!("velocities are taken to be along the {frame}'s axes, which is not written: else frame = \"{other}\"{checked}"));
-        }
-    }
-}
-
-/// Cells that may be empty.
-fn missing(column: &Column, draft: &mut Draft) {
-    if column.empty == 0 {
-        return;
-    }
-    let rows = column.rows();
-    if column.empty * 20 > rows {
-        draft.line("missing = \"skip\"");
-        draft.remarks.push(format!(
-            "{} of {rows} cells are empty: taken as not measured in that row",
-            column.empty
-        ));
-    } else {
-        draft.doubt(format!(
-            "{} of {rows} cells are empty: a fault unless missing = \"skip\" (or \"hold\")",
-            column.empty
-        ));
     }
 }
 

@@ -5,7 +5,10 @@ use super::stats::Stats;
 use crate::cells::Splitter;
 use crate::map::{FileMap, Separator};
 use crate::number::number;
-use crate::unit::{self, UNITS};
+use crate::unit;
+
+mod unit_text;
+pub(super) use unit_text::is_unit;
 
 /// What lines of notes begin with.
 const COMMENTS: [&str; 4] = ["#", "%", "//", ";"];
@@ -36,6 +39,16 @@ pub(super) struct Shape {
     /// Units that the kind of file has where it writes none.
     pub units: Defaults,
     pub remarks: Vec<String>,
+    /// What nameless columns may be: they are proposed, none is chosen.
+    pub open: Vec<Proposal>,
+}
+
+/// A message that nameless columns may be of.
+#[derive(Debug, Clone)]
+pub(super) struct Proposal {
+    pub message: &'static str,
+    /// Keys of the map's tables, unit, column.
+    pub tables: Vec<(String, &'static str, usize)>,
 }
 
 /// What a kind of file is measured in where it does not say.
@@ -291,6 +304,7 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
         rate_hz: None,
         units: Defaults::default(),
         remarks: Vec::new(),
+        open: Vec::new(),
     })
 }
 
@@ -313,15 +327,4 @@ pub(super) fn named(name: &str) -> Named {
         group: String::new(),
         unit: unit.map(str::to_owned),
     }
-}
-
-/// Whether a text is some unit, or says that there is none.
-pub(super) fn is_unit(text: &str) -> bool {
-    let bare = unit::written(text).unwrap_or(text.trim());
-    matches!(
-        bare,
-        "-" | "1" | "[]" | "V" | "A" | "W" | "Pa" | "%" | "m/s^2" | "m/s²" | "m s^-2"
-    ) || UNITS
-        .iter()
-        .any(|u| unit::find(u.dimension, bare).is_some())
 }

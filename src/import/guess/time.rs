@@ -1,7 +1,8 @@
 //! The guessed map's `[time]`.
 
 use super::Draft;
-use super::meaning::{Meaning, Words, meaning};
+use super::meaning::Words;
+use super::meaning::{Meaning, meaning};
 use super::shape::Shape;
 use super::stats::{Column, Stats};
 use crate::stamp::{self, Pattern, Stamp};
@@ -74,8 +75,20 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
     }
     let mut named = of(Meaning::Time);
     named.extend(of(Meaning::Seconds));
-    // The stamp of the message before others.
-    named.sort_by_key(|i| !stats.columns.get(*i).is_some_and(Column::ascends));
+    // What goes on before what does not, and a message's own stamp before that of its receipt.
+    let is_own = |i: usize| {
+        let words = Words::of(&shape.columns[i].name).words;
+        ["header", "stamp"]
+            .iter()
+            .all(|w| words.iter().any(|o| o == w))
+    };
+    let ascends = |i: usize| stats.columns.get(i).is_some_and(Column::ascends);
+    named.sort_by_key(|i| {
+        (
+            !ascends(*i),
+            !(shape.kind.starts_with("rostopic") && is_own(*i)),
+        )
+    });
     if let Some(time) = named
         .first()
         .and_then(|i| stamps(shape, stats, &of(Meaning::Date), *i))
@@ -87,8 +100,21 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
             return Some(time);
         }
     }
-    if let Some(i) = named.iter().copied().find(numeric) {
-        return Some(number(shape, stats, i, true));
+    let mut numbers = named.iter().copied().filter(numeric);
+    if let Some(i) = numbers.next() {
+        let mut time = number(shape, stats, i, true);
+        let others: Vec<String> = numbers
+            .filter(|i| ascends(*i))
+            .map(|i| shape.words(i))
+            .collect();
+        if !others.is_empty() {
+            time.doubts.push(format!(
+                "time is {}; others go on too and are not used: {}",
+                shape.words(i),
+                others.join(", ")
+            ));
+        }
+        return Some(time);
     }
     if let (Some(frame), Some(rate_hz)) = (of(Meaning::Frame).first(), shape.rate_hz) {
         return Some(Time {
@@ -315,6 +341,7 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
         .or(Words::of(&own.name).unit)
         .and_then(|u| unit::find(Dimension::Time, u));
     let (unit, factor) = match written {
+        Some(u) if u.name == "s" && since_1904(column) => ("labview_s", 1.0),
         Some(u) => (u.name, u.factor),
         None => {
             let (unit, sure) = by_size(column);
@@ -331,9 +358,12 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
             (unit, factor)
         }
     };
+    if unit == "labview_s" {
+        time.doubts.push("seconds since 1904, as LabVIEW counts them, in UTC; since 1970 they would be beyond 2066".to_owned());
+    }
     time.keys.push(format!("unit = \"{unit}\""));
     time.interval_s = column.step * factor;
-    if !matches!(unit, "matlab_days" | "spreadsheet_days")
+    if !matches!(unit, "matlab_days" | "spreadsheet_days" | "labview_s")
         && column.low * factor > 3e8
         && column.high * factor < 4e9
     {
@@ -396,6 +426,14 @@ fn rounded(column: &Column, factor: f64, time: &mut Time) {
     }
 }
 
+/// From 1904 to 2000 and to 2040 \[s\]: before that nobody measured so, and since 1970 it would be 2066 and later.
+const SINCE_1904_S: [f64; 2] = [3_029_529_600.0, 4_291_833_600.0];
+
+/// Whether stamps are LabVIEW's.
+fn since_1904(column: &Column) -> bool {
+    column.low >= SINCE_1904_S[0] && column.high <= SINCE_1904_S[1] && column.step < 20.0
+}
+
 /// Unit of a time without one, by its size and its steps, and whether it can hardly be another.
 fn by_size(column: &Column) -> (&'static str, bool) {
     let (first, step) = (column.first.abs(), column.step);
@@ -403,6 +441,7 @@ fn by_size(column: &Column) -> (&'static str, bool) {
         _ if first > 3e17 => ("ns", true),
         _ if first > 3e14 => ("us", true),
         _ if first > 3e11 => ("ms", true),
+        _ if since_1904(column) => ("labview_s", true),
         _ if first > 3e8 && first < 4e9 && step < 20.0 => ("s", true),
         _ if (700_000.0..800_000.0).contains(&first) && step < 1e-2 => ("matlab_days", true),
         _ if (25_569.0..60_000.0).contains(&first) && step < 1e-4 => ("spreadsheet_days", true),

@@ -12,6 +12,7 @@ use super::clocks::Pairs;
 use super::estimate::align;
 use super::problem::Problem;
 use super::{From, Given, JoinError, Relation};
+use crate::write::{RELATIVE_ORIGIN, RELATIVE_START};
 
 /// Samples, and clock records, that are looked at; of more every second one is dropped, again and again: half an hour at
 /// 100 Hz.
@@ -57,6 +58,13 @@ fn boot_id(reader: &LogReader) -> Option<String> {
     (!id.is_empty()).then(|| id.clone())
 }
 
+/// From a log's stamps back to the clock of the file it was imported from, which counts from any zero \[ns\].
+fn own_clock_ns(reader: &LogReader) -> Option<i128> {
+    let session = reader.metadata().get("session")?;
+    let number = |key: &str| session.get(key)?.parse::<i128>().ok();
+    number(RELATIVE_ORIGIN)?.checked_sub(number(RELATIVE_START)?)
+}
+
 /// What both logs hold of motion, commands and clocks.
 pub struct Pair {
     motion_name: String,
@@ -66,6 +74,8 @@ pub struct Pair {
     commands: Vec<pb::ThrusterCommand>,
     /// Changes beyond what an estimate takes.
     more_changes: usize,
+    /// From the stamps of either log to its file's own clock.
+    pub(super) own_clocks_ns: [Option<i128>; 2],
     /// Start of the host of either log.
     pub(super) boots: [Option<String>; 2],
     pub(super) motion_clocks: Pairs,
@@ -92,6 +102,7 @@ impl Pair {
             motion: Vec::new(),
             commands: Vec::new(),
             more_changes: 0,
+            own_clocks_ns: [None, None],
             boots: [None, None],
             motion_clocks: Vec::new(),
             command_clocks: Vec::new(),
@@ -116,6 +127,7 @@ impl Pair {
         pair.motion_ns = ends.ok_or(JoinError::NoMotion { log: name(motion) })?;
         (pair.motion, pair.motion_clocks) = (samples.kept, clocks.kept);
         pair.boots[0] = boot_id(&reader);
+        pair.own_clocks_ns[0] = own_clock_ns(&reader);
         let own_rig = |toml: &str| Rig::from_toml(toml, "the log's rig", None).is_ok();
         pair.rig_toml = reader.rig_toml().filter(|t| own_rig(t)).map(str::to_owned);
         let mut ends = None;
@@ -152,6 +164,7 @@ impl Pair {
         pair.commands.extend(again);
         pair.command_clocks = clocks.kept;
         pair.boots[1] = boot_id(&reader);
+        pair.own_clocks_ns[1] = own_clock_ns(&reader);
         if let Some(rig) = reader.rig_toml().filter(|t| own_rig(t)) {
             pair.rig_toml = Some(rig.to_owned());
         }
@@ -161,6 +174,13 @@ impl Pair {
     /// The rig that the joined log carries.
     pub(super) fn rig_toml(&self) -> Option<&str> {
         self.rig_toml.as_deref()
+    }
+
+    /// What is to be added to the commands' stamps so that both logs go by their files' own clocks as if those were one
+    /// \[s\]; `None` = one of them was on UNIX time.
+    pub(super) fn zeros_s(&self) -> Option<f64> {
+        let [motion, commands] = self.own_clocks_ns;
+        Some((commands? - motion?) as f64 * 1e-9)
     }
 
     /// The first command by its own clock.

@@ -326,10 +326,11 @@ impl Checker<'_> {
             return self.bad(&key, name, format!("channels are {}", all.join(" ")));
         };
         let dimension = dimension(place);
-        let Some(unit) = unit::find(dimension, &raw.unit) else {
+        let text = raw.unit.clone().unwrap_or_default();
+        let Some(unit) = unit::find(dimension, &text) else {
             return self.bad(
                 format!("{key}.unit"),
-                raw.unit,
+                raw.unit.unwrap_or_else(|| "missing".to_owned()),
                 format!("it must be one of {}", unit::names(dimension)),
             );
         };

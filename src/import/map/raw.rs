@@ -66,7 +66,7 @@ pub struct RawChannel {
     pub column: Option<RawColumn>,
     pub nth: Option<u32>,
     pub value: Option<f64>,
-    pub unit: String,
+    pub unit: Option<String>,
     pub sign: Option<f64>,
     pub scale: Option<f64>,
     pub offset: Option<f64>,

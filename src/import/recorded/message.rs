@@ -244,6 +244,14 @@ pub enum RecordedError {
         /// Why not.
         reasons: String,
     },
+    /// Damaged so that no topic is left.
+    #[error(
+        "no message of it can be read; {damage}; `hydroline recover` writes what is sound into a new file"
+    )]
+    Damaged {
+        /// What was found instead.
+        damage: String,
+    },
     /// A topic that is not there.
     #[error("no topic '{topic}' in it; name one of: {topics}")]
     Topic {

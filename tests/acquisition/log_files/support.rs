@@ -108,36 +108,12 @@ pub fn read_all(bytes: &[u8]) -> (Vec<LogMessage>, Vec<LogError>) {
     (messages, errors)
 }
 
-/// A Python that has `mcap`: `HYDROLINE_PYTHON`, which must work when it is set, else `python3`;
-/// `None` where that has no `mcap` (the comparison is skipped, aloud).
-fn python() -> Option<std::ffi::OsString> {
-    let named = std::env::var_os("HYDROLINE_PYTHON");
-    let python = named.clone().unwrap_or_else(|| "python3".into());
-    let tried = std::process::Command::new(&python)
-        .args(["-c", "import mcap"])
-        .output();
-    let problem = match tried {
-        Ok(output) if output.status.success() => return Some(python),
-        Ok(output) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
-        Err(e) => e.to_string(),
-    };
-    assert!(
-        named.is_none(),
-        "HYDROLINE_PYTHON={} cannot import mcap: {problem}",
-        python.display()
-    );
-    crate::inputs::skip(
-        "a python3 that imports `mcap` for its comparison (tests/setup --tests, or set HYDROLINE_PYTHON)",
-    );
-    None
-}
-
 /// Messages by topic as Python's `mcap` counts them; `None` where it is not installed.
 pub fn python_counts(path: &Path) -> Option<serde_json::Value> {
     let script = "import sys,json,collections\nfrom mcap.reader import make_reader\n\
         c=collections.Counter(ch.topic for _,ch,_ in make_reader(open(sys.argv[1],'rb'),validate_crcs=True).iter_messages())\n\
         print(json.dumps(c))";
-    let out = std::process::Command::new(python()?)
+    let out = std::process::Command::new(crate::inputs::python(&["mcap"])?)
         .args(["-c", script])
         .arg(path)
         .output()

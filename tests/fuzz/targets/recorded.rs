@@ -1,10 +1,10 @@
-//! Any bytes as a log of another program (MCAP, db3, DataFlash, telemetry, ULog): contents, a guessed map that loads, a
-//! table; never a panic.
+//! Any bytes as a log of another program (MCAP, db3, DataFlash, telemetry, ULog): contents, a guessed map that loads, the
+//! table of that map, and what is found in it; never a panic.
 #![no_main]
 
 use std::io::Write;
 
-use hydroline::import::Map;
+use hydroline::import::{Map, survey};
 use hydroline::import::guess::guess_recording;
 use hydroline::import::recorded::Recording;
 use libfuzzer_sys::fuzz_target;
@@ -23,7 +23,13 @@ fuzz_target!(|bytes: &[u8]| {
         };
         let _ = recording.contents().to_string();
         if let Ok(Ok(found)) = guess_recording(&recording) {
-            assert!(Map::from_toml(&found.toml, "fuzz.toml").is_ok(), "{}", found.toml);
+            let map = Map::from_toml(&found.toml, "fuzz.toml");
+            let Ok(map) = map else {
+                panic!("{map:?}\n{}", found.toml);
+            };
+            if let Ok(table) = recording.table(&map) {
+                let _ = survey(&table, &table.map, None);
+            }
         }
     });
 });

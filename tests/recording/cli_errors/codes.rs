@@ -160,6 +160,26 @@ const VALUES: &[(&str, &[&str])] = &[
     ("check --rig lshpi --disk", &["--disk"]),
     ("aim --rig lshpi --for 0s", &["longer than 0"]),
     (
+        "aim --rig lshpi --for 1s --live-token long-enough-for-a-token",
+        &["without --live", "0.0.0.0:8080"],
+    ),
+    (
+        "aim --rig lshpi --for 1s --live 0.0.0.0:0",
+        &["0.0.0.0:0", "--live-token", "ssh -L"],
+    ),
+    (
+        "record --rig lshpi --for 1s --live [::]:0 --out OUTr.mcap",
+        &["[::]:0", "--live-token", "ssh -L"],
+    ),
+    (
+        "simulate --rig lshpi --plan surge-4n --live 127.0.0.1:0 --live-token short --out OUTs.mcap",
+        &["5 characters", "16 to 128", "e.g."],
+    ),
+    (
+        "replay LOG --live run.mcap --out OUTp.mcap",
+        &["run.mcap", "--live=127.0.0.1:8080"],
+    ),
+    (
         "aim --rig lshpi --disk OUTnone --for 1s",
         &["--disk", "create it first"],
     ),

@@ -1,4 +1,4 @@
-//! Exports of motion capture: Vicon Nexus, Qualisys Track Manager, OptiTrack Motive.
+//! Exports of motion capture: Qualisys Track Manager, OptiTrack Motive.
 
 use super::super::head::Head;
 use super::super::shape::{self, Defaults, Named, Shape};
@@ -6,21 +6,7 @@ use crate::map::Separator;
 use crate::number::number;
 use crate::unit::{self, Dimension};
 
-/// Repeats what stands over the first of several columns.
-fn spread(cells: &[String]) -> Vec<String> {
-    let mut last = String::new();
-    cells
-        .iter()
-        .map(|c| {
-            if !c.is_empty() {
-                last.clone_from(c);
-            }
-            last.clone()
-        })
-        .collect()
-}
-
-fn shape(
+pub(super) fn shape(
     kind: &'static str,
     file: crate::map::FileMap,
     columns: Vec<Named>,
@@ -35,89 +21,22 @@ fn shape(
         rate_hz,
         units,
         remarks: Vec::new(),
+        open: Vec::new(),
     }
 }
 
-/// A word for the section, its rate, the bodies, names, units.
-pub(super) fn vicon(head: &Head) -> Option<Shape> {
-    const SECTIONS: [&str; 6] = [
-        "Segments",
-        "Trajectories",
-        "Model Outputs",
-        "Joints",
-        "Global Angle (Deg)",
-        "Devices",
-    ];
-    let bare = |i: usize| {
-        head.lines
-            .get(i)
-            .map_or("", |l| l.1.trim_matches([',', '\t', ' ', '"']))
-    };
-    let sections: Vec<usize> = (0..head.lines.len().saturating_sub(4))
-        .filter(|i| {
-            SECTIONS.contains(&bare(*i)) && number(bare(i + 1), '.').is_some_and(|r| r > 0.0)
-        })
-        .collect();
-    let rank = |i: &&usize| SECTIONS.iter().position(|s| *s == bare(**i));
-    let start = *sections.iter().min_by_key(rank)?;
-    let names_line = &head.lines[start + 3];
-    let separator = if names_line.1.contains('\t') {
-        b'\t'
-    } else {
-        b','
-    };
-    let separator = Separator::Byte(separator);
-    let names = shape::cells(separator, &names_line.1);
-    if !names.first()?.eq_ignore_ascii_case("frame") {
-        return None;
-    }
-    let groups = spread(&shape::cells(separator, &head.lines[start + 2].1));
-    let units = shape::cells(separator, &head.lines[start + 4].1);
-    let columns = names
-        .iter()
-        .enumerate()
-        .map(|(i, name)| Named {
-            name: name.clone(),
-            group: groups.get(i).cloned().unwrap_or_default(),
-            unit: units.get(i).filter(|u| !u.is_empty()).cloned(),
-        })
-        .map(segment)
-        .collect();
-    let decimal = if separator != Separator::Byte(b',')
-        && head.lines[start + 5..]
-            .iter()
-            .take(5)
-            .any(|l| l.1.contains(','))
-    {
-        ','
-    } else {
-        '.'
-    };
-    let mut file = shape::file(head, separator, decimal);
-    file.header_line = Some(names_line.0);
-    file.units_line = Some(head.lines[start + 4].0);
-    // Another section follows after an empty line.
-    if let Some(next) = sections.iter().find(|i| **i > start) {
-        let last = (start + 5..*next).rev().find(|i| !bare(*i).is_empty());
-        file.last_line = last.map(|i| head.lines[i].0);
-    }
-    let rate_hz = number(bare(start + 1), '.');
-    let units = Defaults {
-        length: Some("mm"),
-        ..Defaults::default()
-    };
-    Some(shape("Vicon Nexus", file, columns, rate_hz, units))
-}
+/// Columns of one marker in Qualisys's exports (with its residual), and of one body (with its residual and matrix).
+const MARKER_WIDTHS: [usize; 2] = [3, 4];
+const BODY_WIDTHS: [usize; 3] = [16, 7, 6];
 
-/// Segments have RX RY RZ TX TY TZ: the turns are a rotation vector, no angles of roll, pitch and yaw.
-fn segment(column: Named) -> Named {
-    match column.name.as_str() {
-        "RX" | "RY" | "RZ" => Named {
-            group: format!("{} rot", column.group),
-            ..column
-        },
-        _ => column,
-    }
+/// Columns before the first group, and of each: frame and time may both, one, or none of them be exported.
+fn leading(width: usize, groups: usize, widths: &[usize]) -> (usize, usize) {
+    let groups = groups.max(1);
+    let known = widths.iter().find_map(|w| {
+        let lead = width.checked_sub(w * groups)?;
+        (lead <= 2).then_some((lead, *w))
+    });
+    known.unwrap_or((2, width.saturating_sub(2) / groups))
 }
 
 /// Lines of keys, then `Frame Time` and the bodies.
@@ -179,10 +98,24 @@ pub(super) fn qualisys(head: &Head) -> Option<Shape> {
         } else {
             (bodies, &six)
         };
-        let wide = cells.len().saturating_sub(2) / groups.len().max(1);
-        for lead in ["Frame", "Time"] {
-            columns.push(shape::named(lead));
-        }
+        let width = cells
+            .iter()
+            .rposition(|c| !c.is_empty())
+            .map_or(0, |i| i + 1);
+        let widths: &[usize] = if own.len() == 3 {
+            &MARKER_WIDTHS
+        } else {
+            &BODY_WIDTHS
+        };
+        let (lead, wide) = leading(width, groups.len(), widths);
+        let whole = cells.first().is_some_and(|c| c.parse::<u64>().is_ok());
+        let leads: &[&str] = match lead {
+            0 => &[],
+            1 if whole => &["Frame"],
+            1 => &["Time"],
+            _ => &["Frame", "Time"],
+        };
+        columns.extend(leads.iter().map(|name| shape::named(name)));
         for group in &groups {
             for i in 0..wide {
                 columns.push(Named {

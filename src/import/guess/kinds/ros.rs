@@ -1,9 +1,9 @@
 //! `ros2 topic echo --csv`: the fields of a message one after the other, without names.
 
 use super::super::head::Head;
-use super::super::shape::{self, Named, Shape};
+use super::super::shape::{self, Named, Proposal, Shape};
 use super::{SI, is_quaternion};
-use crate::map::Separator;
+use crate::map::{Separator, place_name};
 use crate::number::number;
 
 const POSITION: [&str; 3] = ["position.x", "position.y", "position.z"];
@@ -13,6 +13,48 @@ const ORIENTATION: [&str; 4] = [
     "orientation.z",
     "orientation.w",
 ];
+/// What a message of so many numbers may be, from the column of the first on.
+fn open(numbers: usize, first: usize) -> Vec<Proposal> {
+    let motion = |from: usize, unit: &'static str| -> Vec<(String, &'static str, usize)> {
+        (0..3)
+            .map(|k| {
+                (
+                    format!("[motion.{}]", place_name(from + k)),
+                    unit,
+                    first + from % 6 + k,
+                )
+            })
+            .collect()
+    };
+    let load =
+        |dofs: [&str; 3], unit: &'static str, from: usize| -> Vec<(String, &'static str, usize)> {
+            let table = |d: &str| format!("[[command]]\nthruster = \"{d}\"");
+            (0..3)
+                .map(|k| (table(dofs[k]), unit, first + from + k))
+                .collect()
+        };
+    let proposal = |message, tables: [Vec<(String, &'static str, usize)>; 2]| Proposal {
+        message,
+        tables: tables.concat(),
+    };
+    let twist = |message| proposal(message, [motion(6, "m/s"), motion(9, "rad/s")]);
+    match numbers {
+        3 => vec![proposal("PointStamped", [motion(0, "m"), Vec::new()])],
+        6 => vec![
+            twist("TwistStamped"),
+            proposal(
+                "WrenchStamped, if it was the command",
+                [
+                    load(["surge", "sway", "heave"], "N", 0),
+                    load(["roll", "pitch", "yaw"], "N m", 3),
+                ],
+            ),
+        ],
+        42 => vec![twist("TwistWithCovarianceStamped")],
+        _ => Vec::new(),
+    }
+}
+
 const LINEAR: [&str; 3] = ["twist.linear.x", "twist.linear.y", "twist.linear.z"];
 const ANGULAR: [&str; 3] = ["twist.angular.x", "twist.angular.y", "twist.angular.z"];
 
@@ -58,15 +100,18 @@ fn fields(child: bool, numbers: &[String]) -> Option<(&'static str, Vec<String>)
             add(&covariance(9));
             "sensor_msgs/Imu"
         }
-        (false, 6 | 42) => {
-            add(&LINEAR);
-            add(&ANGULAR);
-            add(&covariance(numbers.len() - 6));
-            "geometry_msgs/TwistStamped"
+        // Several messages have so many: none is chosen.
+        (false, 6) => {
+            add(&["covariance"; 6]);
+            "geometry_msgs/TwistStamped, WrenchStamped or AccelStamped"
+        }
+        (false, 42) => {
+            add(&["covariance"; 42]);
+            "geometry_msgs/TwistWithCovarianceStamped or AccelWithCovarianceStamped"
         }
         (false, 3) => {
-            add(&POSITION);
-            "geometry_msgs/PointStamped"
+            add(&["covariance"; 3]);
+            "geometry_msgs/PointStamped or Vector3Stamped"
         }
         (_, more) if turned_at(3) => {
             add(&POSITION);
@@ -133,6 +178,7 @@ pub(super) fn echo(head: &Head) -> Option<Shape> {
         columns,
         rate_hz: None,
         units: SI,
+        open: open(first.len() - lead, lead + 1),
         remarks: vec![format!(
             "the file names no fields: by their number they are those of {message}"
         )],

@@ -11,6 +11,9 @@ use crate::unit::{self, Dimension};
 const SPREADSHEET_DAYS: i128 = 25_569;
 /// Days from MATLAB's zero (0000-01-00) to 1970-01-01: `datenum(1970,1,1)`.
 const MATLAB_DAYS: i128 = 719_529;
+/// Seconds from LabVIEW's zero (1904-01-01) to 1970-01-01.
+const LABVIEW_S: i128 = 2_082_844_800;
+const SECOND_NS: i128 = 1_000_000_000;
 const DAY_NS: i128 = 86_400_000_000_000;
 
 /// Nanoseconds of a unit of time.
@@ -98,6 +101,7 @@ impl Checker<'_> {
             (epoch_ns, unix, ns) = match word.as_str() {
                 "spreadsheet_days" | "excel_days" => days(-SPREADSHEET_DAYS),
                 "matlab_days" | "datenum" => days(-MATLAB_DAYS),
+                "labview_s" => (-LABVIEW_S * SECOND_NS, true, vec![SECOND_NS]),
                 _ => {
                     let ns: Option<Vec<i128>> = units.iter().map(|u| unit_ns(u)).collect();
                     let Some(ns) = ns.filter(|n| !n.is_empty()) else {
@@ -105,7 +109,7 @@ impl Checker<'_> {
                             "time.unit",
                             units.join(" "),
                             format!(
-                                "it must be one of {} (in days since a zero of their own: spreadsheet_days matlab_days), iso8601, frames with rate_hz, or time.format a pattern",
+                                "it must be one of {} (in days since a zero of their own: spreadsheet_days matlab_days; in seconds since 1904: labview_s), iso8601, frames with rate_hz, or time.format a pattern",
                                 unit::names(Dimension::Time)
                             ),
                         );

@@ -1,0 +1,121 @@
+//! How well a measured rate agrees with what the pose says, and what the data cannot tell.
+
+/// A variance that is so many times the noise's is motion.
+pub(super) const MOVES: f64 = 10.0;
+/// A rate that moves while the pose does not must do so by more: its noise is no white one.
+const MOVES_ALONE: f64 = 100.0;
+/// So many spans tell something.
+pub(super) const SPANS_MIN: usize = 12;
+/// A correlation of so many of its own standard deviations is no chance.
+const NO_CHANCE: f64 = 4.0;
+
+/// One span: means over it of what the pose says, of the measured rate, and of that rate by every second of its samples.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    pub pose: f64,
+    pub rate: f64,
+    pub coarse: f64,
+}
+
+/// What is compared with what, over many spans.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Agreement {
+    spans: usize,
+    /// Variance that noise alone makes.
+    noise: f64,
+    mean_pose: f64,
+    mean_rate: f64,
+    pose: f64,
+    rate: f64,
+    both: f64,
+    both_coarse: f64,
+}
+
+/// What it says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Verdict {
+    /// Neither moves beyond noise.
+    TooLittle,
+    /// One follows the other with a gain, which may be anything from .. to.
+    Follows {
+        fit: f64,
+        gain: f64,
+        from: f64,
+        to: f64,
+    },
+    /// Both stand still at values other than zero.
+    Steady { ratio: f64 },
+    /// One moves, and the other does not with it.
+    Apart { fit: f64 },
+}
+
+impl Agreement {
+    pub fn of(pairs: &[Pair], noise: f64) -> Agreement {
+        let n = pairs.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&Pair) -> f64| pairs.iter().map(f).sum::<f64>() / n;
+        let (mean_pose, mean_rate) = (mean(&|p| p.pose), mean(&|p| p.rate));
+        let mean_coarse = mean(&|p| p.coarse);
+        Agreement {
+            spans: pairs.len(),
+            noise,
+            mean_pose,
+            mean_rate,
+            pose: mean(&|p| (p.pose - mean_pose).powi(2)),
+            rate: mean(&|p| (p.rate - mean_rate).powi(2)),
+            both: mean(&|p| (p.pose - mean_pose) * (p.rate - mean_rate)),
+            both_coarse: mean(&|p| (p.pose - mean_pose) * (p.coarse - mean_coarse)),
+        }
+    }
+
+    /// By how much the pose's motion stands out of the noise.
+    pub fn clarity(&self) -> f64 {
+        self.pose / self.noise.max(f64::MIN_POSITIVE)
+    }
+
+    pub fn fit(&self) -> f64 {
+        let size = (self.pose * self.rate).sqrt();
+        if size > 0.0 { self.both / size } else { 0.0 }
+    }
+
+    pub fn pose_moves(&self) -> bool {
+        self.pose > 0.0 && self.pose >= MOVES * self.noise
+    }
+
+    /// Bounds of the gain. Noise of the pose makes the first regression too small, noise of the rate the second one too
+    /// large; what half the samples change is what the samples there are may lack.
+    pub fn gains(&self) -> (f64, f64) {
+        let (low, high) = (self.both / self.pose, self.rate / self.both);
+        let unresolved = (low - self.both_coarse / self.pose).abs();
+        (low.min(high) - unresolved, low.max(high) + unresolved)
+    }
+
+    pub fn verdict(&self) -> Verdict {
+        if self.spans < SPANS_MIN {
+            return Verdict::TooLittle;
+        }
+        let rate_moves = self.rate > 0.0 && self.rate >= MOVES * self.noise;
+        if !self.pose_moves() {
+            let steady = |mean: f64, spread: f64| mean.powi(2) > MOVES * spread.max(self.noise);
+            return if steady(self.mean_pose, self.pose) && steady(self.mean_rate, self.rate) {
+                Verdict::Steady {
+                    ratio: self.mean_rate / self.mean_pose,
+                }
+            } else if rate_moves && self.rate >= MOVES_ALONE * self.noise.max(self.pose) {
+                Verdict::Apart { fit: self.fit() }
+            } else {
+                Verdict::TooLittle
+            };
+        }
+        let fit = self.fit();
+        if fit.abs() * (self.spans as f64).sqrt() < NO_CHANCE || fit == 0.0 {
+            return Verdict::Apart { fit };
+        }
+        let (from, to) = self.gains();
+        Verdict::Follows {
+            fit,
+            gain: fit.signum() * (self.rate / self.pose).sqrt(),
+            from,
+            to,
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! What instruments would have measured of a body, and its derivatives.
+
+use hydroline_identify::parameter::Term as CoefficientTerm;
+use hydroline_sim::effect::Trend;
+use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
+use hydroline_sim::vehicle::Hydrodynamics;
+use hydroline_sim::whole::{Course, run};
+use hydroline_sim::{Dual, EffectStack, Real};
+use rayon::prelude::*;
+
+use super::{Body, Own, Simulated, WIDTHS};
+use crate::term::Kind;
+
+/// Channels per sample, and derivatives of each number of a pass.
+type Pass = (Vec<[f64; 12]>, Vec<Vec<[f64; 12]>>);
+
+impl Body {
+    fn model<T: Real>(&self, terms: &[usize], natural: &[T]) -> Option<Model<T>> {
+        let mut h: Hydrodynamics<T> = Hydrodynamics::new(&self.vehicle);
+        for (own, value) in self.own.iter().zip(natural) {
+            match own {
+                Own::Coefficient(c, _) => {
+                    let place = match c.term {
+                        CoefficientTerm::Added => &mut h.added,
+                        CoefficientTerm::Linear => &mut h.linear,
+                        CoefficientTerm::Quadratic => &mut h.quadratic,
+                    };
+                    place[c.dof.index()] = *value;
+                }
+                Own::Restoring(_) => h.restoring_nm = *value,
+            }
+        }
+        let base = self.base.len();
+        let mut on = self.base.clone();
+        // Places of an effect's numbers among all: of those searched, and of the shares by which one of them varies.
+        let mut members: Vec<(usize, usize, usize)> = Vec::with_capacity(terms.len());
+        for (t, at) in terms.iter().zip(self.places(terms)) {
+            let c = &self.candidates[*t];
+            match (c.kind, c.along) {
+                (Kind::Trend { of }, Some((along, range))) => {
+                    let of = terms.iter().position(|t| *t == of);
+                    // A trend of an effect that is not there is nothing.
+                    let Some(member) = of.and_then(|m| members.get_mut(m)) else {
+                        continue;
+                    };
+                    let effect = &mut on[base + of?];
+                    effect.trend = Some(Trend {
+                        parameter: 0,
+                        nothing: self.candidates[terms[of?]].nothing,
+                        along,
+                        range,
+                        shares: vec![0.0; c.scales.len()],
+                    });
+                    member.2 = at;
+                }
+                _ => {
+                    on.push(c.checked(&vec![0.0; c.scales.len()]));
+                    members.push((at, c.fixed.len(), 0));
+                }
+            }
+        }
+        let effects = EffectStack::assemble(&on, |e, p, value| {
+            let Some((at, fixed, shares)) = e.checked_sub(base).and_then(|m| members.get(m)) else {
+                return T::from_f64(value);
+            };
+            match p.checked_sub(on[e].info.parameters.len()) {
+                Some(share) => natural[shares + share],
+                None if p < *fixed => T::from_f64(value),
+                None => natural[at + p - fixed],
+            }
+        });
+        // More own states than the simulator holds: such a set is no model.
+        Some(Model {
+            hydrodynamics: h,
+            effects: effects.ok()?,
+        })
+    }
+
+    fn drive<T: Real>(
+        &self,
+        index: usize,
+        terms: &[usize],
+        natural: &[T],
+        starts: &[T],
+    ) -> Vec<[T; 12]> {
+        let r = &self.recording.runs[index];
+        let Some(model) = self.model(terms, natural) else {
+            return vec![[T::from_f64(f64::NAN); 12]; r.times_s.len()];
+        };
+        if let (Some(line), [position, rate]) = (self.lines.get(index), starts) {
+            return self.along(index, line, model, (*position, *rate));
+        }
+        let mut state =
+            ModelState::at_rest(std::array::from_fn(|c| T::from_f64(self.rest[index][c])));
+        for (c, value) in self.starts[index].iter().zip(starts) {
+            match c {
+                0..6 => state.vehicle.eta[*c] = *value,
+                _ => state.vehicle.nu[c - 6] = *value,
+            }
+        }
+        let course = Course {
+            start_s: r.start_s,
+            commands: &r.commands,
+            stamps_s: &r.times_s,
+            step_max_s: self.step_max_s,
+            given: self.inputs[index].as_ref(),
+        };
+        let mut out = Vec::with_capacity(r.times_s.len());
+        run(&model, &course, state, |channels| {
+            out.push(r.turned(out.len(), channels));
+        });
+        out
+    }
+
+    /// One DOF alone, the others at rest: the same laws at a fifth of the cost.
+    fn along<T: Real>(
+        &self,
+        index: usize,
+        line: &Line,
+        model: Model<T>,
+        start: (T, T),
+    ) -> Vec<[T; 12]> {
+        let r = &self.recording.runs[index];
+        let mut edges: Vec<(f64, f64)> = Vec::with_capacity(r.commands.len());
+        for (t_s, wrench) in &r.commands {
+            let load = wrench[line.dof];
+            if edges.last().is_none_or(|e| e.1 != load) {
+                edges.push((*t_s, load));
+            }
+        }
+        let feed = Feed {
+            start_s: r.start_s,
+            edges: &edges,
+            stamps_s: &r.times_s,
+            step_max_s: self.step_max_s,
+            given: self.inputs[index].as_ref(),
+        };
+        let mut out = Vec::with_capacity(r.times_s.len());
+        let mut single = Single::new(model.hydrodynamics, *line);
+        single.run(
+            &model.effects,
+            &feed,
+            start,
+            &mut AsTheyAre,
+            |_| T::zero(),
+            |x| {
+                let mut state = [T::zero(); 12];
+                state[line.dof] = x;
+                out.push(state);
+            },
+        );
+        out
+    }
+
+    /// Channels of one run at a point.
+    pub fn values(&self, index: usize, terms: &[usize], point: &[f64]) -> Vec<[f64; 12]> {
+        let natural: Vec<f64> = self.natural(terms, point).iter().map(|v| v.0).collect();
+        let places = self.start_places(terms);
+        let (globals, starts) = (
+            &natural[..places[0]],
+            &natural[places[index]..places[index + 1]],
+        );
+        self.drive(index, terms, globals, starts)
+    }
+
+    /// Values and columns of each pass.
+    fn passes<const N: usize>(
+        &self,
+        index: usize,
+        terms: &[usize],
+        numbers: &[f64],
+        globals: usize,
+    ) -> Vec<Pass> {
+        (0..numbers.len())
+            .step_by(N)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|first| {
+                let duals = Dual::<N>::pass(numbers, first);
+                let (own, starts) = duals.split_at(globals);
+                let out = self.drive(index, terms, own, starts);
+                let width = N.min(numbers.len() - first);
+                let columns =
+                    (0..width).map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect());
+                (
+                    out.iter().map(|s| s.map(|v| v.value)).collect(),
+                    columns.collect(),
+                )
+            })
+            .collect()
+    }
+
+    /// The same with derivatives.
+    pub fn simulated(&self, index: usize, terms: &[usize], point: &[f64]) -> Simulated {
+        let natural = self.natural(terms, point);
+        let places = self.start_places(terms);
+        let globals = places[0];
+        let acting: Vec<usize> = (0..globals)
+            .chain(places[index]..places[index + 1])
+            .collect();
+        let numbers: Vec<f64> = acting.iter().map(|i| natural[*i].0).collect();
+        // The width that wastes least: a pass costs about as much as its directions and two more.
+        let width = WIDTHS
+            .into_iter()
+            .min_by_key(|w| numbers.len().div_ceil(*w) * (w + 2));
+        let passes = match width {
+            Some(6) => self.passes::<6>(index, terms, &numbers, globals),
+            Some(8) => self.passes::<8>(index, terms, &numbers, globals),
+            Some(12) => self.passes::<12>(index, terms, &numbers, globals),
+            _ => self.passes::<16>(index, terms, &numbers, globals),
+        };
+        let mut made = Simulated {
+            values: Vec::new(),
+            columns: Vec::new(),
+        };
+        for (values, columns) in passes {
+            made.values = values;
+            for mut column in columns {
+                let i = acting[made.columns.len()];
+                let by = natural[i].1;
+                column.iter_mut().flatten().for_each(|v| *v *= by);
+                made.columns.push((i, column));
+            }
+        }
+        made
+    }
+}

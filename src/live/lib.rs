@@ -1,0 +1,36 @@
+//! The live page: what a run shows while it runs, and its STOP button.
+//!
+//! ```text
+//! core, without I/O                             server (feature `server`)
+//! state     what a run says of itself           server         accepts, limits, ends
+//! picture   one frame with what is drawn on it  server/routes  axum: request -> guard -> answer
+//! feed      latest values, who looks, STOP      server/encoder images to JPEG, while somebody looks
+//! guard     may this request be answered?       server/stalled a viewer that stops reading
+//! token     secrets and their comparison
+//! address   `--live [ADDR]`
+//! metrics   the state for Prometheus
+//! page      one HTML file, everything in it
+//! ```
+//!
+//! Whoever publishes ([`Feed`]) never waits for whoever looks: there is one place for the newest state and one for the
+//! newest picture, and each viewer asks for what is newer than what it has. A slow viewer sees fewer of them, and
+//! costs nobody anything.
+
+pub mod address;
+pub mod feed;
+pub mod guard;
+pub mod metrics;
+pub mod page;
+pub mod picture;
+#[cfg(feature = "server")]
+pub mod server;
+pub mod state;
+pub mod token;
+
+pub use address::{DEFAULT_ADDRESS, LiveError, check_address};
+pub use feed::Feed;
+pub use picture::Picture;
+#[cfg(feature = "server")]
+pub use server::Server;
+pub use state::State;
+pub use token::Token;

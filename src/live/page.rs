@@ -1,0 +1,107 @@
+//! The page: one HTML file with its style, its script and the plotting library in it. Nothing else is fetched.
+
+use super::guard::Guard;
+use super::token::random_hex;
+use std::io;
+
+const HTML: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/page.css");
+const SCRIPT: &str = include_str!("page/page.js");
+/// uPlot 1.6.32 by Leon Sorokin, under MIT (`page/LICENSE-uPlot`), from npm as it is.
+const PLOT: &str = include_str!("page/uPlot.iife.min.js");
+const PLOT_STYLE: &str = include_str!("page/uPlot.min.css");
+/// Its licence goes with it.
+const PLOT_LICENCE: &str = include_str!("page/LICENSE-uPlot");
+
+/// The page and the policy that it is sent with.
+#[derive(Debug, Clone)]
+pub struct Page {
+    /// The whole file.
+    pub html: String,
+    /// `Content-Security-Policy`: only what carries this page's nonce runs, and only we are asked for anything.
+    pub policy: String,
+}
+
+/// The page of a session, with a nonce of its own.
+///
+/// # Errors
+/// When the kernel gives no randomness.
+pub fn page(guard: &Guard) -> io::Result<Page> {
+    let nonce = random_hex(16)?;
+    let html = HTML
+        .replace("{{nonce}}", &nonce)
+        .replace("{{session}}", guard.session().text())
+        .replace("{{style}}", STYLE)
+        .replace("{{plot-style}}", PLOT_STYLE)
+        .replace("{{plot-licence}}", PLOT_LICENCE)
+        .replace("{{plot}}", PLOT)
+        .replace("{{script}}", SCRIPT);
+    let policy = format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src blob: data:; connect-src 'self'; \
+         base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    );
+    Ok(Page { html, policy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::token::Token;
+    use super::*;
+
+    fn made() -> Page {
+        let guard = Guard::new(None, Token::random().unwrap(), "");
+        page(&guard).unwrap()
+    }
+
+    #[test]
+    fn the_page_is_small_and_whole() {
+        let Page { html, policy } = made();
+        assert!(html.len() <= 300_000, "{} bytes", html.len());
+        assert!(!html.contains("{{"), "a place was not filled");
+        let nonce = policy
+            .split("nonce-")
+            .nth(1)
+            .unwrap()
+            .split('\'')
+            .next()
+            .unwrap();
+        let script = format!("<script nonce=\"{nonce}\">");
+        assert_eq!(
+            html.matches("<script").count(),
+            html.matches(&script).count()
+        );
+        assert!(
+            html.contains("Leon Sorokin"),
+            "the library goes with its licence"
+        );
+    }
+
+    #[test]
+    fn nothing_is_fetched_from_anywhere() {
+        let ours = [HTML, STYLE, SCRIPT].concat();
+        for fetched in [
+            "http://",
+            "https://",
+            "//cdn",
+            "url(",
+            "@import",
+            "src=",
+            "href=",
+            "eval(",
+            "innerHTML",
+        ] {
+            assert!(!ours.contains(fetched), "{fetched}");
+        }
+        // Names of namespaces are no addresses to fetch; the library has one address, of its home, in a comment.
+        assert!(
+            !PLOT
+                .replace("https://github.com/leeoniya/uPlot", "")
+                .contains("http")
+        );
+    }
+
+    #[test]
+    fn no_two_pages_share_a_nonce() {
+        assert_ne!(made().policy, made().policy);
+    }
+}
