@@ -110,7 +110,7 @@ pub(super) fn library(
     let own = Own {
         brightness: 0.0,
         background: rig.camera.noise.ambient,
-        width: 0.0,
+        rise: 0.0,
         lamp_s: 0.0,
     };
     let samples = || frames.iter().flat_map(|f| &f.bins).flat_map(|b| &b.samples);

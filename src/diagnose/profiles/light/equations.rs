@@ -1,7 +1,7 @@
 //! The likelihood of the samples about a state, with its derivatives; what is each frame's and each bin's own is eliminated.
 
 use super::candidate::LightCandidate;
-use super::forward::{AMBIENTS, Forward, GAINS, Own, Uncertain};
+use super::forward::{AMBIENTS, Fields, Forward, GAINS, Own, Uncertain};
 use super::options::LightOptions;
 use super::samples::{Bin, LightFrame};
 use crate::profiles::candidate::Base;
@@ -131,7 +131,7 @@ impl Data<'_> {
         Own {
             brightness: o.brightness_ln * x[0],
             background: self.rig.camera.noise.ambient + o.background_grey * x[1],
-            width: o.width_ln * x[2],
+            rise: o.rise * x[2],
             lamp_s: o.lamp_s * x[LAMP],
         }
     }
@@ -331,7 +331,7 @@ impl Data<'_> {
             .flat_map(|b| &b.samples);
         samples.take(64).any(|s| {
             // No period of any mains is a multiple of this share.
-            (forward.light(s, &at(0.0), 0.0) - forward.light(s, &at(0.382), 0.0)).abs() > 1e-9
+            (forward.light(s, &at(0.0)) - forward.light(s, &at(0.382))).abs() > 1e-9
         })
     }
 
@@ -395,10 +395,10 @@ impl Data<'_> {
                     j[(i, shared + k)] = (forward.grey(s, other, 0.0) - p) / STEP;
                 }
                 // Fields are brightness and background that depend on the place.
-                let (gains, ambients) = forward.basis(s.column_px, s.row_px);
+                let Fields { gains, ambients } = &s.fields;
                 let by_gain = j[(i, shared)] * self.options.gain
                     / self.options.brightness_ln
-                    / (1.0 + forward.gain(s.column_px, s.row_px));
+                    / (1.0 + forward.gain(s));
                 let by_ambient =
                     j[(i, shared + 1)] * self.options.ambient_grey / self.options.background_grey;
                 for (k, basis) in gains.iter().enumerate() {

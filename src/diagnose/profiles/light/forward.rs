@@ -1,7 +1,7 @@
 //! From optics and what is uncertain about the rig to the mean grey level of a sample.
 //!
 //! light = A (1 + gain field) [s/S e^(−z²/2) (1 + k₃ He₃(z) + k₄ He₄(z)) + haze] profile(fan) e^(−c way) + B + background's field,
-//! z = rows below the stripe / S, S² = s² + point spread; haze = f h(d), d ahead of the sheet,
+//! z = d in rows of the stripe's middle / S, S² = s² + point spread; haze = f h(d), d ahead of the sheet,
 //! h(d) = exp(p²/2L² − d/L) Φ(d/p − p/L), exp(−d/L) for d > 0 under the point spread p \[m\]. Lens, lamps and the rise of the
 //! background are the renderer's own [`Exposure`]; camera: [`Response`].
 
@@ -58,8 +58,8 @@ pub(super) struct Own {
     pub brightness: f64,
     /// Background \[grey levels\].
     pub background: f64,
-    /// ln of the stripe's width over that of a level surface.
-    pub width: f64,
+    /// How fast surfaces rise ahead in the body's frame: the tangent of the pitch, of the floor's slope.
+    pub rise: f64,
     /// When its first row is, on the clock of the lamps \[s\].
     pub lamp_s: f64,
 }
@@ -73,7 +73,38 @@ pub(super) struct Forward {
     sheet_m: f64,
     spread_px2: f64,
     uncertain: Uncertain,
-    size_px: [f64; 2],
+}
+
+/// What makes up the two fields at a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fields {
+    /// Of the laser's brightness.
+    pub gains: [f64; GAINS],
+    /// Of the background.
+    pub ambients: [f64; AMBIENTS],
+}
+
+impl Fields {
+    /// At a pixel of an image of this size.
+    pub fn at(column_px: f64, row_px: f64, size_px: [f64; 2]) -> Self {
+        // (u, v), −1…1 over the image.
+        let place = |x: f64, n: f64| 2.0 * (x + 0.5) / n - 1.0;
+        let (u, v) = (place(column_px, size_px[0]), place(row_px, size_px[1]));
+        let (pu, pv) = (legendre(u), legendre(v));
+        let mut ambients = [0.0; AMBIENTS];
+        let all = (1..=DEGREE).flat_map(|n| (0..=n).map(move |k| (n - k, k)));
+        for (to, (i, k)) in ambients.iter_mut().zip(all) {
+            *to = pu[i] * pv[k];
+        }
+        Fields {
+            gains: [pu[1], pu[2], pu[3], pu[4], v, u * v],
+            ambients,
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn cumulative(x: f64) -> f64 {
@@ -108,7 +139,6 @@ impl Forward {
             sheet_m: optics.sheet_sigma_m * uncertain.thickness.exp(),
             // The pixel's box: 1/12.
             spread_px2: (blur_px * blur_px + 1.0 / 12.0) * uncertain.spread.exp(),
-            size_px: [camera.width_px, camera.height_px].map(f64::from),
             optics,
             exposure,
             response,
@@ -116,55 +146,46 @@ impl Forward {
         }
     }
 
-    /// (u, v), −1…1 over the image.
-    fn place(&self, column_px: f64, row_px: f64) -> [f64; 2] {
-        let at = |x: f64, n: f64| 2.0 * (x + 0.5) / n - 1.0;
-        [at(column_px, self.size_px[0]), at(row_px, self.size_px[1])]
+    /// Field of the laser's brightness at a sample.
+    pub fn gain(&self, s: &Sample) -> f64 {
+        dot(&s.fields.gains, &self.uncertain.gain)
     }
 
-    /// What makes up the two fields at a pixel.
-    pub fn basis(&self, column_px: f64, row_px: f64) -> ([f64; GAINS], [f64; AMBIENTS]) {
-        let [u, v] = self.place(column_px, row_px);
-        let (pu, pv) = (legendre(u), legendre(v));
-        let mut products = [0.0; AMBIENTS];
-        let all = (1..=DEGREE).flat_map(|n| (0..=n).map(move |k| (n - k, k)));
-        for (to, (i, k)) in products.iter_mut().zip(all) {
-            *to = pu[i] * pv[k];
-        }
-        ([pu[1], pu[2], pu[3], pu[4], v, u * v], products)
+    /// Field of the background at a sample \[grey levels\].
+    fn ambient(&self, s: &Sample) -> f64 {
+        dot(&s.fields.ambients, &self.uncertain.ambient)
     }
 
-    /// Field of the laser's brightness at a pixel.
-    pub fn gain(&self, column_px: f64, row_px: f64) -> f64 {
-        let (basis, _) = self.basis(column_px, row_px);
-        basis
-            .iter()
-            .zip(&self.uncertain.gain)
-            .map(|(b, c)| b * c)
-            .sum()
+    /// Metres ahead of the sheet over what they are on a surface that does not rise ahead.
+    fn shorter(run: f64, own: &Own) -> f64 {
+        (1.0 + own.rise * run).max(SHORTEST).recip()
     }
 
-    /// Field of the background at a pixel \[grey levels\].
-    fn ambient(&self, column_px: f64, row_px: f64) -> f64 {
-        let (_, basis) = self.basis(column_px, row_px);
-        let sum = basis.iter().zip(&self.uncertain.ambient);
-        sum.map(|(b, c)| b * c).sum()
+    /// What a row more makes of the distance ahead of the sheet at the stripe's middle \[m\].
+    fn per_row_m(s: &Sample, own: &Own) -> f64 {
+        let (per_row_m, run) = s.middle;
+        per_row_m * Self::shorter(run, own)
+    }
+
+    /// Distance ahead of the sheet, `down_px` rows below a sample's middle \[m\].
+    fn ahead_m(s: &Sample, own: &Own, down_px: f64) -> f64 {
+        s.off_m * Self::shorter(s.run, own) + down_px * Self::per_row_m(s, own)
     }
 
     /// Width of the stripe in rows: sheet alone, and with the point spread \[px\].
     fn widths(&self, s: &Sample, own: &Own) -> (f64, f64) {
-        let sheet = self.sheet_m / s.off_per_row_m.abs() * own.width.exp();
+        let sheet = self.sheet_m / Self::per_row_m(s, own).abs();
         // The point spread acts across a stripe aslant.
         let spread = self.spread_px2 * (1.0 + s.slope * s.slope);
         (sheet, (sheet * sheet + spread).sqrt())
     }
 
-    /// Light of the laser, `down_px` rows below a sample's middle, on a linear camera without a lens \[grey levels\].
-    pub fn laser(&self, s: &Sample, own: &Own, down_px: f64) -> f64 {
+    /// Light of the laser over its brightness, `down_px` rows below a sample's middle.
+    fn share(&self, s: &Sample, own: &Own, down_px: f64) -> f64 {
         let mut light = 0.0;
-        if let Some(below) = s.below_px {
+        if s.below_px.is_some() {
             let (sheet, all) = self.widths(s, own);
-            let z = (below + down_px) / all;
+            let z = Self::ahead_m(s, own, down_px) / (Self::per_row_m(s, own) * all);
             if z.abs() < FAR_SDS {
                 let [k3, k4] = self.uncertain.shape;
                 let z2 = z * z;
@@ -172,29 +193,25 @@ impl Forward {
                 light += sheet / all * (-0.5 * z2).exp() * shape;
             }
         }
-        light += self.haze(&self.optics, s, down_px);
-        if light == 0.0 {
-            return 0.0;
-        }
-        light * self.brightness(s, own, down_px)
+        light + self.haze(&self.optics, s, own, down_px)
     }
 
     /// What light of 1 on a floor straight below is at a sample \[grey levels\].
-    pub fn brightness(&self, s: &Sample, own: &Own, down_px: f64) -> f64 {
+    pub fn brightness(&self, s: &Sample, own: &Own) -> f64 {
         let water = (-self.optics.attenuation_pm * s.way_m).exp();
-        let field = 1.0 + self.gain(s.column_px, s.row_px + down_px);
+        let field = 1.0 + self.gain(s);
         let brightness = self.optics.peak * own.brightness.exp();
         brightness * water * field * self.optics.line_profile(s.fan_tan)
     }
 
     /// Haze of these optics over the stripe's brightness, `down_px` rows below a sample's middle.
-    pub fn haze(&self, optics: &Optics, s: &Sample, down_px: f64) -> f64 {
+    pub fn haze(&self, optics: &Optics, s: &Sample, own: &Own, down_px: f64) -> f64 {
         if optics.haze_fraction <= 0.0 {
             return 0.0;
         }
-        let spread_m = self.spread_px2.sqrt() * s.off_per_row_m.abs();
-        let ahead = s.off_m + down_px * s.off_per_row_m;
-        optics.haze_fraction * fading(ahead, optics.haze_length_m, spread_m)
+        let spread_m = self.spread_px2.sqrt() * Self::per_row_m(s, own).abs();
+        let ahead_m = Self::ahead_m(s, own, down_px);
+        optics.haze_fraction * fading(ahead_m, optics.haze_length_m, spread_m)
     }
 
     /// Its optics.
@@ -202,18 +219,33 @@ impl Forward {
         self.optics
     }
 
+    /// Light on the sensor of a pixel `down_px` rows below a sample's middle, by the laser's brightness and the room there.
+    fn sensed(&self, s: &Sample, own: &Own, [laser, room]: [f64; 2], down_px: f64) -> f64 {
+        let share = self.share(s, own, down_px);
+        let lamps = self.exposure.row_at(own.lamp_s, s.row_px + down_px);
+        let all = laser * share + room;
+        self.exposure.light(&lamps, s.column_px, all)
+    }
+
+    /// The laser's brightness and the room's light at a sample: fields are even over its rows.
+    fn sources(&self, s: &Sample, own: &Own) -> [f64; 2] {
+        let lit = s.below_px.is_some() || self.optics.haze_fraction > 0.0;
+        let laser = if lit { self.brightness(s, own) } else { 0.0 };
+        [laser, own.background + self.ambient(s)]
+    }
+
     /// Light on the sensor \[grey levels\].
-    pub fn light(&self, s: &Sample, own: &Own, down_px: f64) -> f64 {
-        let row = s.row_px + down_px;
-        let laser = self.laser(s, own, down_px);
-        let room = own.background + self.ambient(s.column_px, row);
-        let lamps = self.exposure.row_at(own.lamp_s, row);
-        self.exposure.light(&lamps, s.column_px, laser + room)
+    pub fn light(&self, s: &Sample, own: &Own) -> f64 {
+        self.sensed(s, own, self.sources(s, own), 0.0)
     }
 
     /// Mean grey level of a sample whose stripe lies `down_px` rows lower than measured.
     pub fn grey(&self, s: &Sample, own: &Own, down_px: f64) -> f64 {
-        let at = |rows: f64| self.response.grey(self.light(s, own, rows - down_px));
+        let sources = self.sources(s, own);
+        let at = |rows: f64| {
+            let light = self.sensed(s, own, sources, rows - down_px);
+            self.response.grey(light)
+        };
         // Two points stand for rows of this spread, to second order.
         if s.half_px < 1e-3 {
             at(0.0)
@@ -232,6 +264,8 @@ impl Forward {
     }
 }
 
+/// Least share of its length on level ground that the sheet's light has where the surface rises ahead: no vehicle pitches so far.
+const SHORTEST: f64 = 0.2;
 /// Read noise below which a response is as good as without \[grey levels\].
 const READ_LEAST: f64 = 0.3;
 /// Sds of the stripe beyond which it has no light: that of 200 grey levels is 2e-6 there.

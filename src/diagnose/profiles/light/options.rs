@@ -19,8 +19,9 @@ pub struct LightOptions {
     pub thickness_ln: f64,
     /// sd of ln(point spread's variance over the rig's), as for the profiles.
     pub spread_ln: f64,
-    /// sd of the width's ln from frame to frame: a pitch of one degree changes rows per metre by a fiftieth.
-    pub width_ln: f64,
+    /// sd of how fast surfaces rise ahead in a frame, a tangent: most vehicles pitch by a few degrees, but in a run of pitch by
+    /// twenty (Table 3 of the paper), and poses are not known yet.
+    pub rise: f64,
     /// sd of ln(read noise over the rig's): cameras are warmer and colder than their data sheet.
     pub noise_ln: f64,
     /// sd of skewness and excess of the stripe's profile: no beam is a Gaussian to better than a per cent.
@@ -86,7 +87,7 @@ impl Default for LightOptions {
             block_px: [120, 8],
             thickness_ln: 0.1,
             spread_ln: 0.4,
-            width_ln: 0.02,
+            rise: 0.2,
             noise_ln: 0.5,
             shape: 0.005,
             brightness_ln: 0.5,

@@ -121,7 +121,7 @@ impl Taken<'_, '_> {
                 };
                 let sample = lines.sample(column, row);
                 let light = levels[usize::from(*grey)].unwrap_or_else(|| {
-                    let predicted = sample.map(|s| self.forward.light(&s, &own, 0.0));
+                    let predicted = sample.map(|s| self.forward.light(&s, &own));
                     if *grey < 128 {
                         least
                     } else {
@@ -132,8 +132,10 @@ impl Taken<'_, '_> {
                 let share = exposure.light(&lamps, column as f64, own.background + 1.0) - dark;
                 let mut laser = (light - dark) / share.max(SHARE_LEAST);
                 if let Some(s) = sample {
-                    let haze = self.forward.haze(&self.removed, &s, 0.0);
-                    laser -= haze * self.forward.brightness(&s, &own, 0.0);
+                    let haze = self.forward.haze(&self.removed, &s, &own, 0.0);
+                    if haze > 0.0 {
+                        laser -= haze * self.forward.brightness(&s, &own);
+                    }
                     let line =
                         self.removed.line_profile(s.fan_tan) / self.plain.line_profile(s.fan_tan);
                     laser /= line.max(SHARE_LEAST);
@@ -188,7 +190,7 @@ impl Lines {
             row_px: row as f64,
             half_px: 0.0,
             below_px: Some(below),
-            off_m: near.off_m + more * near.off_per_row_m,
+            off_m: near.off_m + more * near.middle.0,
             ..near
         })
     }

@@ -1,8 +1,10 @@
 //! Grey levels of the frames, pooled: across the stripe, and in blocks of the background.
 
+use super::forward::Fields;
 use super::options::LightOptions;
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::{ImageRun, Seen, line, stretches};
+use hydroline_core::frame::GreyImage;
 use hydroline_stripe::{StripePoint, quality};
 use nalgebra::Vector3;
 
@@ -23,14 +25,19 @@ pub(super) struct Sample {
     pub below_px: Option<f64>,
     /// Rows per column of the stripe.
     pub slope: f64,
-    /// Distance ahead of the sheet \[m\] and what a row more makes of it.
+    /// Distance ahead of the sheet \[m\].
     pub off_m: f64,
-    /// See there.
-    pub off_per_row_m: f64,
+    /// How much farther ahead of the sheet its ray is per metre that it comes down.
+    pub run: f64,
+    /// What a row more makes of the distance at the stripe's middle \[m\], and the run of that ray. Over a stripe's rows
+    /// both change: a Gaussian sheet is no Gaussian stripe.
+    pub middle: (f64, f64),
     /// Tangent of the angle from the fan's middle, starboard positive.
     pub fan_tan: f64,
     /// From the laser to the surface and on to the camera \[m\].
     pub way_m: f64,
+    /// What makes up the fields there.
+    pub fields: Fields,
 }
 
 /// Samples of some columns across the stripe, or of the background between.
@@ -49,33 +56,46 @@ pub(super) struct LightFrame {
     pub noise_sd: f64,
 }
 
-/// Where the sheet is seen at a pixel: depth below the CG, distances.
+/// Where the sheet is seen at a pixel: in the body frame, distances.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    z_m: f64,
+    at_m: Vector3<f64>,
+    /// How much deeper the surface is per metre to starboard: as the stripe runs there.
+    fall: f64,
     fan_tan: f64,
     way_m: f64,
 }
 
-fn place(g: &Geometry, column_px: f64, row_px: f64) -> Option<Place> {
-    let p = g.on_sheet(&g.ray(column_px, row_px))?;
+/// Of a stripe that runs by so many rows per column.
+fn place(g: &Geometry, column_px: f64, row_px: f64, slope: f64) -> Option<Place> {
+    let on_sheet = |columns: f64| g.on_sheet(&g.ray(column_px + columns, row_px + slope * columns));
+    let (port, p, starboard) = (on_sheet(-APART_PX)?, on_sheet(0.0)?, on_sheet(APART_PX)?);
     let o = g.optics();
     let (apex, eye) = (
         Vector3::new(o.l_laser_m, 0.0, 0.0),
         Vector3::from(o.camera_m),
     );
     (p.z > 0.0).then(|| Place {
-        z_m: p.z,
+        at_m: p,
+        fall: (starboard.z - port.z) / (starboard.y - port.y),
         fan_tan: p.y / p.z,
         way_m: (p - apex).norm() + (p - eye).norm(),
     })
 }
 
-/// (ahead of the sheet \[m\], per row \[m\]) of a pixel at a depth.
-fn ahead(g: &Geometry, column_px: f64, row_px: f64, z_m: f64) -> Option<(f64, f64)> {
-    let at = |row: f64| g.off_at_depth_m(&g.ray(column_px, row), z_m);
-    let (up, down) = (at(row_px - 0.5)?, at(row_px + 0.5)?);
-    Some((0.5 * (up + down), down - up))
+/// Columns to either side over which a surface's fall is taken \[px\].
+const APART_PX: f64 = 2.0;
+
+/// (ahead of the sheet \[m\], per row \[m\], the ray's run) of a pixel on the surface at a place.
+fn ahead(g: &Geometry, column_px: f64, row_px: f64, at: &Place) -> Option<(f64, f64, f64)> {
+    let on = |row: f64| g.ahead(&g.ray(column_px, row), &at.at_m, at.fall);
+    let (up, down) = (on(row_px - 0.5)?, on(row_px + 0.5)?);
+    let middle = |a: f64, b: f64| 0.5 * (a + b);
+    Some((
+        middle(up.off_m, down.off_m),
+        down.off_m - up.off_m,
+        middle(up.run, down.run),
+    ))
 }
 
 /// Pixels summed.
@@ -156,7 +176,7 @@ pub(super) fn thinned(frames: &[LightFrame], [bins, blocks]: [usize; 2]) -> Vec<
 fn frame(seen: &Seen, g: &Geometry, o: &LightOptions) -> LightFrame {
     // Close to a step the profile is cut; a clipped one is what the light is asked about.
     let sound = |p: &&StripePoint| p.quality & (quality::NEAR_STEP | quality::RIVAL) == 0;
-    let mut lines: Vec<[f64; 5]> = Vec::new();
+    let mut lines: Vec<Course> = Vec::new();
     let mut bins = Vec::new();
     for stretch in stretches(&seen.profile.points) {
         let points: Vec<StripePoint> = stretch.iter().filter(sound).copied().collect();
@@ -167,14 +187,7 @@ fn frame(seen: &Seen, g: &Geometry, o: &LightOptions) -> LightFrame {
             let [c, r, slope] = line(some.iter());
             bins.extend(across(seen, some, [c, r, slope], g, o));
         }
-        if let (Some(a), Some(b)) = (stretch.first(), stretch.last()) {
-            let low = stretch
-                .iter()
-                .map(|p| p.row_px)
-                .fold(f64::INFINITY, f64::min);
-            let high = stretch.iter().map(|p| p.row_px).fold(0.0, f64::max);
-            lines.push([a.column_px, b.column_px, low, high, 0.5 * (low + high)]);
-        }
+        lines.extend(Course::of(stretch));
     }
     bins.push(background(seen, &lines, g, o));
     LightFrame {
@@ -210,14 +223,16 @@ fn across(
             }
         }
     }
-    let at = place(g, c, r)?;
+    let at = place(g, c, r, slope)?;
+    let (_, per_row_m, run) = ahead(g, c, r, &at)?;
+    let middle = (per_row_m, run);
     let samples = sums
         .iter()
         .filter(|s| 2.0 * s.n >= points.len() as f64)
         .filter_map(|s| {
             let (column_px, below) = (s.column / s.n, s.below / s.n);
             let row_px = r + slope * (column_px - c) + below;
-            let (off_m, off_per_row_m) = ahead(g, column_px, row_px, at.z_m)?;
+            let (off_m, _, run) = ahead(g, column_px, row_px, &at)?;
             Some(Sample {
                 column_px,
                 row_px,
@@ -227,9 +242,11 @@ fn across(
                 below_px: Some(below),
                 slope,
                 off_m,
-                off_per_row_m,
+                run,
+                middle,
                 fan_tan: at.fan_tan,
                 way_m: at.way_m,
+                fields: Fields::at(column_px, row_px, size_px(image)),
             })
         });
     Some(Bin {
@@ -238,22 +255,62 @@ fn across(
     })
 }
 
+fn size_px(image: &GreyImage) -> [f64; 2] {
+    [image.width_px as f64, image.height_px as f64]
+}
+
+/// The straight line that a stretch of the stripe runs along.
+struct Course {
+    columns_px: [f64; 2],
+    /// Its points' mean column and row, rows per column.
+    line: [f64; 3],
+}
+
+impl Course {
+    fn of(stretch: &[StripePoint]) -> Option<Course> {
+        Some(Course {
+            columns_px: [stretch.first()?.column_px, stretch.last()?.column_px],
+            line: line(stretch.iter()),
+        })
+    }
+
+    /// Row at a column, and on from the nearer end as that end has it.
+    fn row_px(&self, column_px: f64) -> f64 {
+        let [first, last] = self.columns_px;
+        let [c, r, slope] = self.line;
+        r + slope * (column_px.clamp(first, last) - c)
+    }
+
+    /// Columns from a column to the nearest of its own.
+    fn away_px(&self, column_px: f64) -> f64 {
+        let [first, last] = self.columns_px;
+        (first - column_px).max(column_px - last).max(0.0)
+    }
+
+    /// Whether its light falls on rows between columns, `reach` rows to either side.
+    fn lights(&self, columns_px: [f64; 2], rows_px: [f64; 2], reach: f64) -> bool {
+        let [a, b] = columns_px.map(|c| self.row_px(c));
+        rows_px[1] > a.min(b) - reach && rows_px[0] < a.max(b) + reach
+    }
+}
+
 /// Blocks farther from any stripe than the classes across it reach.
-fn background(seen: &Seen, lines: &[[f64; 5]], g: &Geometry, o: &LightOptions) -> Bin {
+fn background(seen: &Seen, lines: &[Course], g: &Geometry, o: &LightOptions) -> Bin {
     let image = &seen.image;
     let reach = o.far_rows.last().map_or(0.0, |r| *r as f64);
     let [wide, high] = o.block_px;
     let mut samples = Vec::new();
     for left in (0..image.width_px.saturating_sub(wide - 1)).step_by(wide) {
         let middle = left as f64 + 0.5 * (wide as f64 - 1.0);
-        let over = |l: &&[f64; 5]| l[0] < (left + wide) as f64 && l[1] > left as f64;
-        let near = |l: &[f64; 5]| (l[0] - middle).abs().min((l[1] - middle).abs());
-        let nearest = lines.iter().min_by(|a, b| near(a).total_cmp(&near(b)));
-        let at = nearest.and_then(|l| place(g, middle, l[4]));
+        let columns = [left as f64, (left + wide) as f64];
+        let over = |l: &&Course| l.columns_px[0] < columns[1] && l.columns_px[1] > columns[0];
+        let away = |l: &&Course| l.away_px(middle);
+        let nearest = lines.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let at = nearest.and_then(|l| place(g, middle, l.row_px(middle), l.line[2]));
         let Some(at) = at else { continue };
         for top in (0..image.height_px.saturating_sub(high - 1)).step_by(high) {
-            let bottom = (top + high) as f64;
-            let lit = |l: &[f64; 5]| bottom > l[2] - reach && (top as f64) < l[3] + reach;
+            let rows = [top as f64, (top + high) as f64];
+            let lit = |l: &Course| l.lights(columns, rows, reach);
             let hit = lines.iter().filter(over).any(lit) || nearest.is_some_and(lit);
             if hit {
                 continue;
@@ -266,7 +323,7 @@ fn background(seen: &Seen, lines: &[[f64; 5]], g: &Geometry, o: &LightOptions) -
                 }
             }
             let row_px = top as f64 + 0.5 * (high as f64 - 1.0);
-            if let Some((off_m, off_per_row_m)) = ahead(g, middle, row_px, at.z_m) {
+            if let Some((off_m, off_per_row_m, run)) = ahead(g, middle, row_px, &at) {
                 samples.push(Sample {
                     column_px: middle,
                     row_px,
@@ -276,9 +333,11 @@ fn background(seen: &Seen, lines: &[[f64; 5]], g: &Geometry, o: &LightOptions) -
                     below_px: None,
                     slope: 0.0,
                     off_m,
-                    off_per_row_m,
+                    run,
+                    middle: (off_per_row_m, run),
                     fan_tan: at.fan_tan,
                     way_m: at.way_m,
+                    fields: Fields::at(middle, row_px, size_px(image)),
                 });
             }
         }
