@@ -22,6 +22,7 @@ mod speckle;
 mod truth;
 
 pub use board::{BoardLight, BoardNode, BoardPicture, BoardPlacement};
+pub use exposure::{Exposure, RowLight};
 pub use frame_poses::FramePoses;
 pub use noise::Noise;
 pub use renderer::{GreyPixels, Renderer};

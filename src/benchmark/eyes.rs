@@ -73,3 +73,52 @@ fn of_cases() {
         );
     }
 }
+
+/// `SEED=77 COUNT=6 FROM=0 cargo test -p hydroline-benchmark --lib -- --ignored --nocapture image_cases`
+#[test]
+#[ignore = "for eyes"]
+fn of_image_cases() {
+    let var = |n: &str, or: usize| std::env::var(n).map_or(or, |v| v.parse().unwrap());
+    let (from, count) = (var("FROM", 0), var("COUNT", 3));
+    let indices: Vec<usize> = (from..from + count).collect();
+    let done = |j: &super::images::ImageJudged| println!("{}: {j:?}\n", j.index);
+    let judged = super::images::run(var("SEED", 1) as u64, &indices, &done).unwrap();
+    println!("{}", super::images::words(&judged));
+}
+
+/// Stripes of an image case: clean, lit and with what lights them removed by its known numbers: `SEED=38 INDEX=24 … of_removal`.
+#[test]
+#[ignore = "for eyes"]
+fn of_removal() {
+    use hydroline_diagnose::profiles::candidate::Base;
+    use hydroline_diagnose::profiles::geometry::Geometry;
+    use hydroline_diagnose::profiles::light::Looked;
+    let var = |n: &str, or: u64| std::env::var(n).map_or(or, |s| s.parse().unwrap());
+    let case = super::images::make(var("SEED", 38), var("INDEX", 24) as usize).unwrap();
+    let base = Base::new(&case.rig).unwrap();
+    let geometry = Geometry::new(&case.rig, base.optics(&[]).unwrap());
+    let truth = hydroline_sim::effect::check(&case.truth).unwrap();
+    let (looked, _) = Looked::known(&case.runs, &case.rig, &base, &geometry, &truth).unwrap();
+    let removed = looked.removed(&case.runs, &geometry, None).unwrap();
+    for (clean, (lit, removed)) in case.clean.iter().zip(case.runs.iter().zip(&removed)) {
+        for k in (0..clean.frames.len()).step_by(6) {
+            println!("{} frame {k}", clean.name);
+            for run in [clean, lit, removed] {
+                let f = &run.frames[k];
+                let dark: f64 = f.image.pixels[..36000].iter().map(|p| f64::from(*p)).sum();
+                print!(
+                    "   noise {:.3} dark {:.3}: ",
+                    f.profile.noise_sd,
+                    dark / 36000.0
+                );
+                for b in f.bins.iter().step_by(8) {
+                    print!(
+                        " {:.0}: {:.3} w {:.4}±{:.4}",
+                        b.column_px, b.row_px, b.sigma_px, b.sigma_sd_px
+                    );
+                }
+                println!();
+            }
+        }
+    }
+}

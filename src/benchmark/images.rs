@@ -1,12 +1,14 @@
-//! Image-level cases: rendered runs with one effect of camera, sheet, target or water, or none.
+//! Image-level cases: rendered runs with one or two effects of camera, sheet, target, water or light, or none.
 //!
 //! A case is two logs of frames (reversals and two tones) of a vehicle up to 20 % off the rig file,
 //! over a background of four motion effects at 3–8 % of their practical size and a wobble in roll,
-//! pitch and yaw. One of six effects has a random size of at least three standard deviations of the
-//! pose that a frame gives; every seventh case has none. The frames come from the renderer; the
-//! diagnosis predicts the stripe with geometry of its own and reads the logs only.
+//! pitch and yaw; laser, lens and sheet are as a rig file leaves open. In turn it has one effect, two and none, of random
+//! sizes: at least three standard deviations of the pose that a frame gives where an effect moves it, at least a tenth of
+//! the largest plausible one else. The frames come from the renderer; the diagnosis predicts the stripe with geometry of
+//! its own and reads the logs only. An observer who knows the numbers says whether the frames can show each effect.
 
 mod make;
+mod poses;
 mod size;
 
 pub use make::{EFFECTS, ImageCase, NONE, make};
@@ -16,8 +18,8 @@ use super::error::ProveError;
 use super::score::Rate;
 use hydroline_diagnose::profiles::findings::{Findings, ImageError, explain};
 use hydroline_diagnose::profiles::known;
-use hydroline_diagnose::profiles::search::ESTABLISHED;
-use hydroline_diagnose::verdict::Word;
+use hydroline_diagnose::verdict::{Effect, Word};
+use hydroline_rigs::PhysicsEntry;
 use hydroline_stripe::Profile;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -28,10 +30,14 @@ use std::fmt::Write as _;
 pub struct ImageJudged {
     /// Number.
     pub index: usize,
-    /// Effect that is there.
-    pub truth: String,
-    /// Its numbers.
+    /// Effects that are there.
+    pub truth: Vec<String>,
+    /// Their numbers.
     pub numbers: Vec<(String, f64)>,
+    /// Whether the frames can show all of them to one who knows them.
+    pub shown: bool,
+    /// rms error of the poses after over that of the frames without the effects, mean over the six numbers' squares.
+    pub pose_ratio: Option<f64>,
     /// How far it moves the pose of a frame, largest of six in its own sds.
     pub moves_sds: f64,
     /// The same of x, y and z alone.
@@ -44,8 +50,6 @@ pub struct ImageJudged {
     pub word: Word,
     /// Log odds over nothing.
     pub log_odds: f64,
-    /// Log odds over nothing of the truth, fitted from its own numbers.
-    pub log_odds_truth: Option<f64>,
     /// The truth named, nothing else, and nothing that is not told from it.
     pub right: bool,
     /// The truth named alone, in one of the tied sets, or as the `or` of the one effect named.
@@ -93,17 +97,14 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
         Err(error) => return Err(broken(&error)),
     };
     let seconds = started.elapsed().as_secs_f64();
-    let known = match (&case.truth, &found) {
-        (Some(truth), Some(found)) => {
-            known::score(&case.runs, &case.rig, truth, found).map_err(|e| broken(&e))?
-        }
-        _ => None,
-    };
+    let shown = known::shown(&case.runs, &case.rig, &case.truth).map_err(|e| broken(&e));
+    // No pose under the known numbers: not shown.
+    let shown = shown.is_ok_and(|all| all.iter().all(|s| *s));
+    let pose_ratio = (found.as_ref()).and_then(|f| poses::ratio(case, &f.poses));
     let names = |f: &Findings| {
-        f.effects
-            .iter()
-            .map(|e| e.effect.clone())
-            .collect::<Vec<_>>()
+        let mut names: Vec<String> = f.effects.iter().map(|e| e.effect.clone()).collect();
+        names.sort();
+        names
     };
     let named = found.as_ref().map(names).unwrap_or_default();
     let sets = found
@@ -111,37 +112,37 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
         .map(|f| f.equivalent.clone())
         .unwrap_or_default();
     let word = found.as_ref().map_or(Word::Unknown, |f| f.word);
-    let wanted: Vec<String> = case.truth.iter().map(|e| e.effect.clone()).collect();
+    let mut wanted: Vec<String> = case.truth.iter().map(|e| e.effect.clone()).collect();
+    wanted.sort();
     let told = found.is_some() && word != Word::Unknown;
     let alone = |f: &Findings| f.effects.iter().all(|e| e.or.is_empty());
     let right = told && named == wanted && sets.len() < 2 && found.as_ref().is_some_and(alone);
-    // One effect too small for a set of its own, listed with what these frames do not tell from it.
-    let or = sets.is_empty()
-        && found.as_ref().is_some_and(|f| {
-            matches!((&f.effects[..], &wanted[..]), ([e], [w]) if e.effect == *w || e.or.contains(w))
-        });
+    // Each effect there named, or beside the one that these frames do not tell from it.
+    let or = found.as_ref().is_some_and(|f| {
+        let is = |e: &Effect, w: &String| e.effect == *w || e.or.contains(w);
+        f.effects.len() == wanted.len() && wanted.iter().all(|w| f.effects.iter().any(|e| is(e, w)))
+    });
+    let same = |set: &Vec<String>| {
+        let mut set = set.clone();
+        set.sort();
+        set == wanted
+    };
     let errors_sds = found.as_ref().map(|f| errors(case, f)).unwrap_or_default();
     let judged = ImageJudged {
         index: case.index,
-        truth: case
-            .truth
-            .as_ref()
-            .map_or_else(|| NONE.to_owned(), |e| e.effect.clone()),
-        numbers: case
-            .truth
-            .as_ref()
-            .map(super::sizes::numbers)
-            .unwrap_or_default(),
+        numbers: (case.truth.iter())
+            .flat_map(super::sizes::numbers)
+            .collect(),
+        shown,
+        pose_ratio,
         moves_sds: case.moved.any_sds,
         moves_position_sds: case.moved.position_sds,
-        right_or_tied: right || told && (or || sets.contains(&wanted)),
+        right_or_tied: right || told && (or || sets.iter().any(same)),
+        truth: wanted,
         found: named,
         sets,
         word,
         log_odds: found.as_ref().map_or(f64::NAN, |f| f.log_odds),
-        log_odds_truth: known
-            .zip(found.as_ref())
-            .map(|(k, f)| k - f.score_of_nothing),
         right,
         errors_sds,
         seconds,
@@ -149,21 +150,22 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
     Ok((judged, found))
 }
 
+/// Errors of the numbers of the effects found, in their sds.
 fn errors(case: &ImageCase, found: &Findings) -> Vec<(String, f64)> {
-    let Some(truth) = &case.truth else {
-        return Vec::new();
-    };
-    let Some(effect) = found.effects.iter().find(|e| e.effect == truth.effect) else {
-        return Vec::new();
-    };
-    super::sizes::numbers(truth)
-        .into_iter()
-        .filter_map(|(name, value)| {
-            let p = effect.parameters.get(&name)?;
+    let of = |truth: &PhysicsEntry| {
+        let effect = found.effects.iter().find(|e| e.effect == truth.effect);
+        let numbers = super::sizes::numbers(truth).into_iter();
+        let error = |(name, value): (String, f64)| {
+            let p = effect?.parameters.get(&name)?;
             Some((name, (p.value - value) / p.sd?))
-        })
-        .collect()
+        };
+        numbers.filter_map(error).collect::<Vec<_>>()
+    };
+    case.truth.iter().flat_map(of).collect()
 }
+
+/// Error of the pose after over that of the clean frames that is asked for.
+const POSE_RATIO: f64 = 1.3;
 
 /// The table in words.
 pub fn words(all: &[ImageJudged]) -> String {
@@ -185,12 +187,20 @@ pub fn words(all: &[ImageJudged]) -> String {
     };
     let mut by: BTreeMap<&str, Vec<&ImageJudged>> = BTreeMap::new();
     for j in all {
-        by.entry(&j.truth).or_default().push(j);
+        for truth in &j.truth {
+            by.entry(truth).or_default().push(j);
+        }
     }
     for (name, some) in &by {
         line(name, some);
     }
-    let with: Vec<&ImageJudged> = all.iter().filter(|j| j.truth != NONE).collect();
+    let of = |count: usize| -> Vec<&ImageJudged> {
+        all.iter().filter(|j| j.truth.len() == count).collect()
+    };
+    line(NONE, &of(0));
+    line("one effect", &of(1));
+    line("two effects", &of(2));
+    let with: Vec<&ImageJudged> = all.iter().filter(|j| !j.truth.is_empty()).collect();
     let between = |low: f64, high: f64| -> Vec<&ImageJudged> {
         with.iter()
             .copied()
@@ -198,30 +208,38 @@ pub fn words(all: &[ImageJudged]) -> String {
             .collect()
     };
     line("all with an effect", &with);
-    // What the truth, fitted from its own numbers, is not established for no search can find; haze is not fitted so.
-    let shown: Vec<&ImageJudged> = with
-        .iter()
-        .copied()
-        .filter(|j| {
-            j.log_odds_truth
-                .is_none_or(|t| t.max(j.log_odds) > ESTABLISHED)
-        })
-        .collect();
+    let shown: Vec<&ImageJudged> = with.iter().copied().filter(|j| j.shown).collect();
     line("  that these frames can show", &shown);
     line("  position moved by under 3 sd", &between(0.0, 3.0));
     line("  by 3 to 10 sd", &between(3.0, 10.0));
     line("  by 10 sd and more", &between(10.0, f64::INFINITY));
     let errors = all.iter().filter(|j| j.right).flat_map(|j| &j.errors_sds);
-    let covered = Rate::of(errors.map(|e| e.1.abs() < 1.96));
-    let _ = writeln!(
-        text,
-        "  95 % intervals of the parameters hold the truth in {} of {} = {:.1} % [{:.1}, {:.1}]",
-        covered.hits,
-        covered.count,
-        100.0 * covered.share,
-        100.0 * covered.low,
-        100.0 * covered.high
-    );
+    let of_sds = |sds: f64| Rate::of(errors.clone().map(|e| e.1.abs() < sds));
+    for (what, rate) in [("95 % intervals", of_sds(1.96)), ("3 sds", of_sds(3.0))] {
+        let _ = writeln!(
+            text,
+            "  {what} of the parameters hold the truth in {} of {} = {:.1} % [{:.1}, {:.1}]",
+            rate.hits,
+            rate.count,
+            100.0 * rate.share,
+            100.0 * rate.low,
+            100.0 * rate.high
+        );
+    }
+    let mut ratios: Vec<f64> = shown
+        .iter()
+        .filter(|j| j.right)
+        .filter_map(|j| j.pose_ratio)
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    if let Some(median) = ratios.get(ratios.len() / 2) {
+        let within = ratios.iter().filter(|r| **r <= POSE_RATIO).count();
+        let _ = writeln!(
+            text,
+            "  pose after over pose of the clean frames: median {median:.2}, within {POSE_RATIO} in {within} of {}",
+            ratios.len()
+        );
+    }
     text
 }
 
@@ -229,8 +247,8 @@ pub fn words(all: &[ImageJudged]) -> String {
 pub fn complaint(j: &ImageJudged) -> Option<String> {
     (!j.right).then(|| {
         format!(
-            "image-{}: {} {:?} (moves the pose by {:.1} sd, position {:.1}), found {:?} {:?}, tied {:?}, log odds {:.1}, of the truth {:.1}",
-            j.index, j.truth, j.numbers, j.moves_sds, j.moves_position_sds, j.found, j.word, j.sets, j.log_odds, j.log_odds_truth.unwrap_or(f64::NAN)
+            "image-{}: {:?} {:?} (moves the pose by {:.1} sd, position {:.1}; shown: {}), found {:?} {:?}, tied {:?}, log odds {:.1}, pose ratio {:.2}",
+            j.index, j.truth, j.numbers, j.moves_sds, j.moves_position_sds, j.shown, j.found, j.word, j.sets, j.log_odds, j.pose_ratio.unwrap_or(f64::NAN)
         )
     })
 }

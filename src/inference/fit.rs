@@ -493,7 +493,7 @@ impl Problem {
             let p = match all[*t].kind {
                 Kind::Effect => {
                     let places = effects().filter(|c| c.info.id == all[*t].info.id).count();
-                    prior.effects_expected / (ids.len() * places) as f64
+                    return prior.ln_odds_of_effect(ids.len(), places);
                 }
                 Kind::Force { .. } => {
                     let force = |c: &&Candidate| matches!(c.kind, Kind::Force { .. });

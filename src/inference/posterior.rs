@@ -40,39 +40,42 @@ pub struct Posterior {
     pub unnamed: Vec<(usize, f64)>,
 }
 
+/// Models visited, (terms, log score) each, as (terms, probability), likeliest first; and the marginal of each term in any of
+/// them, likeliest first. The same at motion level and at image level.
+pub fn marginals(scored: Vec<(Vec<usize>, f64)>) -> (Vec<(Vec<usize>, f64)>, Vec<Marginal>) {
+    let best = scored.iter().map(|m| m.1).fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = scored.iter().map(|m| (m.1 - best).exp()).sum();
+    let mut models: Vec<(Vec<usize>, f64)> = (scored.into_iter())
+        .map(|(terms, score)| (terms, (score - best).exp() / sum))
+        .collect();
+    models.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut effects: Vec<Marginal> = Vec::new();
+    for (terms, p) in &models {
+        for t in terms {
+            match effects.iter_mut().find(|e| e.candidate == *t) {
+                Some(e) => e.probability += p,
+                None => effects.push(Marginal {
+                    candidate: *t,
+                    probability: *p,
+                }),
+            }
+        }
+    }
+    effects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    (models, effects)
+}
+
 impl Posterior {
     /// Of what a search found.
     pub fn new(found: &Found) -> Posterior {
-        let best = found
-            .models
-            .values()
-            .map(|f| f.ln_score)
-            .fold(f64::NEG_INFINITY, f64::max);
-        let sum: f64 = found
-            .models
-            .values()
+        let scored = found.models.values().map(|f| (f.terms.clone(), f.ln_score));
+        let (models, effects) = marginals(scored.collect());
+        let best = found.models.values().map(|f| f.ln_score);
+        let best = best.fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = (found.models.values())
             .map(|f| (f.ln_score - best).exp())
             .sum();
         let share = |score: f64| (score - best).exp() / sum;
-        let mut models: Vec<(Vec<usize>, f64)> = found
-            .models
-            .values()
-            .map(|f| (f.terms.clone(), share(f.ln_score)))
-            .collect();
-        models.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut effects: Vec<Marginal> = Vec::new();
-        for (terms, p) in &models {
-            for t in terms {
-                match effects.iter_mut().find(|e| e.candidate == *t) {
-                    Some(e) => e.probability += p,
-                    None => effects.push(Marginal {
-                        candidate: *t,
-                        probability: *p,
-                    }),
-                }
-            }
-        }
-        effects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let unnamed = found
             .problem
             .body

@@ -64,6 +64,16 @@ impl Default for PriorTable {
     }
 }
 
+impl PriorTable {
+    /// Log prior odds of one effect of a library of `effects`, in one of the `places` where it may act.
+    pub fn ln_odds_of_effect(&self, effects: usize, places: usize) -> f64 {
+        let p = self.effects_expected / (effects * places).max(1) as f64;
+        // A library of one or two effects: as likely as not at most.
+        let p = p.min(0.5);
+        (p / (1.0 - p)).ln()
+    }
+}
+
 /// A density of one number, by its logarithm and what a Gauss–Newton step needs of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Density {

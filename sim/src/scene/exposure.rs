@@ -8,9 +8,9 @@ use crate::effect::{Brightness, Optics};
 use hydroline_rigs::Camera;
 use std::f64::consts::TAU;
 
-/// What happens to one camera's light; made only where something does.
+/// What happens to one camera's light, as the effects in force have it: the renderer applies it, and the diagnosis predicts with it.
 #[derive(Debug, Clone)]
-pub(super) struct Exposure {
+pub struct Exposure {
     law: Brightness,
     ambient_grey: f64,
     /// Optical axis: column, row \[px\].
@@ -24,7 +24,7 @@ pub(super) struct Exposure {
 
 /// What all pixels of a row have in common.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RowLight {
+pub struct RowLight {
     /// Background but for its rise over the columns \[grey levels\].
     background: f64,
     /// The row's part of q.
@@ -42,7 +42,7 @@ fn rise(grey: f64, share: f64) -> f64 {
 
 impl Exposure {
     /// `None` for an even light on a linear camera.
-    pub fn new(optics: &Optics, camera: &Camera) -> Option<Self> {
+    pub(super) fn new(optics: &Optics, camera: &Camera) -> Option<Self> {
         let law = optics.brightness;
         let (lens, line) = (Brightness::new(), law);
         // The line's profile is the scene's.
@@ -51,9 +51,12 @@ impl Exposure {
             line_tilt: line.line_tilt,
             ..lens
         };
-        if law == plain {
-            return None;
-        }
+        (law != plain).then(|| Self::of(optics, camera))
+    }
+
+    /// The same, an even light on a linear camera included.
+    pub fn of(optics: &Optics, camera: &Camera) -> Self {
+        let law = optics.brightness;
         let size_px = [camera.width_px, camera.height_px].map(f64::from);
         // Angles off the axis, as tangents, of the farthest edge in each direction.
         let far = |i: usize| {
@@ -64,24 +67,28 @@ impl Exposure {
             low.abs().max(high.abs()) / optics.focal_px[i]
         };
         let corner = far(0).powi(2) + far(1).powi(2);
-        Some(Exposure {
+        Exposure {
             law,
             ambient_grey: camera.noise.ambient,
             centre_px: optics.centre_px,
             per_px2: optics.focal_px.map(|f| 1.0 / (f * f * corner)),
             last_px: size_px.map(|n| (n - 1.0).max(1.0)),
             rate_fps: camera.rate_fps,
-        })
+        }
     }
 
-    pub fn row(&self, frame_index: u64, row: usize) -> RowLight {
-        let row = row as f64;
+    pub(super) fn row(&self, frame_index: u64, row: usize) -> RowLight {
+        self.row_at(frame_index as f64 / self.rate_fps, row as f64)
+    }
+
+    /// Of a row of a frame whose first row is at `frame_s`, on the clock of the lamps' phase.
+    pub fn row_at(&self, frame_s: f64, row_px: f64) -> RowLight {
+        let row = row_px;
         let law = &self.law;
         let lamp = if law.banding_grey > 0.0 {
             // In turns, without the whole ones, so that a late frame is as exact as the first.
             let per_s = 2.0 * law.mains_hz;
-            let turns = (per_s * (frame_index as f64 / self.rate_fps)).fract()
-                + per_s * row * law.banding_row_s;
+            let turns = (per_s * frame_s).fract() + per_s * row * law.banding_row_s;
             law.banding_grey * (1.0 + (TAU * turns + law.banding_phase_rad).sin())
         } else {
             0.0
@@ -96,19 +103,18 @@ impl Exposure {
     }
 
     /// Light on the sensor where the scene gives `laser` grey levels.
-    pub fn light(&self, row: &RowLight, column: usize, laser: f32) -> f32 {
-        let column = column as f64;
+    pub fn light(&self, row: &RowLight, column_px: f64, laser: f64) -> f64 {
+        let column = column_px;
         let background =
             row.background + rise(self.law.ambient_rise_grey[0], column / self.last_px[0]);
         let off_px = column - self.centre_px[0];
         let q = row.q + off_px * off_px * self.per_px2[0];
-        ((background + f64::from(laser)) * (1.0 - self.law.corner_loss * q)) as f32
+        (background + laser) * (1.0 - self.law.corner_loss * q)
     }
 
     /// Level before rounding that the camera gives for `linear` levels of light and noise.
-    pub fn grey(&self, linear: f32) -> f32 {
+    pub fn grey(&self, linear: f64) -> f64 {
         let law = &self.law;
-        let linear = f64::from(linear);
         let curved = if law.gamma == 1.0 {
             linear
         } else {
@@ -117,6 +123,6 @@ impl Exposure {
         let [black, white] = law.scaled_grey;
         let scaled = black + curved.clamp(0.0, 255.0) * (white - black) / 255.0;
         let [low, high] = law.clipped_grey;
-        scaled.max(low).min(high) as f32
+        scaled.max(low).min(high)
     }
 }

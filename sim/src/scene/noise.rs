@@ -92,7 +92,7 @@ impl Noise {
 
     /// The same, of a pixel whose light takes another way.
     fn exposed(&self, exposure: &Exposure, light: f32, index: usize) -> u8 {
-        exposure.grey(self.linear(light, index)).round() as u8
+        (exposure.grey(f64::from(self.linear(light, index))) as f32).round() as u8
     }
 
     /// Levels of a linear sensor: `level` grey levels of light, noise sample `index`, clipped where it saturates.
@@ -118,7 +118,7 @@ impl Noise {
             for (g, four) in out.chunks_mut(4).enumerate() {
                 let bits = hash(key, base + g as u64);
                 for (k, pixel) in four.iter_mut().enumerate() {
-                    let level = exposure.light(&light, 4 * g + k, 0.0);
+                    let level = exposure.light(&light, (4 * g + k) as f64, 0.0) as f32;
                     *pixel = self.exposed(exposure, level, (bits >> (16 * k)) as usize);
                 }
             }
@@ -150,7 +150,8 @@ impl Noise {
         match &self.exposure {
             None => self.grey(signal, index),
             Some(exposure) => {
-                let light = exposure.light(&exposure.row(frame_index, row), column, signal);
+                let row = exposure.row(frame_index, row);
+                let light = exposure.light(&row, column as f64, f64::from(signal)) as f32;
                 self.exposed(exposure, light, index)
             }
         }

@@ -39,16 +39,24 @@ impl Base {
 
     /// Optics with these effects too; `None` where their numbers make no law.
     pub fn optics(&self, more: &[(&'static EffectInfo, &[f64])]) -> Option<Optics> {
-        let mut all = self.known.clone();
-        all.extend(more.iter().map(|(info, numbers)| CheckedEffect {
-            numbers: numbers.to_vec(),
-            ..CheckedEffect::typical(info)
-        }));
+        let more: Vec<CheckedEffect> = (more.iter())
+            .map(|(info, numbers)| CheckedEffect {
+                numbers: numbers.to_vec(),
+                ..CheckedEffect::typical(info)
+            })
+            .collect();
+        self.optics_of(&more)
+    }
+
+    /// Optics with these effects too, words included; `None` where their numbers make no law.
+    pub fn optics_of(&self, more: &[CheckedEffect]) -> Option<Optics> {
+        let all: Vec<CheckedEffect> = self.known.iter().chain(more).cloned().collect();
         let stack = EffectStack::<f64>::assemble(&all, |_, _, v| v).ok()?;
         Some(stack.optics(self.plain))
     }
 
-    fn knows(&self, info: &EffectInfo) -> bool {
+    /// Whether the rig holds the effect already.
+    pub(super) fn knows(&self, info: &EffectInfo) -> bool {
         self.known.iter().any(|k| k.info.id == info.id)
     }
 }

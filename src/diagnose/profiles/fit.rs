@@ -41,8 +41,6 @@ pub struct Problem<'a> {
     pub motions: Vec<Motion>,
     /// Shared numbers.
     pub shared: Vec<Shared>,
-    /// Rows by which haze may pull the stripe \[px\].
-    pub pull_px: f64,
     widths: Widths,
 }
 
@@ -123,7 +121,6 @@ impl<'a> Problem<'a> {
             runs,
             motions,
             shared: Shared::all(heights),
-            pull_px: 0.0,
             widths: Widths {
                 sheet_m: rig.laser.sigma_m,
                 // The pixel's box: 1/12.
@@ -176,22 +173,12 @@ impl<'a> Problem<'a> {
             .flat_map(|(r, run)| run.frames.iter().enumerate().map(move |(f, s)| (r, f, s)))
     }
 
-    /// Spread of a shared number's prior.
-    fn prior_sd(&self, shared: Shared) -> f64 {
-        match shared {
-            Shared::Rows(_) => shared.prior_sd().hypot(self.pull_px),
-            // Light beside the line fades otherwise than the line does where a top ends.
-            Shared::Ends(..) => shared.prior_sd().hypot(3.0 * self.pull_px),
-            other => other.prior_sd(),
-        }
-    }
-
     /// Shared numbers in their own units.
     fn shared_values(&self, scaled: &[f64]) -> Vec<f64> {
         self.shared
             .iter()
             .zip(scaled)
-            .map(|(s, v)| self.prior_sd(*s) * v)
+            .map(|(s, v)| s.prior_sd() * v)
             .collect()
     }
 

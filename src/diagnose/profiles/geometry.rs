@@ -11,6 +11,8 @@ use hydroline_sim::effect::Optics;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
+/// Length of a ray over which its run is taken, over the way to the surface: a curved sheet is straight over a thousandth.
+const FARTHER: f64 = 1.001;
 /// Steps of the fixed point that takes out lens distortion: each gains a factor |k1| r² < 0.05.
 const STRAIGHTENING: usize = 25;
 
@@ -58,6 +60,16 @@ pub struct Meeting {
     pub off_m: f64,
     /// Tank X, Y \[m\].
     pub at_m: [f64; 2],
+}
+
+/// Where a ray meets a surface that is known at the sheet.
+#[derive(Debug, Clone, Copy)]
+pub struct Ahead {
+    /// Ahead of the sheet \[m\].
+    pub off_m: f64,
+    /// How much farther ahead the ray is per metre that it comes down. On a surface that rises ahead by p per metre it is
+    /// `off_m` / (1 + p run) ahead.
+    pub run: f64,
 }
 
 impl Geometry {
@@ -148,6 +160,23 @@ impl Geometry {
         Some(Meeting {
             off_m: self.off_m(&(ray.from_m + ray.along * t)),
             at_m: [from.x + t * along.x, from.y + t * along.y],
+        })
+    }
+
+    /// Where a ray meets the surface through a body point that falls by `fall` per metre to starboard and does not rise ahead:
+    /// how far ahead of the sheet \[m\], and how much farther it is ahead per metre that it comes down to the surface; `None`
+    /// where it never does.
+    pub fn ahead(&self, ray: &Ray, point_m: &Vector3<f64>, fall: f64) -> Option<Ahead> {
+        let down = |v: &Vector3<f64>| v.z - fall * v.y;
+        let t = down(&(point_m - ray.from_m)) / down(&ray.along);
+        let (a, b) = (
+            ray.from_m + ray.along * t,
+            ray.from_m + ray.along * (t * FARTHER),
+        );
+        let (off_m, farther_m) = (self.off_m(&a), self.off_m(&b));
+        (t.is_finite() && t > 0.0).then(|| Ahead {
+            off_m,
+            run: (farther_m - off_m) / down(&(b - a)),
         })
     }
 

@@ -84,8 +84,70 @@ pub struct ImageRun {
     pub commands: Vec<Command>,
     /// Frames with a stripe, by time.
     pub frames: Vec<Seen>,
+    /// The run's first stamp \[ns, UNIX\].
+    pub start_ns: u64,
     /// Frames in the log.
     pub in_log: usize,
+    /// Frames without a stripe: (since the run's first stamp \[s\], the frame).
+    pub dark: Vec<(f64, GreyImage)>,
+    /// The log's own calibration.
+    pub(super) calibration: Option<Calibration>,
+}
+
+impl ImageRun {
+    /// A run of one frame.
+    pub(super) fn of_one(seen: &Seen) -> ImageRun {
+        ImageRun {
+            name: String::new(),
+            commands: Vec::new(),
+            frames: vec![seen.clone()],
+            start_ns: 0,
+            in_log: 1,
+            dark: Vec::new(),
+            calibration: None,
+        }
+    }
+
+    /// The same frames after `change` of each, those without a stripe too, looked at anew.
+    pub fn again(
+        &self,
+        change: &(dyn Fn(f64, &GreyImage, Option<&Seen>) -> GreyImage + Sync),
+        rig: &Rig,
+    ) -> ImageRun {
+        let with = self.frames.iter().map(|s| (s.t_s, &s.image, Some(s)));
+        let without = self.dark.iter().map(|(t_s, image)| (*t_s, image, None));
+        let mut images: Vec<(f64, GreyImage)> = with
+            .chain(without)
+            .map(|(t_s, image, seen)| (t_s, change(t_s, image, seen)))
+            .collect();
+        images.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (frames, dark) = looked_at(images, rig, self.calibration.as_ref());
+        ImageRun {
+            frames,
+            dark,
+            ..self.clone()
+        }
+    }
+}
+
+/// Frames with a stripe, and those without; `images` by time \[s\].
+fn looked_at(
+    images: Vec<(f64, GreyImage)>,
+    rig: &Rig,
+    calibration: Option<&Calibration>,
+) -> (Vec<Seen>, Vec<(f64, GreyImage)>) {
+    let mut extractor = Extractor::new(ExtractorConfig::default());
+    let ideal = IdealMap::of(rig);
+    let map = calibration.map(Calibration::to_map);
+    let (mut frames, mut dark) = (Vec::new(), Vec::new());
+    for (t_s, image) in images {
+        let profile = extractor.extract(&image);
+        match seen(t_s, image, profile, map.as_deref().map(|m| (m, &ideal))) {
+            Ok(seen) => frames.push(seen),
+            Err(image) => dark.push((t_s, image)),
+        }
+    }
+    (frames, dark)
 }
 
 /// Whether a log holds frames.
@@ -141,8 +203,7 @@ pub fn read(path: &Path, rig: &Rig, most: usize) -> Result<ImageRun, LoadError> 
     let calibration = reader
         .calibration_toml()
         .and_then(|text| Calibration::from_toml(text, "the log's calibration").ok());
-    let map = calibration.map(|c| c.to_map());
-    from_images(&name, &commands, images, rig, map.as_deref(), in_log)
+    from_images(&name, &commands, images, rig, calibration, in_log)
 }
 
 /// The same from images and commands in memory; `images` by UNIX stamp \[ns\].
@@ -154,7 +215,7 @@ pub fn from_images(
     commands: &[pb::ThrusterCommand],
     images: Vec<(u64, GreyImage)>,
     rig: &Rig,
-    map: Option<&dyn PlaneMap>,
+    calibration: Option<Calibration>,
     in_log: usize,
 ) -> Result<ImageRun, LoadError> {
     // Frames as motion without a value: they only put t = 0 where motion of the same log has it.
@@ -166,33 +227,30 @@ pub fn from_images(
         })
         .collect();
     let run = load_messages(name, commands, &stamps, rig)?;
-    let mut extractor = Extractor::new(ExtractorConfig::default());
-    let ideal = IdealMap::of(rig);
-    let frames = images
-        .into_iter()
-        .filter_map(|(ns, image)| {
-            let t_s = ns.saturating_sub(run.start_ns) as f64 * 1e-9;
-            let profile = extractor.extract(&image);
-            seen(t_s, image, profile, map.map(|m| (m, &ideal)))
-        })
+    let images = (images.into_iter())
+        .map(|(ns, image)| (ns.saturating_sub(run.start_ns) as f64 * 1e-9, image))
         .collect();
+    let (frames, dark) = looked_at(images, rig, calibration.as_ref());
     Ok(ImageRun {
         name: name.to_owned(),
         commands: run.commands,
+        start_ns: run.start_ns,
         frames,
         in_log,
+        dark,
+        calibration,
     })
 }
 
-/// One frame taken apart; `None` without a stripe.
+/// One frame taken apart; the image back without a stripe.
 fn seen(
     t_s: f64,
     image: GreyImage,
     profile: Profile,
     map: Option<(&dyn PlaneMap, &IdealMap)>,
-) -> Option<Seen> {
+) -> Result<Seen, GreyImage> {
     if profile.fault.is_some() {
-        return None;
+        return Err(image);
     }
     let stretches = stretches(&profile.points);
     let mut bins: Vec<Bin> = stretches.iter().flat_map(|s| binned(s)).collect();
@@ -220,7 +278,10 @@ fn seen(
             None => false,
         });
     }
-    (bins.len() >= 4).then_some(Seen {
+    if bins.len() < 4 {
+        return Err(image);
+    }
+    Ok(Seen {
         t_s,
         image,
         profile,
@@ -230,7 +291,7 @@ fn seen(
 }
 
 /// Points without a jump.
-fn stretches(points: &[StripePoint]) -> Vec<&[StripePoint]> {
+pub(super) fn stretches(points: &[StripePoint]) -> Vec<&[StripePoint]> {
     points
         .chunk_by(|a, b| {
             b.column_px - a.column_px < GAP_COLUMNS
@@ -245,7 +306,7 @@ fn sound(p: &StripePoint) -> bool {
 }
 
 /// Straight line through points by least squares: mean column, mean row, slope.
-fn line<'a>(points: impl Iterator<Item = &'a StripePoint> + Clone) -> [f64; 3] {
+pub(super) fn line<'a>(points: impl Iterator<Item = &'a StripePoint> + Clone) -> [f64; 3] {
     let n = points.clone().count().max(1) as f64;
     let (c, r) = points.clone().fold((0.0, 0.0), |(c, r), p| {
         (c + p.column_px / n, r + p.row_px / n)

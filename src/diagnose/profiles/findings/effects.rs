@@ -2,15 +2,12 @@
 
 use super::super::candidate::Candidate;
 use super::super::fit::{Fitted, Free, Problem, State};
-use super::super::geometry::Placed;
-use super::super::haze::Haze;
 use super::super::model::Kind;
 use super::super::search::{ANY_PX, ASTRAY_PX, Searched};
 use super::CHANNELS;
 use crate::verdict::{Effect, Law, Value};
-use hydroline_calib::Pose;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
-use hydroline_sim::effect::{EffectInfo, find};
+use hydroline_sim::effect::EffectInfo;
 use std::collections::BTreeMap;
 
 /// Effects that do as well in the place of the best's effect `e`, all others as they are.
@@ -46,7 +43,7 @@ fn tolerance(channel: &str, rig: &Rig) -> f64 {
 }
 
 /// rms by which poses differ, per channel.
-fn shift(with: &State, without: &State) -> [f64; 6] {
+pub(super) fn shift(with: &State, without: &State) -> [f64; 6] {
     let pairs = || {
         with.poses
             .iter()
@@ -89,7 +86,7 @@ pub(super) fn effect(
     described(problem.rig, info, numbers, sds, moved, found.probability(e))
 }
 
-fn described(
+pub(super) fn described(
     rig: &Rig,
     info: &EffectInfo,
     numbers: &[f64],
@@ -155,51 +152,4 @@ pub(super) fn entry(info: &EffectInfo, numbers: &[f64]) -> PhysicsEntry {
             .map(|(p, v)| (p.name.to_owned(), ParameterValue::Number(*v)))
             .collect(),
     }
-}
-
-/// The registry's effect for what was found beside the stripe.
-const HAZE: &str = "backscatter_haze";
-
-/// Haze as an effect: its weight is what a stripe finder that knows nothing of it makes of z.
-pub(super) fn hazy(
-    problem: &Problem<'_>,
-    best: &Fitted,
-    haze: &Haze,
-) -> Option<(&'static EffectInfo, Effect)> {
-    let info = find(HAZE).filter(|_| haze.found)?;
-    if problem.rig.physics.iter().any(|e| e.effect == HAZE) {
-        return None;
-    }
-    let mut moved = [0.0; 6];
-    moved[2] = haze.pull_px.abs() * per_row(problem, best);
-    let sds = [haze.fraction_sd, haze.length_sd_m];
-    let numbers = [haze.fraction, haze.length_m];
-    Some((
-        info,
-        described(problem.rig, info, &numbers, &sds, moved, 1.0),
-    ))
-}
-
-/// Metres of z per row of the stripe, in the middle of the first frame.
-fn per_row(problem: &Problem<'_>, best: &Fitted) -> f64 {
-    let per = || {
-        let seen = problem.runs.first()?.frames.first()?;
-        let pose = *best.state.poses.first()?.first()?;
-        let g = problem.geometry(&[], &[])?;
-        let bin = seen.bins.get(seen.bins.len() / 2)?;
-        let off = |z: f64, row: f64| {
-            let mut p = pose;
-            p[2] += z;
-            let placed = Placed::from(&Pose::from_array(p));
-            g.meet(&placed, &g.ray(bin.column_px, row), 0.0)
-                .map(|m| m.off_m)
-        };
-        let here = off(0.0, bin.row_px)?;
-        let (by_row, by_z) = (
-            off(0.0, bin.row_px + 0.5)? - here,
-            (off(1e-4, bin.row_px)? - here) / 1e-4,
-        );
-        Some((2.0 * by_row / by_z).abs())
-    };
-    per().unwrap_or(0.001)
 }

@@ -45,6 +45,15 @@ impl Findings {
                     .collect::<Vec<_>>()
                     .join(" | ")
             ),
+            Word::Unknown if self.unnamed_light.is_some() => format!(
+                "Light that no effect of the vocabulary makes: {}{}.",
+                self.unnamed_light.as_deref().unwrap_or_default(),
+                if self.effects.is_empty() {
+                    String::new()
+                } else {
+                    format!("; besides {}", list())
+                }
+            ),
             Word::Unknown => format!(
                 "The stripe is {:.2} px off about {} and no effect explains it{}.",
                 self.worst_px[1],

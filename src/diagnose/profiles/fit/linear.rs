@@ -2,7 +2,8 @@
 
 use super::super::evidence::Quadratic;
 use super::super::geometry::{Geometry, Placed};
-use super::super::model::{Belongs, Rays, Shared, belongs, kinds, residuals};
+use super::super::model::{Belongs, Kind, Rays, Shared, belongs, kinds, residuals};
+use super::super::observe::Seen;
 use super::work::Work;
 use super::{Free, Left, UNIT};
 use hydroline_calib::Pose;
@@ -25,6 +26,16 @@ pub(super) struct Linear {
     /// Responsibility of the proper model for each measurement, and its derivatives by frame.
     pub(super) weights: Vec<f64>,
     pub(super) rows: Vec<DVector<f64>>,
+}
+
+/// What a frame's derivatives are taken about.
+struct About<'a> {
+    geometry: &'a Geometry,
+    /// Geometries with one of the effects' numbers moved, and by how much.
+    moved: &'a [(Geometry, f64)],
+    /// Shared numbers, and the same with one of them moved.
+    values: &'a [f64],
+    shifted: &'a [Vec<f64>],
 }
 
 impl Work<'_, '_> {
@@ -68,10 +79,56 @@ impl Work<'_, '_> {
         }
         let one = |(k, s): (usize, &Shared)| {
             let mut v = values.to_vec();
-            v[k] += STEP * self.problem.prior_sd(*s);
+            v[k] += STEP * s.prior_sd();
             v
         };
         self.problem.shared.iter().enumerate().map(one).collect()
+    }
+
+    /// Residuals of a frame and what its pose, the shared numbers and the effects' make of the prediction.
+    fn slopes(
+        &self,
+        about: &About<'_>,
+        seen: &Seen,
+        belongs: &Belongs,
+        pose: [f64; 6],
+    ) -> (Vec<f64>, DMatrix<f64>) {
+        let problem = self.problem;
+        let (g, moved, values, shifted) =
+            (about.geometry, about.moved, about.values, about.shifted);
+        let (mut base, mut other) = (Vec::new(), Vec::new());
+        let placed = Placed::from(&Pose::from_array(pose));
+        let rays = Rays::new(g, seen);
+        let off = |g: &Geometry, placed: &Placed, rays: &Rays, values: &[f64], out: &mut _| {
+            let shared = (problem.shared.as_slice(), values);
+            residuals(g, placed, rays, seen, belongs, &problem.widths, shared, out);
+        };
+        off(g, &placed, &rays, values, &mut base);
+        let n = base.len();
+        let mut j = DMatrix::zeros(n, 6 + shifted.len() + moved.len());
+        let mut put = |column: usize, other: &[f64], h: f64| {
+            for (k, (o, b)) in other.iter().zip(&base).enumerate() {
+                let d = (o - b) / h;
+                // What the prediction does: the residual falls as it grows.
+                j[(k, column)] = if d.is_finite() { -d } else { 0.0 };
+            }
+        };
+        for d in 0..6 {
+            let mut p = pose;
+            p[d] += POSE_STEP * UNIT;
+            let placed = Placed::from(&Pose::from_array(p));
+            off(g, &placed, &rays, values, &mut other);
+            put(d, &other, POSE_STEP);
+        }
+        for (k, v) in shifted.iter().enumerate() {
+            off(g, &placed, &rays, v, &mut other);
+            put(6 + k, &other, STEP);
+        }
+        for (k, (g, h)) in moved.iter().enumerate() {
+            off(g, &placed, &Rays::new(g, seen), values, &mut other);
+            put(6 + shifted.len() + k, &other, *h);
+        }
+        (base, j)
     }
 
     /// Likelihood and derivatives, measurements belonging as given.
@@ -86,41 +143,16 @@ impl Work<'_, '_> {
         let mut gradient = DVector::zeros(size);
         let (mut value, mut left, mut weights, mut rows) =
             (0.0, Vec::new(), Vec::new(), Vec::new());
-        let (mut base, mut other) = (Vec::new(), Vec::new());
         let tail = 6 * self.frames();
+        let about = About {
+            geometry: &g,
+            moved: &moved,
+            values: &values,
+            shifted: &shifted,
+        };
         for (i, ((r, f, seen), belongs)) in problem.frames().zip(all).enumerate() {
             let pose = self.state.poses[r][f];
-            let placed = Placed::from(&Pose::from_array(pose));
-            let rays = Rays::new(&g, seen);
-            let off = |g: &Geometry, placed: &Placed, rays: &Rays, values: &[f64], out: &mut _| {
-                let shared = (problem.shared.as_slice(), values);
-                residuals(g, placed, rays, seen, belongs, &problem.widths, shared, out);
-            };
-            off(&g, &placed, &rays, &values, &mut base);
-            let n = base.len();
-            let mut j = DMatrix::zeros(n, 6 + shifted.len() + moved.len());
-            let mut put = |column: usize, other: &[f64], h: f64| {
-                for (k, (o, b)) in other.iter().zip(&base).enumerate() {
-                    let d = (o - b) / h;
-                    // What the prediction does: the residual falls as it grows.
-                    j[(k, column)] = if d.is_finite() { -d } else { 0.0 };
-                }
-            };
-            for d in 0..6 {
-                let mut p = pose;
-                p[d] += POSE_STEP * UNIT;
-                let placed = Placed::from(&Pose::from_array(p));
-                off(&g, &placed, &rays, &values, &mut other);
-                put(d, &other, POSE_STEP);
-            }
-            for (k, v) in shifted.iter().enumerate() {
-                off(&g, &placed, &rays, v, &mut other);
-                put(6 + k, &other, STEP);
-            }
-            for (k, (g, h)) in moved.iter().enumerate() {
-                off(g, &placed, &Rays::new(g, seen), &values, &mut other);
-                put(6 + shifted.len() + k, &other, *h);
-            }
+            let (base, j) = self.slopes(&about, seen, belongs, pose);
             let place = |k: usize| if k < 6 { 6 * i + k } else { tail + k - 6 };
             let ats = seen
                 .bins
@@ -133,17 +165,8 @@ impl Work<'_, '_> {
             {
                 let sd = own_sd.hypot(self.state.floors[kind as usize]);
                 let off = base[k];
-                let (stray, range) = kind.stray();
-                let outside = (stray / range).ln();
-                let inside = if off.is_finite() {
-                    (1.0 - stray).ln() - 0.5 * (off / sd).powi(2) - (sd * TAU_ROOT).ln()
-                } else {
-                    f64::NEG_INFINITY
-                };
-                let top = inside.max(outside);
-                let log = top + ((inside - top).exp() + (outside - top).exp()).ln();
+                let (log, w) = mixture(kind, off, sd);
                 value += log;
-                let w = (inside - log).exp();
                 let row = j.row(k).transpose();
                 if w > 1e-6 {
                     let scale = w / (sd * sd);
@@ -188,4 +211,18 @@ impl Work<'_, '_> {
             rows,
         })
     }
+}
+
+/// Log density of a residual that may be a stray, and the probability that it is none.
+fn mixture(kind: Kind, off: f64, sd: f64) -> (f64, f64) {
+    let (stray, range) = kind.stray();
+    let outside = (stray / range).ln();
+    let inside = if off.is_finite() {
+        (1.0 - stray).ln() - 0.5 * (off / sd).powi(2) - (sd * TAU_ROOT).ln()
+    } else {
+        f64::NEG_INFINITY
+    };
+    let top = inside.max(outside);
+    let log = top + ((inside - top).exp() + (outside - top).exp()).ln();
+    (log, (inside - log).exp())
 }

@@ -120,20 +120,13 @@ impl Work<'_, '_> {
         }
         debug_assert_eq!(index, linear.left.len());
         let mut change = 0.0f64;
-        let pull_px = self.problem.pull_px;
         for (kind, [square, free, own2, weight]) in Kind::ALL.into_iter().zip(sums) {
             if weight > 3.0 {
                 let found = square / free.max(0.02 * weight) - own2 / weight;
                 let floor = &mut self.state.floors[kind as usize];
                 // Slowly down: a fit that still moves looks better in one kind than it is.
                 let next = found.max(0.0).sqrt().clamp(0.6 * *floor, 3.0 * *floor);
-                // Haze broadens the line too, here more and there less.
-                let hazy = if kind == Kind::Width {
-                    0.5 * pull_px
-                } else {
-                    0.0
-                };
-                let next = next.max(kind.floors().0).max(hazy);
+                let next = next.max(kind.floors().0);
                 change = change.max((next / *floor - 1.0).abs());
                 *floor = next;
             }
