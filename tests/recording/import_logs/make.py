@@ -1,6 +1,7 @@
 """Logs as other programs write them, and every number in them as those programs' own readers have it.
 
-    make.py DIR [KIND ...]      KIND: ros2 dataflash telemetry ulog foxglove
+    make.py DIR [KIND ...]      KIND: ros2 dataflash telemetry ulog foxglove;
+                            recorded: the bags (.mcap) of the folder $HYDROLINE_BAGS, copied
 
 Writes DIR/NAME and DIR/NAME.jsonl, one line per message: topic, stamp and log time [ns], fields by their paths.
 """
@@ -164,6 +165,31 @@ def ros2(folder):
                 log_file.add_message(channels[topic], log, bytes(store.serialize_cdr(message, schema)), log)
             log_file.finish()
         expect(path, messages)
+
+
+def recorded(folder):
+    """Bags of others as rosbags reads them; those that it cannot read are named and left out."""
+    import pathlib
+    import shutil
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    for bag in sorted(pathlib.Path(os.environ["HYDROLINE_BAGS"]).glob("*.mcap")):
+        path = os.path.join(folder, bag.name)
+        try:
+            with AnyReader([bag]) as reader:
+                own = Expected(path)
+                for connection, log, raw in reader.messages():
+                    message = reader.deserialize(raw, connection.msgtype)
+                    fields = {}
+                    flat(message, "", fields)
+                    # Capitals are a type's constants, which no message holds.
+                    fields = {path: v for path, v in fields.items() if not path.split(".")[-1].isupper()}
+                    stamp = getattr(getattr(message, "header", None), "stamp", None)
+                    own.add(connection.topic, stamp and stamp.sec * 10**9 + stamp.nanosec, log, fields)
+        except AnyReaderError as error:
+            print(f"{bag.name}: rosbags cannot read it: {str(error)[:200]}", file=sys.stderr)
+            continue
+        own.file.close()
+        shutil.copyfile(bag, path)
 
 
 def foxglove(folder):
