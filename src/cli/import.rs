@@ -78,9 +78,9 @@ enum Input {
 pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
-        // Says what can be named.
-        topic @ RecordedError::Topic { .. } => {
-            CliError::Config(format!("{}: {topic}", path.display()))
+        // These say what to do themselves.
+        own @ (RecordedError::Topic { .. } | RecordedError::NotRead { .. }) => {
+            CliError::Config(format!("{}: {own}", path.display()))
         }
         other => CliError::Config(format!(
             "{}: {other}; check the file, or name another",

@@ -4,6 +4,7 @@ use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
+use hydroline_core::plain;
 use hydroline_identify::merged::Merged;
 use hydroline_import::recorded::{Contents, RecordedError, Recording};
 use hydroline_log::export::ExportOptions;
@@ -119,15 +120,30 @@ pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
         Recording::open(&args.log),
     ) {
         (Ok(info), recording) => {
-            let recording = recording.ok().flatten();
+            let (recording, not_importable) = match recording {
+                Ok(recording) => (recording, None),
+                Err(why @ RecordedError::Nothing { .. }) => (None, Some(why.to_string())),
+                // Of one of ours, and of one that is damaged, the rest says what it is.
+                Err(_) => (None, None),
+            };
             let importable = recording.as_ref().map(Recording::contents);
-            print(args.json, &LogInfo { info, importable })?;
+            let log = LogInfo {
+                info,
+                importable,
+                not_importable,
+            };
+            print(args.json, &log)?;
         }
         (Err(_), Ok(Some(recording))) => print(args.json, recording.contents())?,
         // It is a log of another program, and that is why it cannot be read.
-        (Err(_), Err(error @ (RecordedError::Container(_) | RecordedError::Nothing { .. }))) => {
-            return Err(super::import::about(&args.log, error));
-        }
+        (
+            Err(_),
+            Err(
+                error @ (RecordedError::Container(_)
+                | RecordedError::Nothing { .. }
+                | RecordedError::NotRead { .. }),
+            ),
+        ) => return Err(super::import::about(&args.log, error)),
         (Err(error), _) => return Err(error.into()),
     }
     Ok(Outcome::Done)
@@ -140,11 +156,17 @@ struct LogInfo<'a> {
     info: hydroline_log::info::Info,
     #[serde(skip_serializing_if = "Option::is_none")]
     importable: Option<&'a Contents>,
+    /// Why `import` can take nothing of a log of another program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_importable: Option<String>,
 }
 
 impl std::fmt::Display for LogInfo<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.info)?;
+        if let Some(why) = &self.not_importable {
+            plain::line(f, format_args!("`hydroline import` cannot take it: {why}"))?;
+        }
         match self.importable {
             Some(contents) => write!(
                 f,

@@ -10,6 +10,7 @@ mod finding;
 mod jumps;
 mod kinematics;
 mod names;
+mod options;
 mod watch;
 
 use hydroline_identify::data::CHANNELS;
@@ -17,6 +18,7 @@ use hydroline_identify::data::CHANNELS;
 use super::map::PLACES;
 use super::table::Imported;
 pub use finding::{Finding, Severity};
+pub use options::Options;
 pub(crate) use watch::{Spoilt, Watch};
 
 /// Equal rows that a moving channel does not have.
@@ -30,6 +32,7 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 /// Motion that came without a map (a log): time, units, dead channels, kinematics.
 pub fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
+    let options = Options::default();
     if data.times_s.len() < 4 {
         findings.push(too_short(data.times_s.len()));
         return;
@@ -47,10 +50,10 @@ pub fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
         let mut extent = channel::Extent::default();
         extent.add(values);
         if !extent.report(place, findings) {
-            channel::check(place, values, data, findings);
+            channel::check(place, values, data, &options, findings);
         }
     }
-    kinematics::check(data, kinematics::Assumed::default(), findings);
+    kinematics::check(data, kinematics::Assumed::default(), &options, findings);
 }
 
 fn too_short(rows: usize) -> Finding {

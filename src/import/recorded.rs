@@ -8,6 +8,7 @@ mod columns;
 mod contents;
 mod dataflash;
 mod db3;
+mod head;
 mod json;
 mod mcap;
 mod message;
@@ -114,17 +115,6 @@ fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn head_of(path: &Path) -> io::Result<Vec<u8>> {
-    let file = File::open(path)?;
-    // What has no beginning to go back to is a table or nothing.
-    if !file.metadata()?.is_file() {
-        return Ok(Vec::new());
-    }
-    let mut head = Vec::new();
-    file.take(HEAD_BYTES).read_to_end(&mut head)?;
-    Ok(head)
-}
-
 impl Recording {
     /// Looks whether a file (or the folder of a bag) is a log that is read here; `None` = it is something else.
     ///
@@ -140,8 +130,9 @@ impl Recording {
         let Some(first) = files.files.first() else {
             return Ok(None);
         };
-        let Some(kind) = Kind::of(&head_of(first)?) else {
-            return Ok(None);
+        let head = head::head(first, HEAD_BYTES)?;
+        let Some(kind) = Kind::of(&head) else {
+            return head::not_read(&head).map_or(Ok(None), Err);
         };
         let mut gather = contents::Gather::default();
         let account = read(kind, &files.files, &mut gather)?;

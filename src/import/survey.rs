@@ -4,7 +4,7 @@ use std::io;
 
 use hydroline_rigs::Rig;
 
-use crate::check::{Finding, Spoilt, Watch};
+use crate::check::{self, Finding, Spoilt, Watch};
 use crate::map::Map;
 use crate::source::Source;
 use crate::spool::{Spool, Spooler};
@@ -38,7 +38,7 @@ impl Survey {
 /// # Errors
 /// Those of the file.
 pub fn survey(source: &(impl Source + ?Sized), map: &Map, rig: Option<&Rig>) -> io::Result<Survey> {
-    let mut watch = Watch::new(map, rig);
+    let mut watch = Watch::new(map, rig, check::Options::default());
     let mut spooler = Spooler::new(map);
     let passed = pass(source, map, rig, |sample, _| {
         watch.row(sample);
@@ -65,7 +65,7 @@ pub fn read_table(
     map: &Map,
     rig: Option<&Rig>,
 ) -> io::Result<Imported> {
-    let mut watch = Watch::new(map, rig);
+    let mut watch = Watch::new(map, rig, check::Options::default());
     let mut data = Imported::empty(map);
     let passed = pass(source, map, rig, |sample, _| {
         watch.row(sample);

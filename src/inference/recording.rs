@@ -197,6 +197,13 @@ fn means(times_s: &[f64], values: &[f64]) -> (Vec<f64>, f64) {
     (made.into_iter().map(|(_, sum, n)| sum / n).collect(), usual)
 }
 
+/// Robust sd of values about their median.
+fn off_median(mut values: Vec<f64>) -> f64 {
+    let middle = median(&mut values).unwrap_or(0.0);
+    values.iter_mut().for_each(|v| *v -= middle);
+    robust_sd(&values)
+}
+
 impl Recording {
     /// DOFs that are driven, or whose values or means over a second move by more than their noise and a third of the tolerance.
     pub fn moving(&self, tolerance: &[f64; 12]) -> Vec<usize> {
@@ -212,15 +219,11 @@ impl Recording {
                     let second: Vec<f64> =
                         seen.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
                     let fast = robust_sd(&second) / 6f64.sqrt();
-                    let (mut slow, of) = means(&r.times_s, &all);
-                    let middle = median(&mut slow).unwrap_or(0.0);
-                    let off: Vec<f64> = slow.iter().map(|v| v - middle).collect();
-                    let slow = robust_sd(&off) > (MOVES * fast / of.sqrt()).max(tolerance[c] / 3.0);
+                    let (slow, of) = means(&r.times_s, &all);
+                    let least = tolerance[c] / 3.0;
                     // What swings within a second has no means.
-                    let mut each = seen.clone();
-                    let middle = median(&mut each).unwrap_or(0.0);
-                    let off: Vec<f64> = seen.iter().map(|v| v - middle).collect();
-                    slow || robust_sd(&off) > (MOVES * fast).max(tolerance[c] / 3.0)
+                    off_median(slow) > (MOVES * fast / of.sqrt()).max(least)
+                        || off_median(seen) > (MOVES * fast).max(least)
                 })
         };
         (0..6)

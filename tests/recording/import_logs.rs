@@ -57,6 +57,12 @@ fn is_same(cell: &str, value: &Value) -> bool {
 
 /// Every field of every topic, topic by topic; `lost` messages may be missing of each. How many numbers were compared.
 fn compare(log: &Path, lost: usize) -> usize {
+    let compared = numbers(log, lost);
+    assert!(compared > 1000, "{compared}");
+    compared
+}
+
+fn numbers(log: &Path, lost: usize) -> usize {
     let recording = Recording::open(log).unwrap().unwrap();
     let mut compared = 0;
     for (topic, messages) in expected(log) {
@@ -137,7 +143,6 @@ fn compare(log: &Path, lost: usize) -> usize {
             "{topic}: rows that the other reader does not have"
         );
     }
-    assert!(compared > 1000, "{compared}");
     compared
 }
 
@@ -192,6 +197,33 @@ fn guessed(log: &Path, more: &[&str]) -> (usize, String) {
     (samples, words(&guess))
 }
 
+/// Bags that ROS 2 itself recorded, which do not come with the clone:
+/// `HYDROLINE_BAGS=DIR cargo test --test recording bags_that_ros_recorded -- --ignored`.
+#[test]
+#[ignore = "needs recorded bags: HYDROLINE_BAGS=DIR"]
+fn bags_that_ros_recorded_are_read_as_rosbags_reads_them() {
+    let dir = made("recorded").expect("a Python with rosbags: tests/setup");
+    let mut bags = 0;
+    for entry in std::fs::read_dir(dir.path()).unwrap() {
+        let log = entry.unwrap().path();
+        if log.extension().is_none_or(|e| e != "mcap") {
+            continue;
+        }
+        let recording = Recording::open(&log).unwrap().unwrap();
+        let expected = expected(&log);
+        for (topic, messages) in &expected {
+            let own = recording.contents().topics.iter();
+            let own = own.filter(|t| t.topic == *topic).map(|t| t.messages);
+            assert_eq!(own.sum::<u64>(), messages.len() as u64, "{topic}");
+        }
+        let messages: usize = expected.values().map(Vec::len).sum();
+        let compared = numbers(&log, 0);
+        println!("{}: {messages} messages, {compared} numbers", log.display());
+        bags += 1;
+    }
+    assert!(bags > 0, "rosbags could read none of the bags");
+}
+
 #[test]
 fn ros2_bags_are_read_as_rosbags_reads_them() {
     let Some(dir) = made("ros2") else { return };
@@ -213,6 +245,91 @@ fn ros2_bags_are_read_as_rosbags_reads_them() {
         assert!(samples >= 150, "{said}");
         assert!(said.contains("/cmd/surge"), "{said}");
     }
+}
+
+/// A map with the places of one body of an array, to a file.
+fn map_of_body(dir: &Path, body: usize) -> PathBuf {
+    let path = dir.join(format!("body_{body}.toml"));
+    let mut map = "[time]\ncolumn = \"stamp\"\nunit = \"ns\"\nclock = \"unix\"\n".to_owned();
+    for (place, axis) in [("x_m", "x"), ("y_m", "y"), ("z_m", "z")] {
+        let column = format!("/markers.poses[{body}].position.{axis}");
+        map +=
+            &format!("[motion.{place}]\ncolumn = \"{column}\"\nunit = \"m\"\nmissing = \"skip\"\n");
+    }
+    std::fs::write(&path, map).unwrap();
+    path
+}
+
+#[test]
+fn bodies_of_an_array_are_taken_by_their_number() {
+    let Some(dir) = made("ros2") else { return };
+    let log = dir.path().join("zstd.mcap");
+    let said = words(&run(&["info", log.to_str().unwrap()]));
+    assert!(said.contains("poses[1].position.x"), "{said}");
+    // A guessed map takes place and attitude of one body, the first.
+    let (samples, said) = guessed(&log, &["--topic", "/markers"]);
+    assert_eq!(samples, 150, "{said}");
+    for word in ["poses[0].orientation.w", "poses[0] is taken, of up to 2"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    assert!(!said.contains("poses[1]"), "{said}");
+    // The second was not seen in every tenth message.
+    for (body, samples) in [(0, 150), (1, 135)] {
+        let map = map_of_body(dir.path(), body);
+        let out = dir.path().join(format!("body_{body}.run"));
+        let done = run(&[
+            "import",
+            log.to_str().unwrap(),
+            "--map",
+            map.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+            "--json",
+        ]);
+        assert_eq!(done.status.code(), Some(0), "{}", words(&done));
+        let found: Value = serde_json::from_slice(&done.stdout).unwrap();
+        assert_eq!(found["samples"], samples, "body {body}: {found}");
+    }
+}
+
+#[test]
+fn logs_that_are_not_read_say_what_makes_one_that_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let refuse = |log: &Path, expected: &[&str]| {
+        let log = log.to_str().unwrap();
+        for line in [&["info", log][..], &["import", "--guess", log]] {
+            let said = run(line);
+            assert_eq!(said.status.code(), Some(2), "{line:?}: {}", words(&said));
+            for word in expected {
+                assert!(words(&said).contains(word), "{word}: {}", words(&said));
+            }
+        }
+    };
+    let rerun = dir.path().join("run.rrd");
+    std::fs::write(&rerun, b"RRF2\0\x18\0\0\0\0\0\0").unwrap();
+    refuse(&rerun, &["run.rrd: it is a recording of Rerun", "table"]);
+    let bag = dir.path().join("old.bag");
+    std::fs::write(&bag, b"#ROSBAG V2.0\nE\0\0\0").unwrap();
+    refuse(&bag, &["old.bag: it is a bag of ROS 1", "rosbags-convert"]);
+    let Some(dir) = made("ros1") else { return };
+    let convert = "rosbags-convert --src FILE.bag --dst FOLDER";
+    refuse(&dir.path().join("old.bag"), &["a bag of ROS 1", convert]);
+    let old = dir.path().join("old.mcap");
+    let old = old.to_str().unwrap();
+    for (line, code) in [
+        (&["info", old][..], 0),
+        (&["info", old, "--json"], 0),
+        (&["import", "--guess", old], 2),
+    ] {
+        let said = run(line);
+        assert_eq!(said.status.code(), Some(code), "{}", words(&said));
+        for word in ["messages of ROS 1", convert] {
+            assert!(words(&said).contains(word), "{word}: {}", words(&said));
+        }
+    }
+    // What that makes is imported.
+    let (samples, said) = guessed(&dir.path().join("converted"), &[]);
+    assert_eq!(samples, 150, "{said}");
 }
 
 #[test]

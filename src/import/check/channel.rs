@@ -2,17 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::{Finding, STUCK_ROWS, name, quantile};
+use super::{Finding, Options, name, quantile};
 use crate::table::Imported;
-
-/// Faster than any vehicle of this kind: another unit \[m/s\].
-pub(super) const SPEED_MAX_MPS: f64 = 15.0;
-/// The same of a turn \[rad/s\].
-pub(super) const RATE_MAX_RADPS: f64 = 12.0;
-/// A heading that goes on over several turns does so no faster \[rad/s\]: a turn in two seconds.
-const TURNING_MAX_RADPS: f64 = 3.0;
-/// Share of a heading's range that lies between its ends if it turns one way.
-const ONE_WAY: f64 = 0.8;
 
 /// Between which values a channel lies.
 #[derive(Debug, Clone, Copy)]
@@ -67,15 +58,21 @@ impl Extent {
     }
 }
 
-pub(super) fn check(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Finding>) {
+pub(super) fn check(
+    place: usize,
+    values: &[f64],
+    data: &Imported,
+    options: &Options,
+    findings: &mut Vec<Finding>,
+) {
     let mut extent = Extent::default();
     extent.add(values);
     if extent.count == 0 || extent.low == extent.high {
         return;
     }
-    stuck(place, values, data, findings);
-    if let Some(words) = beyond(place, extent, values, data) {
-        findings.push(if place == 5 && circles(values, extent, data) {
+    stuck(place, values, data, options.stuck_rows, findings);
+    if let Some(words) = beyond(place, extent, values, data, options) {
+        findings.push(if place == 5 && circles(values, extent, data, options) {
             Finding::warning("units", None, words + " Or in circles?")
         } else {
             Finding::fault("units", None, words)
@@ -94,7 +91,7 @@ pub(super) fn check(place: usize, values: &[f64], data: &Imported, findings: &mu
 }
 
 /// The same value for a second and so many rows in a channel that else changes with nearly every row.
-fn stuck(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Finding>) {
+fn stuck(place: usize, values: &[f64], data: &Imported, rows: usize, findings: &mut Vec<Finding>) {
     let changes = values.windows(2).filter(|w| w[0] != w[1]).count() as f64 / values.len() as f64;
     let (mut longest, mut run, mut at) = (0, 0, 0);
     for i in 1..values.len() {
@@ -107,8 +104,7 @@ fn stuck(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Findi
             (longest, at) = (run, i - run);
         }
     }
-    if longest >= STUCK_ROWS && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0
-    {
+    if longest >= rows && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0 {
         findings.push(Finding::warning(
             "stuck_channel",
             data.lines.get(at).copied(),
@@ -124,7 +120,13 @@ fn stuck(place: usize, values: &[f64], data: &Imported, findings: &mut Vec<Findi
 }
 
 /// Words for values that no vehicle has.
-fn beyond(place: usize, extent: Extent, values: &[f64], data: &Imported) -> Option<String> {
+fn beyond(
+    place: usize,
+    extent: Extent,
+    values: &[f64],
+    data: &Imported,
+    options: &Options,
+) -> Option<String> {
     let Extent { low, high, .. } = extent;
     let (name, largest) = (name(place), high.abs().max(low.abs()));
     match place {
@@ -139,17 +141,17 @@ fn beyond(place: usize, extent: Extent, values: &[f64], data: &Imported) -> Opti
         0..3 => {
             let speed = largest_speed(&data.times_s, values);
             // However far: a long track at the speed of a vehicle is one.
-            (speed > SPEED_MAX_MPS).then(|| {
+            (speed > options.speed_max_mps).then(|| {
                 format!(
                     "{name}: covers {:.1} m at up to {speed:.1} m/s: millimetres mapped as m?",
                     high - low
                 )
             })
         }
-        6..9 if largest > SPEED_MAX_MPS => Some(format!(
+        6..9 if largest > options.speed_max_mps => Some(format!(
             "{name}: reaches {largest:.1} m/s: mm/s mapped as m/s?"
         )),
-        9..12 if largest > RATE_MAX_RADPS => Some(format!(
+        9..12 if largest > options.rate_max_radps => Some(format!(
             "{name}: reaches {largest:.1} rad/s: deg/s mapped as rad/s?"
         )),
         _ => None,
@@ -157,12 +159,12 @@ fn beyond(place: usize, extent: Extent, values: &[f64], data: &Imported) -> Opti
 }
 
 /// Whether a heading goes on one way, no faster than a vehicle turns.
-fn circles(values: &[f64], extent: Extent, data: &Imported) -> bool {
+fn circles(values: &[f64], extent: Extent, data: &Imported, options: &Options) -> bool {
     let mut finite = values.iter().filter(|v| v.is_finite());
     let ends = finite.next().zip(finite.next_back());
     let net = ends.map_or(0.0, |(a, b)| (b - a).abs());
-    net > ONE_WAY * (extent.high - extent.low)
-        && largest_speed(&data.times_s, values) < TURNING_MAX_RADPS
+    net > options.one_way_share * (extent.high - extent.low)
+        && largest_speed(&data.times_s, values) < options.turning_max_radps
 }
 
 /// Largest speed held over ten rows: single outliers do not count.

@@ -6,11 +6,8 @@ mod zeros;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-use super::{Finding, quantile};
+use super::{Finding, Options, quantile};
 use crate::table::Imported;
-
-/// A jump is this many times what nineteen of twenty rows do.
-const JUMP: f64 = 12.0;
 
 pub(super) use zeros::of_the_same_body;
 
@@ -28,6 +25,7 @@ struct Series<'a> {
     rows: Vec<usize>,
     values: Vec<f64>,
     data: &'a Imported,
+    options: &'a Options,
     angle: bool,
 }
 
@@ -67,7 +65,7 @@ impl<'a> Series<'a> {
 }
 
 /// Looks at one channel of a stretch; `zero` is what the file's 0 becomes.
-pub(super) fn check(place: usize, zero: f64, data: &Imported) -> Jumps {
+pub(super) fn check(place: usize, zero: f64, data: &Imported, options: &Options) -> Jumps {
     let mut out = Jumps {
         spoilt: Vec::new(),
         lost: Vec::new(),
@@ -81,13 +79,14 @@ pub(super) fn check(place: usize, zero: f64, data: &Imported) -> Jumps {
     let rows: Vec<usize> = (0..values.len())
         .filter(|i| values[*i].is_finite())
         .collect();
-    if rows.len() < 20 {
+    if rows.len() < options.jump_rows {
         return out;
     }
     let series = Series {
         values: rows.iter().map(|i| values[*i]).collect(),
         rows,
         data,
+        options,
         angle: (3..6).contains(&place),
     };
     let Some(limit) = limit(&series) else {
@@ -112,5 +111,6 @@ fn limit(series: &Series<'_>) -> Option<f64> {
     // A coarse instrument stands and steps.
     let coarse = 2 * steps.len() < n;
     let quantum = quantile(&mut steps, 0.5)?;
-    Some(JUMP * if coarse { bend.max(quantum) } else { bend })
+    let usual = if coarse { bend.max(quantum) } else { bend };
+    Some(series.options.jump_bends * usual)
 }

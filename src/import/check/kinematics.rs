@@ -7,32 +7,12 @@ mod tracks;
 
 use std::f64::consts::PI;
 
-use super::{Finding, name};
+use super::{Finding, Options, name};
 use crate::table::Imported;
-use agreement::{Agreement, MOVES, Verdict};
+use agreement::{Agreement, Verdict};
 use hydroline_identify::data::unwrap_turns;
 use spans::Distances;
 use tracks::{Tracks, Vector};
-
-/// Rows that are enough to say whether two channels agree.
-const ROWS_COMPARED: usize = 20_000;
-/// Slower than this velocities are not held against positions \[m/s\].
-const SPEED_COMPARED_MPS: f64 = 0.05;
-/// Gains that pass: calibrations differ, units by more.
-const GAINS: [f64; 2] = [0.8, 1.25];
-/// The same of two values that stand still, which a bias or a current may be part of.
-const GAINS_STEADY: [f64; 2] = [0.5, 2.0];
-/// A correlation from which on a sign or a unit can be told, and one below which nothing follows.
-const FOLLOWS: f64 = 0.5;
-const APART: f64 = 0.3;
-/// A rate that is another channel's follows that one so well, and better than its own by so much.
-const SWAPPED: f64 = 0.7;
-const BETTER: f64 = 0.3;
-/// Share of the way's mean square that velocities are away if they are nothing like it, and what they come closer in the right frame.
-const AWAY: f64 = 0.3;
-const CLOSER: f64 = 0.25;
-/// Share that velocities in the wrong frame are away at least: a heading that is off by 8 degrees makes as much.
-const AWAY_SOMEWHAT: f64 = 0.02;
 
 /// What the map says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,13 +23,18 @@ pub(super) struct Assumed {
     pub in_tank: bool,
 }
 
-pub(super) fn check(data: &Imported, assumed: Assumed, findings: &mut Vec<Finding>) {
+pub(super) fn check(
+    data: &Imported,
+    assumed: Assumed,
+    options: &Options,
+    findings: &mut Vec<Finding>,
+) {
     let n = data.times_s.len();
     let pose = wraps(data, findings);
     if !(6..12).any(|c| data.motion[c].len() == n) {
         return;
     }
-    let tracks = Tracks::new(data, pose, assumed);
+    let tracks = Tracks::new(data, pose, assumed, options);
     velocities(&tracks, assumed, findings);
     rates(&tracks, findings);
 }
@@ -65,7 +50,7 @@ fn velocities(tracks: &Tracks<'_>, assumed: Assumed, findings: &mut Vec<Finding>
     }
     let direct = tracks.direct(0);
     for rate in (0..3).filter(|r| tracks.has_rate(*r)) {
-        let of = |axis: usize| -> Option<Agreement> {
+        let of = |axis: usize| -> Option<Agreement<'_>> {
             if !tracks.has_pose(axis) {
                 return None;
             }
@@ -107,29 +92,36 @@ fn rates(tracks: &Tracks<'_>, findings: &mut Vec<Finding>) {
 }
 
 /// The other channel that a rate follows as if it were that one's.
-fn swapped(
-    own: &Agreement,
-    others: impl Iterator<Item = (usize, Agreement)>,
+fn swapped<'a>(
+    own: &Agreement<'a>,
+    others: impl Iterator<Item = (usize, Agreement<'a>)>,
 ) -> Option<(usize, f64)> {
+    let options = own.options;
     let apart = matches!(own.verdict(), Verdict::Apart { .. });
     if !(own.pose_moves() || apart) {
         return None;
     }
-    let is_like = |from: f64, to: f64| to >= GAINS_STEADY[0] && from <= GAINS_STEADY[1];
+    let is_like =
+        |from: f64, to: f64| to >= options.gains_steady[0] && from <= options.gains_steady[1];
     others
         .filter(|(_, a)| {
             let (from, to) = a.gains();
             let fit = a.fit().abs();
             a.pose_moves()
-                && fit > SWAPPED
-                && fit > own.fit().abs() + BETTER
+                && fit > options.swapped_correlation
+                && fit > own.fit().abs() + options.better_correlation
                 && (is_like(from, to) || is_like(-to, -from))
         })
         .map(|(other, a)| (other, a.fit()))
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }
 
-fn words(rate: usize, own: Agreement, others: impl Iterator<Item = (usize, Agreement)>) -> Finding {
+fn words<'a>(
+    rate: usize,
+    own: Agreement<'a>,
+    others: impl Iterator<Item = (usize, Agreement<'a>)>,
+) -> Finding {
+    let options = own.options;
     let (name, pose) = (name(6 + rate), name(rate));
     if let Some((other, other_fit)) = swapped(&own, others) {
         return Finding::fault(
@@ -174,16 +166,26 @@ fn words(rate: usize, own: Agreement, others: impl Iterator<Item = (usize, Agree
             format!("{name} and d({pose})/dt: too little motion to hold one against the other"),
         ),
         Verdict::Apart { fit } => apart(fit),
-        Verdict::Follows { fit, .. } if fit.abs() < APART => apart(fit),
-        Verdict::Follows { fit, gain, to, .. } if fit < -FOLLOWS && to < 0.0 => sign(gain),
+        Verdict::Follows { fit, .. } if fit.abs() < options.apart_correlation => apart(fit),
+        Verdict::Follows { fit, gain, to, .. }
+            if fit < -options.follows_correlation && to < 0.0 =>
+        {
+            sign(gain)
+        }
         Verdict::Follows {
             fit,
             gain,
             from,
             to,
-        } if fit > FOLLOWS && (from > GAINS[1] || to < GAINS[0]) => units(gain),
+        } if fit > options.follows_correlation
+            && (from > options.gains[1] || to < options.gains[0]) =>
+        {
+            units(gain)
+        }
         Verdict::Steady { ratio } if ratio < 0.0 => sign(ratio),
-        Verdict::Steady { ratio } if !(GAINS_STEADY[0]..=GAINS_STEADY[1]).contains(&ratio) => {
+        Verdict::Steady { ratio }
+            if !(options.gains_steady[0]..=options.gains_steady[1]).contains(&ratio) =>
+        {
             units(ratio)
         }
         Verdict::Steady { ratio } => Finding::info(
@@ -256,7 +258,7 @@ fn untold(tracks: &Tracks<'_>, seen: &Distances, assumed: Assumed, clear: bool) 
         100.0 * apart,
         apart * speed
     );
-    if clear && seen.other < CLOSER * seen.own {
+    if clear && seen.other < tracks.options.closer_share * seen.own {
         let share = |of: f64| 100.0 * (of / seen.way).sqrt();
         return Finding::warning(
             "velocity_frame",
@@ -284,13 +286,14 @@ fn frame(
     if !(tracks.has_pose(5) && tracks.has_rate(0) && tracks.has_rate(1)) {
         return false;
     }
+    let options = tracks.options;
     let other = tracks.in_other_frame(assumed);
     let Some(seen) = tracks.distances(tank, &other) else {
         return false;
     };
     // What is away by no more than noise and sampling make says nothing.
-    let unexplained = MOVES * seen.noise + seen.unresolved;
-    let is_away = |of: f64| of > unexplained && of > AWAY_SOMEWHAT * seen.way;
+    let unexplained = options.moves_variances * seen.noise + seen.unresolved;
+    let is_away = |of: f64| of > unexplained && of > options.away_least_share * seen.way;
     if !is_away(seen.own) {
         if seen.way > unexplained && !is_away(seen.other) {
             findings.push(untold(tracks, &seen, assumed, seen.own > unexplained));
@@ -298,9 +301,12 @@ fn frame(
         return false;
     }
     let share = |of: f64| 100.0 * (of / seen.way).sqrt();
-    if seen.other >= CLOSER * seen.own || seen.other >= AWAY * seen.way {
+    if seen.other >= options.closer_share * seen.own || seen.other >= options.away_share * seen.way
+    {
         // Faster than noise, and still nothing like the way: a unit or an angle may be wrong.
-        if seen.own > AWAY * seen.way && seen.way.max(seen.own) > SPEED_COMPARED_MPS.powi(2) {
+        if seen.own > options.away_share * seen.way
+            && seen.way.max(seen.own) > options.compared_speed_mps.powi(2)
+        {
             findings.push(Finding::warning(
                 "kinematics",
                 None,

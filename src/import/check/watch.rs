@@ -8,7 +8,7 @@ use super::channel::{self, Extent};
 use super::clocks::Clocks;
 use super::commands::Loads;
 use super::drift::Drift;
-use super::{Finding, Severity, jumps, kinematics, name, names, too_short};
+use super::{Finding, Options, Severity, jumps, kinematics, name, names, too_short};
 use crate::map::{Map, Origin, PLACES};
 use crate::table::{Imported, Sample};
 
@@ -70,6 +70,7 @@ impl Spoilt {
 pub(crate) struct Watch<'a> {
     map: &'a Map,
     rig: Option<&'a Rig>,
+    options: Options,
     stretch: Imported,
     /// Rows of the stretch that the last one held too.
     old: usize,
@@ -86,10 +87,11 @@ pub(crate) struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    pub fn new(map: &'a Map, rig: Option<&'a Rig>) -> Self {
+    pub fn new(map: &'a Map, rig: Option<&'a Rig>, options: Options) -> Self {
         Watch {
             map,
             rig,
+            options,
             stretch: Imported::empty(map),
             old: 0,
             stretches: 0,
@@ -141,8 +143,8 @@ impl<'a> Watch<'a> {
                 continue;
             }
             self.extents[place].add(&values[self.old..]);
-            channel::check(place, values, &data, &mut findings);
-            let found = jumps::check(place, self.zero(place), &data);
+            channel::check(place, values, &data, &self.options, &mut findings);
+            let found = jumps::check(place, self.zero(place), &data, &self.options);
             // Where a unit is wrong everything jumps.
             if !findings.iter().any(|f| {
                 f.kind == "units" && f.severity == Severity::Fault && f.subject() == name(place)
@@ -162,7 +164,7 @@ impl<'a> Watch<'a> {
             sparse: self.map.sparse(),
             in_tank: self.map.channels.iter().any(|c| c.in_tank),
         };
-        kinematics::check(&data, assumed, &mut findings);
+        kinematics::check(&data, assumed, &self.options, &mut findings);
         for finding in findings {
             self.merge(finding);
         }

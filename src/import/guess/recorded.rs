@@ -92,6 +92,13 @@ fn unit_of(place: usize, stated: Option<&str>, recording: &Recording) -> (String
     (own.to_owned(), false)
 }
 
+/// The list and the element that a field lies in: `poses`, 1 of `poses[1].position.x`.
+fn element(path: &str) -> Option<(&str, usize)> {
+    let (list, rest) = path.split_once('[')?;
+    let (number, _) = rest.split_once("].")?;
+    Some((list, number.parse().ok()?))
+}
+
 /// How a draft is written where the log leaves something open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Open {
@@ -197,6 +204,7 @@ impl<'a> Plan<'a> {
         draft.remarks.push(title);
         self.write_time(open, &mut draft);
         self.write_axes(&mut draft);
+        self.write_bodies(&mut draft);
         let turned_axes = is_ros(self.recording);
         if let Some(quaternion) = self.quaternion() {
             draft.line("[quaternion]");
@@ -229,8 +237,9 @@ impl<'a> Plan<'a> {
     fn quaternion(&self) -> Option<[String; 4]> {
         let mut parts: [Option<String>; 4] = Default::default();
         for (what, column, _) in self.fields(1) {
+            // Of several bodies in one message the first, as of their places.
             if let Quaternion(c @ 0..4) = what {
-                parts[c] = Some(column);
+                parts[c].get_or_insert(column);
             }
         }
         let [Some(w), Some(x), Some(y), Some(z)] = parts else {
@@ -270,6 +279,26 @@ impl<'a> Plan<'a> {
             draft.doubt("axes: x forward, y to port, z up, and metres, radians, seconds, as REP 103 has them and the log does not say: turned to y to starboard, z down");
         } else {
             draft.doubt("axes: x forward (north), y to starboard (east), z down, as the autopilot has them: those of the tank are turned by its heading");
+        }
+    }
+
+    /// Of an array of bodies the first is taken: which one that is only who recorded it knows.
+    fn write_bodies(&self, draft: &mut Draft) {
+        let mut own: Vec<usize> = self.sources.iter().flatten().copied().collect();
+        own.sort_unstable();
+        own.dedup();
+        for bundle in own.into_iter().map(|i| &self.bundles[i]) {
+            let elements = bundle
+                .fields
+                .iter()
+                .filter_map(|(_, path, _)| element(path));
+            if let Some((list, last @ 1..)) = elements.max_by_key(|e| e.1) {
+                let topic = &bundle.topic.topic;
+                draft.doubt(format!(
+                    "{topic}: {list}[0] is taken, of up to {} in a message: which body stands there, and that it stays there, is not written; another's number in its place takes that one",
+                    last + 1
+                ));
+            }
         }
     }
 

@@ -35,6 +35,10 @@ impl Decoder {
                 protobuf::descriptor(schema.name, schema.data).map(Decoder::Protobuf)
             }
             ("json", _) => Ok(Decoder::Json),
+            ("ros1", _) => Err(
+                "messages of ROS 1 are not read, those of ROS 2 are: convert the bag that they come from (`pip install rosbags`, then `rosbags-convert --src FILE.bag --dst FOLDER`) and import that folder"
+                    .to_owned(),
+            ),
             (other, _) => Err(format!(
                 "messages in '{other}' are not read: cdr, protobuf and json are"
             )),

@@ -234,6 +234,14 @@ pub enum RecordedError {
     /// Written by hydroline.
     #[error("it is a log of hydroline already: nothing to import; use it as it is")]
     Ours,
+    /// A log that is known, and of a kind that is not read.
+    #[error("it is {what}, which is not read; {next}")]
+    NotRead {
+        /// What it is.
+        what: &'static str,
+        /// What makes one of it that is read.
+        next: &'static str,
+    },
     /// No message can be decoded.
     #[error(
         "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"

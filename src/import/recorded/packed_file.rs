@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
+use super::head::head;
+
 /// How a frame of zstd begins (RFC 8878, section 3.1.1).
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// What a packed byte may become at most, and what any file may: no recording packs better, and a bomb does \[bytes\].
@@ -26,7 +28,7 @@ impl Unpacked {
     pub fn of(files: Vec<PathBuf>) -> io::Result<Unpacked> {
         let mut made = Unpacked::default();
         for file in files {
-            if !is_packed(&file)? {
+            if head(&file, MAGIC.len() as u64)? != MAGIC {
                 made.files.push(file);
                 continue;
             }
@@ -41,17 +43,6 @@ impl Unpacked {
         }
         Ok(made)
     }
-}
-
-fn is_packed(path: &Path) -> io::Result<bool> {
-    let file = File::open(path)?;
-    // What has no beginning to go back to is a table or nothing.
-    if !file.metadata()?.is_file() {
-        return Ok(false);
-    }
-    let mut head = Vec::new();
-    file.take(4).read_to_end(&mut head)?;
-    Ok(head == MAGIC)
 }
 
 fn unpacked(path: &Path) -> io::Result<tempfile::TempPath> {

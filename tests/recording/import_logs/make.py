@@ -1,6 +1,7 @@
 """Logs as other programs write them, and every number in them as those programs' own readers have it.
 
-    make.py DIR [KIND ...]      KIND: ros2 dataflash telemetry ulog foxglove
+    make.py DIR [KIND ...]      KIND: ros2 ros1 dataflash telemetry ulog foxglove;
+                            recorded: the bags (.mcap) of the folder $HYDROLINE_BAGS, copied
 
 Writes DIR/NAME and DIR/NAME.jsonl, one line per message: topic, stamp and log time [ns], fields by their paths.
 """
@@ -114,6 +115,10 @@ def ros2(folder):
             ("/thrusters", "std_msgs/msg/Float64MultiArray", late, new(
                 "std_msgs/msg/Float64MultiArray", new("std_msgs/msg/MultiArrayLayout", [], 0), numpy.array([0.1 * k, -0.1 * k]))),
             ("/words", "std_msgs/msg/String", late, new("std_msgs/msg/String", "hello")),
+            # Two bodies; the second drops out.
+            ("/markers", "geometry_msgs/msg/PoseArray", late, new("geometry_msgs/msg/PoseArray", header(ns, "tank"), [
+                new("geometry_msgs/msg/Pose", point(p[0] + 10 * i, -p[1], -p[2]), quat([a + 0.2 * i for a in rpy]))
+                for i in range(2 if k % 10 else 1)])),
         ]
     messages.sort(key=lambda m: m[2])
 
@@ -164,6 +169,65 @@ def ros2(folder):
                 log_file.add_message(channels[topic], log, bytes(store.serialize_cdr(message, schema)), log)
             log_file.finish()
         expect(path, messages)
+
+
+def ros1(folder):
+    """A bag of ROS 1, the same as rosbags-convert makes of it, and one as `mcap convert` does."""
+    import pathlib
+    import subprocess
+    from mcap.writer import Writer as McapWriter
+    from rosbags.rosbag1 import Reader, Writer
+    from rosbags.typesys import Stores, get_typestore
+    store = get_typestore(Stores.ROS1_NOETIC)
+    new = lambda name, *a: store.types[name](*a)
+    bag, name = pathlib.Path(folder, "old.bag"), "geometry_msgs/msg/PoseStamped"
+    with Writer(bag) as writer:
+        connection = writer.add_connection("/pose", name, typestore=store)
+        for k in range(N):
+            t, p, rpy, _, _, _ = motion(k)
+            ns = 1_700_000_000 * 10**9 + int(t * 1e9)
+            stamp = new("builtin_interfaces/msg/Time", ns // 10**9, ns % 10**9)
+            w, x, y, z = quaternion(rpy[0], -rpy[1], -rpy[2])
+            pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", p[0], -p[1], -p[2]),
+                       new("geometry_msgs/msg/Quaternion", x, y, z, w))
+            message = new(name, new("std_msgs/msg/Header", k, stamp, "tank"), pose)
+            writer.write(connection, ns + 1000, store.serialize_ros1(message, name))
+    with Reader(bag) as reader, open(os.path.join(folder, "old.mcap"), "wb") as file:
+        log_file = McapWriter(file)
+        log_file.start(profile="ros1")
+        for connection in reader.connections:
+            schema = log_file.register_schema("geometry_msgs/PoseStamped", "ros1msg", connection.msgdef.data.encode())
+            channel = log_file.register_channel(connection.topic, "ros1", schema)
+        for _, log, raw in reader.messages():
+            log_file.add_message(channel, log, bytes(raw), log)
+        log_file.finish()
+    convert = os.path.join(os.path.dirname(sys.executable), "rosbags-convert")
+    subprocess.run([convert, "--src", str(bag), "--dst", os.path.join(folder, "converted")], check=True)
+
+
+def recorded(folder):
+    """Bags of others as rosbags reads them; those that it cannot read are named and left out."""
+    import pathlib
+    import shutil
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    for bag in sorted(pathlib.Path(os.environ["HYDROLINE_BAGS"]).glob("*.mcap")):
+        path = os.path.join(folder, bag.name)
+        try:
+            with AnyReader([bag]) as reader:
+                own = Expected(path)
+                for connection, log, raw in reader.messages():
+                    message = reader.deserialize(raw, connection.msgtype)
+                    fields = {}
+                    flat(message, "", fields)
+                    # Capitals are a type's constants, which no message holds.
+                    fields = {path: v for path, v in fields.items() if not path.split(".")[-1].isupper()}
+                    stamp = getattr(getattr(message, "header", None), "stamp", None)
+                    own.add(connection.topic, stamp and stamp.sec * 10**9 + stamp.nanosec, log, fields)
+        except AnyReaderError as error:
+            print(f"{bag.name}: rosbags cannot read it: {str(error)[:200]}", file=sys.stderr)
+            continue
+        own.file.close()
+        shutil.copyfile(bag, path)
 
 
 def foxglove(folder):

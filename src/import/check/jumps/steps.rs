@@ -3,30 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{Jumps, Series};
-use crate::check::channel::{RATE_MAX_RADPS, SPEED_MAX_MPS};
-use crate::check::{Finding, Severity, name, quantile};
-
-/// No vehicle is pushed harder \[m/s²\]: twenty times its weight.
-const PUSH_MAX: f64 = 200.0;
-/// A vehicle's own means push it with less than its weight \[m/s²\], and turn it less than such a force half a metre off would \[rad/s²\].
-const PUSH_SUDDEN: f64 = 10.0;
-const TURN_SUDDEN: f64 = 20.0;
-/// What comes back after so many rows was lost; what does not has moved.
-const ROWS_AWAY: usize = 50;
-/// Share of a jump that what comes back does so by at once.
-const BACK: f64 = 0.5;
-/// An angle's jump that is worth looking at \[rad\].
-const ANGLE_JUMP: f64 = 0.3;
-/// Steps on one side that tell how the channel goes on there.
-const STEPS_BESIDE: usize = 4;
-/// Rows on one side that have to be quiet about a sudden jump, which is so many times what they do.
-const ROWS_QUIET: usize = 6;
-const QUIET: f64 = 4.0;
-/// Equal rows before a jump that look like a measurement that had stopped.
-const ROWS_FROZEN: usize = 5;
-/// Steps of other lengths than the usual one: longer ones are gaps; shorter ones are stamps that came late.
-const GAP: f64 = 3.0;
-const LATE: f64 = 0.3;
+use crate::check::{Finding, Options, Severity, name, quantile};
 
 /// A jump as a person is told of it.
 struct Seen {
@@ -53,14 +30,16 @@ impl Steps<'_> {
 
     /// Never so short that rounding and late stamps would make a speed of nothing.
     fn dt_s(&self, i: usize) -> f64 {
-        self.series.time_s(i - 1, i).max(LATE * self.usual_s)
+        self.series
+            .time_s(i - 1, i)
+            .max(self.series.options.late_share * self.usual_s)
     }
 
     /// Median change per row and per second of the steps on one side.
     fn beside(&self, steps: impl Iterator<Item = usize>) -> Option<(f64, f64)> {
         let steps: Vec<usize> = steps
             .filter(|i| *i > 0 && *i < self.series.values.len() && !self.jumps[*i])
-            .take(STEPS_BESIDE)
+            .take(self.series.options.beside_steps)
             .collect();
         let mut changes: Vec<f64> = steps
             .iter()
@@ -74,10 +53,8 @@ impl Steps<'_> {
     fn out_of_line(&self, i: usize) -> f64 {
         let change = self.series.change(i - 1, i);
         let dt_s = self.series.time_s(i - 1, i);
-        let sides = [
-            self.beside((1..i).rev()),
-            self.beside(i + 1..i + 1 + 2 * STEPS_BESIDE),
-        ];
+        let after = i + 1 + 2 * self.series.options.beside_steps;
+        let sides = [self.beside((1..i).rev()), self.beside(i + 1..after)];
         let all: Vec<f64> = sides
             .into_iter()
             .flatten()
@@ -110,13 +87,111 @@ impl Steps<'_> {
                 .flatten()
                 .any(|s| k + 1 == s || k == s)
         };
-        let centres = (i.saturating_sub(ROWS_QUIET + 1)..i).chain(last..last + ROWS_QUIET + 1);
+        let quiet = self.series.options.quiet_rows;
+        let centres = (i.saturating_sub(quiet + 1)..i).chain(last..last + quiet + 1);
         let all: Vec<f64> = centres
             .filter(|k| *k > 0 && k + 1 < n && !of_jump(*k))
             .map(|k| (self.series.change(k, k + 1) - self.series.change(k - 1, k)).abs())
             .collect();
-        (all.len() >= ROWS_QUIET).then(|| all.into_iter().fold(0.0, f64::max))
+        (all.len() >= quiet).then(|| all.into_iter().fold(0.0, f64::max))
     }
+
+    /// The step by which what was lost comes back, by a jump of its own; what goes back slowly has moved.
+    fn back(&self, i: usize, limit: f64, out_of_line: f64) -> Option<usize> {
+        let series = self.series;
+        let Options {
+            away_rows,
+            back_share,
+            ..
+        } = *series.options;
+        let before = self.beside((1..i).rev());
+        let going = before.map_or(0.0, |(_, rate)| rate.abs());
+        (i + 1..series.values.len().min(i + away_rows)).find(|j| {
+            let (left, last) = (series.change(i - 1, *j), series.change(j - 1, *j));
+            let near = limit.max(2.0 * going * series.time_s(i - 1, *j));
+            let jumps = last.abs() > back_share * out_of_line.abs();
+            let opposite = series.angle || last * out_of_line < 0.0;
+            left.abs() <= near.max((1.0 - back_share) * out_of_line.abs()) && jumps && opposite
+        })
+    }
+
+    /// A step that leaves the line by more than `limit`, and what it is.
+    fn jump(&self, i: usize, limit: f64) -> Option<Jump> {
+        let (series, options) = (self.series, self.series.options);
+        let (change, time_s) = (series.change(i - 1, i), series.time_s(i - 1, i));
+        if !(time_s > 0.0 && change.abs() > limit) {
+            return None;
+        }
+        let out_of_line = self.out_of_line(i);
+        if out_of_line.abs() <= limit {
+            return None;
+        }
+        let dt_s = self.dt_s(i);
+        let longest_s = options.gap_steps * self.usual_s;
+        let gap = time_s > longest_s;
+        // What comes back at once is pushed twice as hard on its way back.
+        let turn = if i + 1 < series.values.len() && series.time_s(i, i + 1) <= longest_s {
+            (self.rate(i + 1) - self.rate(i)).abs()
+        } else {
+            0.0
+        };
+        let push = turn.max(out_of_line.abs() / dt_s) / dt_s;
+        let pushed = !series.angle && !gap && push > options.push_max_mps2;
+        let back = self.back(i, limit, out_of_line);
+        let whole_turn = |j: usize| (series.values[j] - series.values[i - 1]).abs() > 1.5 * PI;
+        let large = !series.angle || change.abs() > options.angle_jump_rad;
+        let wrapped = series.angle && large && back.is_some_and(whole_turn);
+        let fastest = if series.angle {
+            options.rate_max_radps
+        } else {
+            options.speed_max_mps
+        };
+        let fast = change.abs() / dt_s > fastest && large;
+        Some(Jump {
+            seen: Seen {
+                line: series.line(i),
+                change,
+                dt_s: time_s,
+                value: series.values[i],
+                stood: self.stood(i),
+            },
+            out_of_line,
+            dt_s,
+            gap,
+            back,
+            wrapped,
+            impossible: fast || pushed || wrapped,
+        })
+    }
+
+    /// Whether hardly a vehicle jumps so, and the rows around are quiet.
+    fn is_sudden(&self, i: usize, jump: &Jump) -> bool {
+        let options = self.series.options;
+        let hardly = if self.series.angle {
+            options.turn_sudden_radps2
+        } else {
+            options.push_sudden_mps2
+        };
+        let off = jump.out_of_line.abs();
+        let quiet = |bend: f64| off > options.quiet_bends * bend;
+        !jump.gap && off / jump.dt_s.powi(2) > hardly && self.bends(i, jump.back).is_some_and(quiet)
+    }
+}
+
+/// A step that is out of line.
+struct Jump {
+    seen: Seen,
+    out_of_line: f64,
+    /// Never so short that it makes a speed of nothing \[s\].
+    dt_s: f64,
+    /// Over a gap, which says nothing of the push, only of the speed.
+    gap: bool,
+    /// The step by which the channel comes back.
+    back: Option<usize>,
+    /// It comes back over a whole turn.
+    wrapped: bool,
+    /// No vehicle does so.
+    impossible: bool,
 }
 
 /// Looks at the steps of one channel; a change of `limit` from row to row is nothing unusual in it.
@@ -132,72 +207,19 @@ pub(super) fn check(place: usize, series: &Series<'_>, limit: f64, out: &mut Jum
         usual_s,
         jumps: vec![false; n],
     };
-    let fastest = if series.angle {
-        RATE_MAX_RADPS
-    } else {
-        SPEED_MAX_MPS
-    };
     let (mut moved, mut away, mut through, mut sudden) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut i = 1;
     while i < n {
-        let (change, time_s) = (series.change(i - 1, i), series.time_s(i - 1, i));
-        let out_of_line = if time_s > 0.0 && change.abs() > limit {
-            steps.out_of_line(i)
-        } else {
-            0.0
-        };
-        if out_of_line.abs() <= limit {
+        let Some(jump) = steps.jump(i, limit) else {
             i += 1;
             continue;
-        }
-        let dt_s = steps.dt_s(i);
-        // A gap says nothing of the push, only of the speed.
-        let gap = time_s > GAP * usual_s;
-        // What comes back at once is pushed twice as hard on its way back.
-        let turn = if i + 1 < n && series.time_s(i, i + 1) <= GAP * usual_s {
-            (steps.rate(i + 1) - steps.rate(i)).abs()
-        } else {
-            0.0
         };
-        let push = turn.max(out_of_line.abs() / dt_s) / dt_s;
-        let pushed = !series.angle && !gap && push > PUSH_MAX;
-        let going = steps
-            .beside((1..i).rev())
-            .map_or(0.0, |(_, rate)| rate.abs());
-        // What was lost comes back by a jump of its own; what goes back slowly has moved.
-        let back = (i + 1..n.min(i + ROWS_AWAY)).find(|j| {
-            let (left, last) = (series.change(i - 1, *j), series.change(j - 1, *j));
-            let near = limit.max(2.0 * going * series.time_s(i - 1, *j));
-            let jumps = last.abs() > BACK * out_of_line.abs();
-            let opposite = series.angle || last * out_of_line < 0.0;
-            left.abs() <= near.max((1.0 - BACK) * out_of_line.abs()) && jumps && opposite
-        });
-        let whole_turn = |j: &usize| (series.values[*j] - series.values[i - 1]).abs() > 1.5 * PI;
-        let wrapped =
-            series.angle && change.abs() > ANGLE_JUMP && back.as_ref().is_some_and(whole_turn);
-        let fast = change.abs() / dt_s > fastest && (!series.angle || change.abs() > ANGLE_JUMP);
-        let seen = Seen {
-            line: series.line(i),
-            change,
-            dt_s: time_s,
-            value: series.values[i],
-            stood: steps.stood(i),
-        };
-        if !(fast || pushed || wrapped) {
-            let hardly = if series.angle {
-                TURN_SUDDEN
-            } else {
-                PUSH_SUDDEN
-            };
-            let quiet = || {
-                let bends = steps.bends(i, back);
-                bends.is_some_and(|b| out_of_line.abs() > QUIET * b)
-            };
-            if !gap && out_of_line.abs() / dt_s.powi(2) > hardly && quiet() {
-                sudden.push(seen);
+        if !jump.impossible {
+            if steps.is_sudden(i, &jump) {
+                sudden.push(jump.seen);
                 steps.jumps[i] = true;
-                if let Some(j) = back {
+                if let Some(j) = jump.back {
                     steps.jumps[j] = true;
                     i = j;
                 }
@@ -206,28 +228,44 @@ pub(super) fn check(place: usize, series: &Series<'_>, limit: f64, out: &mut Jum
             continue;
         }
         steps.jumps[i] = true;
-        match back {
+        match jump.back {
             Some(j) => {
                 out.spoilt.push(series.range(i, j));
                 steps.jumps[j] = true;
-                if wrapped { &mut through } else { &mut away }.push(seen);
+                let of = if jump.wrapped {
+                    &mut through
+                } else {
+                    &mut away
+                };
+                of.push(jump.seen);
                 i = j + 1;
             }
             None => {
-                moved.push(seen);
+                moved.push(jump.seen);
                 i += 1;
             }
         }
     }
     out.spoilt.sort_by_key(|r| r.start);
-    report(place, "angle_through_wrap", &through, &mut out.findings);
-    report(place, "outlier", &away, &mut out.findings);
-    report(place, "teleport", &moved, &mut out.findings);
-    report(place, "sudden_jump", &sudden, &mut out.findings);
+    for (kind, seen) in [
+        ("angle_through_wrap", through),
+        ("outlier", away),
+        ("teleport", moved),
+        ("sudden_jump", sudden),
+    ] {
+        let frozen = series.options.frozen_rows;
+        report(place, kind, &seen, frozen, &mut out.findings);
+    }
 }
 
 /// Jumps of one kind.
-fn report(place: usize, kind: &'static str, seen: &[Seen], findings: &mut Vec<Finding>) {
+fn report(
+    place: usize,
+    kind: &'static str,
+    seen: &[Seen],
+    frozen: usize,
+    findings: &mut Vec<Finding>,
+) {
     let Some(first) = seen.first() else {
         return;
     };
@@ -239,7 +277,8 @@ fn report(place: usize, kind: &'static str, seen: &[Seen], findings: &mut Vec<Fi
         ("m", first.change, first.value)
     };
     let mut words = format!("{change:+.4} {unit} within {dt_s:.4} s");
-    if let (rows @ ROWS_FROZEN.., from) = first.stood {
+    let (rows, from) = first.stood;
+    if rows >= frozen {
         words += &format!(
             " after {rows} rows of one value from line {from} on, as if the measurement had stopped there"
         );

@@ -17,6 +17,7 @@ fn nearby(series: &Series<'_>, zero: f64, rows: impl Iterator<Item = usize>) -> 
 /// Runs of the file's exact 0, far from what is before and after: a lost body.
 pub(super) fn zeros(place: usize, zero: f64, series: &Series<'_>, limit: f64, out: &mut Jumps) {
     let n = series.values.len();
+    let (beside, steps) = (series.options.zero_rows, series.options.zero_steps);
     let (mut groups, mut rows, mut first) = (0, 0, 0);
     let mut i = 0;
     while i < n {
@@ -29,15 +30,19 @@ pub(super) fn zeros(place: usize, zero: f64, series: &Series<'_>, limit: f64, ou
             i += 1;
         }
         // A channel that passes through 0 comes and goes in steps like those before and after.
-        let far = |change: f64, near: f64| change.abs() > limit.max(4.0 * near);
+        let far = |change: f64, near: f64| change.abs() > limit.max(steps * near);
         let before = (from > 0).then(|| {
             far(
                 series.change(from - 1, from),
-                nearby(series, zero, from.saturating_sub(6)..from),
+                nearby(series, zero, from.saturating_sub(beside)..from),
             )
         });
-        let after =
-            (i < n).then(|| far(series.change(i - 1, i), nearby(series, zero, i + 1..i + 7)));
+        let after = (i < n).then(|| {
+            far(
+                series.change(i - 1, i),
+                nearby(series, zero, i + 1..i + 1 + beside),
+            )
+        });
         let far = match (before, after) {
             (Some(b), Some(a)) => b && a,
             (Some(one), None) | (None, Some(one)) => one,

@@ -1,13 +1,6 @@
 //! How well a measured rate agrees with what the pose says, and what the data cannot tell.
 
-/// A variance that is so many times the noise's is motion.
-pub(super) const MOVES: f64 = 10.0;
-/// A rate that moves while the pose does not must do so by more: its noise is no white one.
-const MOVES_ALONE: f64 = 100.0;
-/// So many spans tell something.
-pub(super) const SPANS_MIN: usize = 12;
-/// A correlation of so many of its own standard deviations is no chance.
-const NO_CHANCE: f64 = 4.0;
+use crate::check::Options;
 
 /// One span: means over it of what the pose says, of the measured rate, and of that rate by every second of its samples.
 #[derive(Debug, Clone, Copy)]
@@ -18,8 +11,9 @@ pub(super) struct Pair {
 }
 
 /// What is compared with what, over many spans.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Agreement {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Agreement<'a> {
+    pub options: &'a Options,
     spans: usize,
     /// Variance that noise alone makes.
     noise: f64,
@@ -49,13 +43,14 @@ pub(super) enum Verdict {
     Apart { fit: f64 },
 }
 
-impl Agreement {
-    pub fn of(pairs: &[Pair], noise: f64) -> Agreement {
+impl<'a> Agreement<'a> {
+    pub fn of(pairs: &[Pair], noise: f64, options: &'a Options) -> Agreement<'a> {
         let n = pairs.len().max(1) as f64;
         let mean = |f: &dyn Fn(&Pair) -> f64| pairs.iter().map(f).sum::<f64>() / n;
         let (mean_pose, mean_rate) = (mean(&|p| p.pose), mean(&|p| p.rate));
         let mean_coarse = mean(&|p| p.coarse);
         Agreement {
+            options,
             spans: pairs.len(),
             noise,
             mean_pose,
@@ -78,7 +73,7 @@ impl Agreement {
     }
 
     pub fn pose_moves(&self) -> bool {
-        self.pose > 0.0 && self.pose >= MOVES * self.noise
+        self.pose > 0.0 && self.pose >= self.options.moves_variances * self.noise
     }
 
     /// Bounds of the gain. Noise of the pose makes the first regression too small, noise of the rate the second one too
@@ -90,24 +85,28 @@ impl Agreement {
     }
 
     pub fn verdict(&self) -> Verdict {
-        if self.spans < SPANS_MIN {
+        let options = self.options;
+        let moves = options.moves_variances;
+        if self.spans < options.spans {
             return Verdict::TooLittle;
         }
-        let rate_moves = self.rate > 0.0 && self.rate >= MOVES * self.noise;
+        let rate_moves = self.rate > 0.0 && self.rate >= moves * self.noise;
         if !self.pose_moves() {
-            let steady = |mean: f64, spread: f64| mean.powi(2) > MOVES * spread.max(self.noise);
+            let steady = |mean: f64, spread: f64| mean.powi(2) > moves * spread.max(self.noise);
             return if steady(self.mean_pose, self.pose) && steady(self.mean_rate, self.rate) {
                 Verdict::Steady {
                     ratio: self.mean_rate / self.mean_pose,
                 }
-            } else if rate_moves && self.rate >= MOVES_ALONE * self.noise.max(self.pose) {
+            } else if rate_moves
+                && self.rate >= options.moves_alone_variances * self.noise.max(self.pose)
+            {
                 Verdict::Apart { fit: self.fit() }
             } else {
                 Verdict::TooLittle
             };
         }
         let fit = self.fit();
-        if fit.abs() * (self.spans as f64).sqrt() < NO_CHANCE || fit == 0.0 {
+        if fit.abs() * (self.spans as f64).sqrt() < options.no_chance_sds || fit == 0.0 {
             return Verdict::Apart { fit };
         }
         let (from, to) = self.gains();

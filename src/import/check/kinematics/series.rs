@@ -2,8 +2,6 @@
 
 use crate::check::quantile;
 
-/// A hole of more than so many of a channel's usual steps is not bridged.
-const STEPS_BRIDGED: f64 = 4.0;
 /// Share of the differences that is taken for noise, and the normal distribution's quantile there.
 const NOISE_SHARE: f64 = 0.9;
 const NOISE_QUANTILE: f64 = 1.645;
@@ -23,10 +21,10 @@ pub(super) fn usual_step_s(rows: &[usize], times_s: &[f64]) -> f64 {
     quantile(&mut steps, 0.5).unwrap_or(0.0)
 }
 
-/// Straight lines between the given rows of a series; nothing before, after, and in holes.
-pub(super) fn lines(values: &[f64], rows: &[usize], times_s: &[f64]) -> Vec<f64> {
+/// Straight lines between the given rows of a series; nothing before, after, and in holes of more than so many steps.
+pub(super) fn lines(values: &[f64], rows: &[usize], times_s: &[f64], bridged: f64) -> Vec<f64> {
     let mut out = vec![f64::NAN; values.len()];
-    let bridged_s = STEPS_BRIDGED * usual_step_s(rows, times_s);
+    let bridged_s = bridged * usual_step_s(rows, times_s);
     for w in rows.windows(2) {
         let (a, b) = (w[0], w[1]);
         (out[a], out[b]) = (values[a], values[b]);
@@ -51,7 +49,7 @@ pub(super) fn noise(values: &[f64], rows: &[usize]) -> f64 {
     quantile(&mut all, NOISE_SHARE).unwrap_or(0.0) / NOISE_QUANTILE / THIRD_DIFFERENCE.sqrt()
 }
 
-/// A series summed over time: what it makes between any two rows.
+/// A series summed over time: what it makes between any two rows with no hole of more than so many steps between them.
 pub(super) struct Sum {
     sum: Vec<f64>,
     /// Steps so far that have no sum.
@@ -59,9 +57,9 @@ pub(super) struct Sum {
 }
 
 impl Sum {
-    pub fn of(values: &[f64], times_s: &[f64]) -> Sum {
+    pub fn of(values: &[f64], times_s: &[f64], bridged: f64) -> Sum {
         let rows: Vec<usize> = (0..times_s.len()).collect();
-        let longest_s = STEPS_BRIDGED * usual_step_s(&rows, times_s);
+        let longest_s = bridged * usual_step_s(&rows, times_s);
         let mut out = Sum {
             sum: vec![0.0; values.len()],
             holes: vec![0; values.len()],

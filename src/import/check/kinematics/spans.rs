@@ -1,20 +1,17 @@
 //! Pose differences and measured rates over the same spans: the mean of a rate over a span is the difference of the pose
 //! over it, whatever the sampling and however long the span.
 
-use super::ROWS_COMPARED;
-use super::agreement::{Agreement, Pair, SPANS_MIN};
+use super::agreement::{Agreement, Pair};
 use super::series::Sum;
 use super::tracks::{Tracks, Vector};
 use crate::attitude::to_body;
+use crate::check::Options;
 
-/// Motion that is so many times the noise's variance needs no longer spans.
-const CLEAR: f64 = 100.0;
-
-impl Tracks<'_> {
+impl<'a> Tracks<'a> {
     /// Rows between which spans of a channel lie: those in which its pose was measured.
     fn ends(&self, c: usize, every: usize) -> Vec<usize> {
         let rows = &self.rows[c];
-        let thin = (rows.len() / every / ROWS_COMPARED).max(1);
+        let thin = (rows.len() / every / self.options.compared_rows).max(1);
         // A long table tells no more: every so many spans.
         rows.iter().copied().step_by(every * thin).collect()
     }
@@ -49,10 +46,12 @@ impl Tracks<'_> {
     }
 
     /// The shortest spans over which the pose moves clearly, or those over which it does most.
-    fn clearest(&self, c: usize, of: impl Fn(usize) -> Agreement) -> Agreement {
+    fn clearest(&self, c: usize, of: impl Fn(usize) -> Agreement<'a>) -> Agreement<'a> {
         let mut best = of(1);
         let mut every = 2;
-        while best.clarity() < CLEAR && self.rows[c].len() / every > 2 * SPANS_MIN {
+        while best.clarity() < self.options.clear_variances
+            && self.rows[c].len() / every > 2 * self.options.spans
+        {
             let next = of(every);
             if next.clarity() > best.clarity() {
                 best = next;
@@ -63,7 +62,7 @@ impl Tracks<'_> {
     }
 
     /// One rate against the change of one pose channel.
-    pub fn scalar(&self, rate: usize, pose: usize, sums: &Vector) -> Agreement {
+    pub fn scalar(&self, rate: usize, pose: usize, sums: &Vector) -> Agreement<'a> {
         let k = rate % 3;
         self.clearest(pose, |every| {
             let (pairs, span_s) = self.pairs(pose, every, |a, b, span_s| {
@@ -74,7 +73,7 @@ impl Tracks<'_> {
                 };
                 pair.pose.is_finite().then_some(pair)
             });
-            Agreement::of(&pairs, self.noise_of(pose, rate, span_s))
+            Agreement::of(&pairs, self.noise_of(pose, rate, span_s), self.options)
         })
     }
 
@@ -109,7 +108,7 @@ impl Tracks<'_> {
     }
 
     /// One velocity along the body against the way along one of its axes.
-    pub fn velocity(&self, rate: usize, axis: usize, tank: &Vector) -> Agreement {
+    pub fn velocity(&self, rate: usize, axis: usize, tank: &Vector) -> Agreement<'a> {
         self.clearest(0, |every| {
             let (pairs, span_s) = self.pairs(0, every, |a, b, span_s| {
                 let [pose, fine, coarse] = self.along_body(tank, a, b, span_s)?;
@@ -119,7 +118,7 @@ impl Tracks<'_> {
                     coarse: coarse[rate],
                 })
             });
-            Agreement::of(&pairs, self.noise_of(0, rate, span_s))
+            Agreement::of(&pairs, self.noise_of(0, rate, span_s), self.options)
         })
     }
 
@@ -127,8 +126,12 @@ impl Tracks<'_> {
     pub fn distances(&self, own: &Vector, other: &Vector) -> Option<Distances> {
         let mut best: Option<Distances> = None;
         let mut every = 1;
-        while best.is_none_or(|b| b.way < CLEAR * b.noise) && self.rows[0].len() / every > SPANS_MIN
-        {
+        let Options {
+            clear_variances: clear,
+            spans,
+            ..
+        } = *self.options;
+        while best.is_none_or(|b| b.way < clear * b.noise) && self.rows[0].len() / every > spans {
             let (all, span_s) = self.pairs(0, every, |a, b, span_s| {
                 let mean = |s: &[Sum; 3], k: usize| s[k].between(a, b).map(|v| v / span_s);
                 let mut of_span = [0.0; 4];
@@ -142,7 +145,7 @@ impl Tracks<'_> {
                 of_span.iter().all(|v| v.is_finite()).then_some(of_span)
             });
             let n = all.len() as f64;
-            if all.len() >= SPANS_MIN {
+            if all.len() >= spans {
                 let mean = |i: usize| all.iter().map(|s| s[i]).sum::<f64>() / n;
                 let noise = self.noise_of(0, 0, span_s) + self.noise_of(1, 1, span_s);
                 let next = Distances {

@@ -3,6 +3,7 @@
 use super::Assumed;
 use super::series::{Sum, lines, measured, noise, usual_step_s};
 use crate::attitude::{to_body, to_tank};
+use crate::check::Options;
 use crate::table::Imported;
 
 /// One measured series: by all of its samples and by every second of them.
@@ -15,6 +16,7 @@ pub(super) struct Rate {
 
 /// Pose and rates of a table, without holes.
 pub(super) struct Tracks<'a> {
+    pub(super) options: &'a Options,
     pub(super) times_s: &'a [f64],
     pub(super) pose: Vec<Vec<f64>>,
     /// Rows in which each pose channel was measured, and its noise.
@@ -31,7 +33,13 @@ pub(super) struct Vector {
 
 impl<'a> Tracks<'a> {
     /// `pose` goes on over whole turns.
-    pub fn new(data: &'a Imported, mut pose: Vec<Vec<f64>>, assumed: Assumed) -> Tracks<'a> {
+    pub fn new(
+        data: &'a Imported,
+        mut pose: Vec<Vec<f64>>,
+        assumed: Assumed,
+        options: &'a Options,
+    ) -> Tracks<'a> {
+        let bridged = options.bridged_steps;
         let n = data.times_s.len();
         let times_s = &data.times_s;
         let rows: Vec<Vec<usize>> = pose
@@ -48,7 +56,7 @@ impl<'a> Tracks<'a> {
         if assumed.sparse {
             for (values, rows) in pose.iter_mut().zip(&rows) {
                 if !rows.is_empty() {
-                    *values = lines(values, rows, times_s);
+                    *values = lines(values, rows, times_s, bridged);
                 }
             }
         }
@@ -58,16 +66,17 @@ impl<'a> Tracks<'a> {
             let half: Vec<usize> = all.iter().copied().step_by(2).collect();
             Some(Rate {
                 fine: if assumed.sparse {
-                    lines(values, &all, times_s)
+                    lines(values, &all, times_s, bridged)
                 } else {
                     values.clone()
                 },
-                coarse: lines(values, &half, times_s),
+                coarse: lines(values, &half, times_s, bridged),
                 sd: noise(values, &all),
                 step_s: usual_step_s(&all, times_s),
             })
         };
         Tracks {
+            options,
             times_s,
             rows,
             sd,
@@ -123,7 +132,7 @@ impl<'a> Tracks<'a> {
             let rows: Vec<[f64; 3]> = (0..n).map(row).collect();
             [0, 1, 2].map(|k| {
                 let values: Vec<f64> = rows.iter().map(|r| r[k]).collect();
-                Sum::of(&values, self.times_s)
+                Sum::of(&values, self.times_s, self.options.bridged_steps)
             })
         };
         Vector {
