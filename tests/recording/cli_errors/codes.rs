@@ -97,6 +97,9 @@ fn run(words: &[String]) -> Output {
 /// Every place of the command line that takes a file to read.
 const INPUTS: &[&str] = &[
     "rig show BAD",
+    "plan list --rig BAD",
+    "plan show BAD",
+    "plan show surge-4n --rig BAD",
     "check --rig BAD",
     "aim --rig BAD --for 1s",
     "flat BAD",
@@ -157,6 +160,12 @@ const VALUES: &[(&str, &[&str])] = &[
     ("devices --lnog", &["--long"]),
     ("rig new --out LOG", &["exists", "--out"]),
     ("rig show lshpy", &["lshpi"]),
+    ("plan show surge-5n", &["surge-4n"]),
+    (
+        "plan show surge-4n --scale 0",
+        &["--scale", "above 0", "0.42"],
+    ),
+    ("plan list --rig lshpy", &["lshpi"]),
     ("check --rig lshpi --disk", &["--disk"]),
     ("aim --rig lshpi --for 0s", &["longer than 0"]),
     (

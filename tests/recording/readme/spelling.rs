@@ -50,8 +50,8 @@ fn of_line(line: &str) -> Vec<Call> {
             if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
                 return None;
             }
-            if name == "rig" {
-                name = format!("rig {}", words.get(1)?);
+            if ["rig", "plan"].contains(&name.as_str()) {
+                name = format!("{name} {}", words.get(1)?);
             }
             let flags = words
                 .iter()
