@@ -25,7 +25,7 @@ Examples:
   hydroline prove --category unnamed --cases 8
   hydroline prove --category modulated       # or composed, instrument: beside the full set
   hydroline prove --only single-7            # one case: whole verdict and key
-  hydroline prove --images 90                # effects of camera, sheet, target, water, light, or none
+  hydroline prove --images 90                # camera, sheet, target, water, light, or none
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
   hydroline prove --cases 46 --export cases  # tables for other tools, keys apart
 
