@@ -3,8 +3,8 @@
 use super::print::{out, outln};
 use super::{CliError, Outcome, inputs};
 use clap::Subcommand;
-use hydroline_plan::preflight::{PreflightError, Repeats, preflight, preflight_runs};
-use hydroline_plan::size::{largest, scaled, share_that_fits};
+use hydroline_plan::preflight::{PreflightError, Repeats, preflight};
+use hydroline_plan::size::{largest, refusal, scaled, share_that_fits};
 use hydroline_rigs::{Plan, Rig, Wrench};
 use serde::Serialize;
 
@@ -141,18 +141,6 @@ fn listed(name: &'static str, rig: Option<&Rig>) -> Result<Listed, CliError> {
         made.share_that_fits = share_that_fits(rig, &plan, Repeats::ONCE)?;
     }
     Ok(made)
-}
-
-/// Why a rig refuses a plan, and when; `None` where it does not.
-fn refusal(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<Option<String>, CliError> {
-    match preflight_runs(rig, plan, repeats) {
-        Ok(report) => Ok(report
-            .violations
-            .first()
-            .map(|v| format!("at {:.2} s: {}", v.at_s, v.what))),
-        Err(PreflightError::Setpoint(error)) => Ok(Some(error.to_string())),
-        Err(other) => Err(other.into()),
-    }
 }
 
 /// What to add to a refusal: the size that fits, and how to get it.

@@ -410,10 +410,9 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError
     match report.violations.first() {
         None => Ok(report),
         Some(first) => Err(CliError::Config(format!(
-            "plan '{}' is refused: at {:.2} s {}{}; {}; --dry-run shows the whole check{}",
+            "plan '{}' is refused: {}{}; {}; --dry-run shows the whole check{}",
             plan.name,
-            first.at_s,
-            first.what,
+            first,
             if report.violations.len() > 1 {
                 format!(" (and {} more)", report.violations.len() - 1)
             } else {

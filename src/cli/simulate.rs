@@ -121,11 +121,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
 fn warn(rig: &Rig, plan: &Plan) -> Result<(), CliError> {
     let report = preflight(rig, plan)?;
     for violation in &report.violations {
-        errln!(
-            "hydroline: `record` would refuse this plan: at {:.2} s {}",
-            violation.at_s,
-            violation.what
-        );
+        errln!("hydroline: `record` would refuse this plan: {violation}");
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use crate::fit::{Fit, Problem};
-use crate::hyper::{CORRELATIONS_S, Cell, Cells, SIZES, filters, ln_prior};
+use crate::hyper::{Cell, Cells, filters, ln_prior, ln_sum};
 use crate::prior::PriorTable;
 use crate::recording::Recording;
 use crate::search::{Options, search};
@@ -22,22 +22,10 @@ const WIDER: f64 = 1.2;
 /// Draws that an integral must be worth to be held against anything.
 const THIN: f64 = 30.0;
 
-fn ln_sum(terms: &[f64]) -> f64 {
-    let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if top == f64::NEG_INFINITY {
-        return top;
-    }
-    top + terms.iter().map(|t| (t - top).exp()).sum::<f64>().ln()
-}
-
 /// Log evidence, and of how many draws it is worth.
 fn integral(problem: &Problem, fit: &Fit, draws: usize, seed: u64) -> (f64, f64) {
     let median = problem.body.prior.misfit_over_tolerance;
-    let cells: Vec<Cell> = (0..SIZES.len())
-        .flat_map(|size| {
-            (0..CORRELATIONS_S.len()).map(move |correlation| Cell { size, correlation })
-        })
-        .collect();
+    let cells: Vec<Cell> = Cell::all().collect();
     let of = |d: usize| {
         let each = cells.iter().map(|cell| {
             let own = filters(&problem.body, &problem.worth, &problem.noises, d, *cell);

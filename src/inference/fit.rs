@@ -14,7 +14,7 @@ use super::belief::Belief;
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
 use super::filter::Filter;
-use super::hyper::{CORRELATIONS_S, Cell, Cells, Noises, SIZES, Worth, filters, ln_prior};
+use super::hyper::{Cell, Cells, Noises, Worth, filters, ln_prior, ln_sum};
 use super::noise::estimate;
 use super::prior::PriorTable;
 use super::recording::Recording;
@@ -387,21 +387,14 @@ impl Problem {
     /// `values` = channels per run and sample, turned as measured ones are.
     pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
         let median = self.body.prior.misfit_over_tolerance;
-        let cells = || {
-            let all = (0..CORRELATIONS_S.len()).flat_map(|correlation| {
-                (0..SIZES.len()).map(move |size| Cell { size, correlation })
-            });
-            all.collect::<Vec<_>>()
-        };
+        let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
-            let each = cells().into_par_iter().map(|cell| {
+            let each = cells.par_iter().map(|&cell| {
                 let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
                 let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
                 ln_prior(cell, median) - cost
             });
-            let each: Vec<f64> = each.collect();
-            let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            -most - each.iter().map(|v| (v - most).exp()).sum::<f64>().ln()
+            -ln_sum(&each.collect::<Vec<f64>>())
         };
         self.body.dofs.iter().map(of).sum()
     }

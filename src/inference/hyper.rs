@@ -64,6 +64,15 @@ pub struct Cell {
     pub correlation: usize,
 }
 
+impl Cell {
+    /// Every one.
+    pub fn all() -> impl Iterator<Item = Cell> {
+        (0..SIZES.len()).flat_map(|size| {
+            (0..CORRELATIONS_S.len()).map(move |correlation| Cell { size, correlation })
+        })
+    }
+}
+
 /// Random forces of all DOFs.
 pub type Misfit = [Cell; 6];
 /// Size and length of each table, by its candidate.
@@ -206,6 +215,15 @@ impl Own {
     }
 }
 
+/// Log of a sum of exponentials.
+pub(super) fn ln_sum(terms: &[f64]) -> f64 {
+    let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return top;
+    }
+    top + terms.iter().map(|t| (t - top).exp()).sum::<f64>().ln()
+}
+
 /// Log prior probability of a cell: half-Cauchy sizes, every correlation time alike.
 pub fn ln_prior(cell: Cell, median_over_tolerance: f64) -> f64 {
     ln_half_cauchy(&SIZES, cell.size, median_over_tolerance) - (CORRELATIONS_S.len() as f64).ln()
@@ -257,12 +275,7 @@ mod tests {
 
     #[test]
     fn the_cells_share_all_probability() {
-        let mut sum = 0.0;
-        for size in 0..SIZES.len() {
-            for correlation in 0..CORRELATIONS_S.len() {
-                sum += ln_prior(Cell { size, correlation }, 0.1).exp();
-            }
-        }
+        let sum: f64 = Cell::all().map(|cell| ln_prior(cell, 0.1).exp()).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{sum}");
     }
 }

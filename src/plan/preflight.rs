@@ -31,6 +31,12 @@ pub struct Violation {
     pub what: String,
 }
 
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "at {:.2} s {}", self.at_s, self.what)
+    }
+}
+
 /// What a plan will do, by the rig's model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preflight {

@@ -48,14 +48,21 @@ pub fn largest(plan: &Plan) -> Option<[f64; 6]> {
         })
 }
 
-/// Whether a plan runs on a rig without a violation.
-fn fits(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<bool, PreflightError> {
+/// Why a rig refuses a plan: the first violation, or more than the thrusters give; `None` where it runs.
+///
+/// # Errors
+/// [`PreflightError::Sim`] for a rig that cannot be simulated.
+pub fn refusal(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<Option<String>, PreflightError> {
     match preflight_runs(rig, plan, repeats) {
-        Ok(report) => Ok(report.violations.is_empty()),
-        // More than the thrusters give.
-        Err(PreflightError::Setpoint(_)) => Ok(false),
+        Ok(report) => Ok(report.violations.first().map(ToString::to_string)),
+        Err(PreflightError::Setpoint(error)) => Ok(Some(error.to_string())),
         Err(other) => Err(other),
     }
+}
+
+/// Whether a plan runs on a rig.
+fn fits(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<bool, PreflightError> {
+    Ok(refusal(rig, plan, repeats)?.is_none())
 }
 
 /// Largest share of a refused plan's loads with which it runs on this rig, to two digits; `None` where it is not the size
@@ -96,14 +103,14 @@ pub fn share_that_fits(
 mod tests {
     use super::*;
 
-    fn builtin(plan: &str) -> (Rig, Plan) {
+    fn rig_and(plan: &str) -> (Rig, Plan) {
         let rig = Rig::builtin("lshpi").unwrap();
         (rig, Plan::load_or_builtin(plan).unwrap())
     }
 
     #[test]
     fn what_is_refused_for_its_size_fits_at_the_share_that_is_said_and_not_at_a_tenth_more() {
-        let (rig, plan) = builtin("surge-8n");
+        let (rig, plan) = rig_and("surge-8n");
         let large = scaled(&plan, 6.0);
         assert!(!fits(&rig, &large, Repeats::ONCE).unwrap());
         let share = share_that_fits(&rig, &large, Repeats::ONCE)
@@ -118,7 +125,7 @@ mod tests {
 
     #[test]
     fn more_than_the_thrusters_give_is_a_question_of_size_as_well() {
-        let (rig, plan) = builtin("surge-4n");
+        let (rig, plan) = rig_and("surge-4n");
         let share = share_that_fits(&rig, &scaled(&plan, 1e4), Repeats::ONCE);
         // A ten-thousandth is less than the least that is tried.
         assert_eq!(share.unwrap(), None);
@@ -128,14 +135,14 @@ mod tests {
 
     #[test]
     fn a_start_outside_of_the_limits_is_no_question_of_size() {
-        let (mut rig, plan) = builtin("surge-4n");
+        let (mut rig, plan) = rig_and("surge-4n");
         rig.tank.start_pose[0] = rig.limits.x_m[1] + 1.0;
         assert_eq!(share_that_fits(&rig, &plan, Repeats::ONCE).unwrap(), None);
     }
 
     #[test]
     fn a_scaled_plan_reads_back_as_it_is() {
-        let (_, plan) = builtin("two-tone");
+        let (_, plan) = rig_and("two-tone");
         let half = scaled(&plan, 0.5);
         let back = Plan::from_toml(&half.source_toml, "half.toml").unwrap();
         assert_eq!(back.steps, half.steps);

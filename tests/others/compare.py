@@ -137,7 +137,7 @@ def bic(case):
         return n * np.log(left @ left / n) + len(chosen) * np.log(n)
 
     acting = [k for k in range(f.shape[1]) if np.any(f[:, k])]
-    chosen, best = list(range(len(BASE))), None
+    chosen = list(range(len(BASE)))
     best = score(chosen)
     while True:
         moves = [chosen + [k] for k in acting if k not in chosen]
