@@ -65,7 +65,7 @@ pub struct Args {
     output: Output,
 }
 
-fn dof(name: &str) -> Result<Dof, String> {
+pub(super) fn dof(name: &str) -> Result<Dof, String> {
     let found = Dof::ALL.into_iter().find(|d| d.name() == name);
     found.ok_or_else(|| {
         let known: Vec<&str> = Dof::ALL.iter().map(|d| d.name()).collect();
@@ -205,7 +205,7 @@ fn command() -> String {
     format!("hydroline {}", words.join(" "))
 }
 
-fn print(v: &Verdict) {
+pub(super) fn print(v: &Verdict) {
     outln!("{}", v.sentence);
     for e in &v.effects {
         let numbers: Vec<String> = e

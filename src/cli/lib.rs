@@ -12,6 +12,7 @@ mod calibrated;
 mod check;
 mod completions;
 mod demo;
+mod design;
 mod devices;
 mod diagnose;
 mod extract;

@@ -1,7 +1,7 @@
 //! `hydroline plan`: what is built in, what of it runs on a rig, and a plan at the size that fits.
 
 use super::print::{out, outln};
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome, design, inputs};
 use clap::Subcommand;
 use hydroline_plan::preflight::{PreflightError, Repeats, preflight};
 use hydroline_plan::size::{largest, refusal, scaled, share_that_fits};
@@ -29,6 +29,8 @@ Exit codes: 0 done; 2 there is no such rig, or it is not sound.")]
         #[arg(long)]
         json: bool,
     },
+    /// Makes plans for a rig: sized to it, chosen by what their runs will say
+    Design(design::Args),
     /// A plan's steps, and what it does on a rig; at another size, as a file to edit
     #[command(after_help = "\
 Examples:
@@ -78,6 +80,7 @@ struct Listed {
 
 pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
+        Command::Design(args) => design::run(args)?,
         Command::List { rig, json } => list(rig.as_deref(), *json)?,
         Command::Show {
             plan,
@@ -161,7 +164,7 @@ pub fn size_that_fits(rig: &Rig, plan: &Plan, named: &str, repeats: Repeats) -> 
 }
 
 /// Loads that are not 0, with their keys.
-fn loads(largest: [f64; 6]) -> String {
+pub(super) fn loads(largest: [f64; 6]) -> String {
     let each = Wrench::KEYS.iter().zip(largest).filter(|(_, v)| *v > 0.0);
     let each: Vec<String> = each.map(|(key, v)| format!("{key} {v:.3}")).collect();
     match each.is_empty() {

@@ -1,5 +1,7 @@
 //! `hydroline record`: the daemon on the command line.
 
+mod until;
+
 use super::calibrated::{MakeArgs, UseArgs};
 use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
@@ -33,6 +35,10 @@ A plan is simulated first and refused when it leaves the tank, the target, or pu
 With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
 with --return-to-start you bring it back by hand, and Enter starts the next run.
 
+With --next the plan is proposed that says most beside the runs that are there, with its reason; Enter starts it. With \
+--until-decided this goes on: each run is replayed and diagnosed, and it ends when the verdict is decided, or when no \
+plan that the rig runs would decide it. The same command again goes on from the logs.
+
 With --live a page in the browser shows image, pose, loads and what the run cannot show so far; its STOP does what \
 Space does. The page opens on this computer alone; a phone needs --live 0.0.0.0:8080 and --live-token.
 
@@ -43,6 +49,7 @@ Examples:
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
   hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --out run.mcap
   hydroline record --rig my.toml --plan surge-4n --live --out run.mcap    # http://127.0.0.1:8080
+  hydroline record --rig my.toml --until-decided --out run.mcap    # run-1.mcap, run-2.mcap, ...
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
@@ -67,6 +74,18 @@ pub struct Args {
     /// Waits before each further run until the vehicle has been brought back to the rig's start (Enter)
     #[arg(long)]
     return_to_start: bool,
+    /// Proposes the plan that says most beside the runs LOG-1.mcap, LOG-2.mcap, ... that are there, and records it as the next
+    #[arg(long, conflicts_with_all = ["plan", "runs", "length", "no_thrusters", "calibrate", "until_decided"])]
+    next: bool,
+    /// Goes on so, each run replayed and diagnosed on the spot, until the verdict is decided or no plan would decide it
+    #[arg(long, conflicts_with_all = ["plan", "runs", "length", "no_thrusters", "calibrate"])]
+    until_decided: bool,
+    /// Most runs of the series with --until-decided
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100), allow_negative_numbers = true, requires = "until_decided", value_name = "N")]
+    max_runs: u32,
+    /// Starts what --next or --until-decided proposes without asking
+    #[arg(long)]
+    yes: bool,
     /// Leaves the thrusters alone: no line is opened
     #[arg(long, conflicts_with = "plan")]
     no_thrusters: bool,
@@ -128,6 +147,21 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     args.live.check()?;
     let calibrate = args.making.setup(&rig, &conditions)?;
     let calibration = args.using.load()?;
+    if args.next || args.until_decided {
+        let shown = args.live.start(true)?;
+        let session = Session {
+            plan: None,
+            conditions: &conditions,
+            build,
+            shown: shown.as_ref(),
+        };
+        return until::run(&rig, &session, args, calibration);
+    }
+    if args.yes {
+        return Err(CliError::Config(
+            "--yes answers what --next and --until-decided ask: give one of them".to_owned(),
+        ));
+    }
     let check = plan
         .as_ref()
         .map(|plan| check_plan(&rig, plan, args))

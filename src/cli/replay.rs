@@ -1,9 +1,10 @@
 //! `hydroline replay`: every frame of a log, or of a folder of images, extracted again.
 
 use super::calibrated::UseArgs;
-use super::live::{self, LiveArgs};
+use super::live::{self, LiveArgs, Shown};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, images, inputs, progress};
+use clap::{Args as _, FromArgMatches as _};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
@@ -145,58 +146,100 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let mut reports = Vec::new();
     let mut outcome = Outcome::Done;
     for (log, out) in &targets {
-        let (mut options, comparable) = options(args, log, rig.as_ref(), calibration.as_ref())?;
-        options.build = build;
-        if let Some(shown) = &shown {
-            let name = log.file_name().unwrap_or_default().to_string_lossy();
-            let live = shown.run(live::title(&["replay", &name]), out);
-            let toml = options.rig_toml.clone().or_else(|| own_rig(log));
-            let rig = toml.and_then(|text| Rig::from_toml(&text, "rig", None).ok());
-            options.live = Some((live, rig.map(Box::new)));
+        let (report, made) = each(
+            args,
+            (log, out),
+            rig.as_ref(),
+            calibration.as_ref(),
+            shown.as_ref(),
+            build,
+        )?;
+        if matches!(made, Outcome::Lossy) {
+            outcome = made;
         }
-        let bar = progress::bar(0, "frames");
-        let result = replay(log, out, &options, &mut |frames| {
-            bar.set_length(frames.max(bar.length().unwrap_or(0)));
-            bar.set_position(frames);
-        });
-        bar.finish_and_clear();
-        let (report, _) = result?;
-        if !args.json {
-            print_report(log, out, &report);
-        }
-        if comparable && report.live_different > 0 {
-            errln!(
-                "hydroline: {}: {} of {} profiles extracted live came out otherwise with the same rig and settings: \
-                 another version recorded it (`hydroline info` shows `version`), or the extraction is not reproducible: report it as a bug",
-                log.display(),
-                report.live_different,
-                report.live
-            );
-            outcome = Outcome::Lossy;
-        }
-        for (name, words) in &report.damaged_metadata {
-            // What is given in its place was not used.
-            let replaced =
-                name == "rig" && rig.is_some() || name == "calibration" && calibration.is_some();
-            if replaced {
-                continue;
-            }
-            errln!(
-                "hydroline: {}: {words}: give --rig and --calibration from their files",
-                log.display()
-            );
-            outcome = Outcome::Lossy;
-        }
-        if let Some(words) = lacks(&report) {
-            errln!("hydroline: {}: {words}", log.display());
-            outcome = Outcome::Lossy;
-        }
-        reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
+        reports.push(report);
     }
     if args.json {
         outln!("{}", serde_json::json!({ "replays": reports }));
     }
     Ok(outcome)
+}
+
+/// One log into its new one: what is printed as JSON of it.
+fn each(
+    args: &Args,
+    (log, out): (&Path, &Path),
+    rig: Option<&Rig>,
+    calibration: Option<&Calibration>,
+    shown: Option<&Shown>,
+    build: BuildInfo,
+) -> Result<(serde_json::Value, Outcome), CliError> {
+    let mut outcome = Outcome::Done;
+    let (mut options, comparable) = options(args, log, rig, calibration)?;
+    options.build = build;
+    if let Some(shown) = shown {
+        let name = log.file_name().unwrap_or_default().to_string_lossy();
+        let live = shown.run(live::title(&["replay", &name]), out);
+        let toml = options.rig_toml.clone().or_else(|| own_rig(log));
+        let rig = toml.and_then(|text| Rig::from_toml(&text, "rig", None).ok());
+        options.live = Some((live, rig.map(Box::new)));
+    }
+    let bar = progress::bar(0, "frames");
+    let result = replay(log, out, &options, &mut |frames| {
+        bar.set_length(frames.max(bar.length().unwrap_or(0)));
+        bar.set_position(frames);
+    });
+    bar.finish_and_clear();
+    let (report, _) = result?;
+    if !args.json {
+        print_report(log, out, &report);
+    }
+    if comparable && report.live_different > 0 {
+        errln!(
+            "hydroline: {}: {} of {} profiles extracted live came out otherwise with the same rig and settings: \
+                 another version recorded it (`hydroline info` shows `version`), or the extraction is not reproducible: report it as a bug",
+            log.display(),
+            report.live_different,
+            report.live
+        );
+        outcome = Outcome::Lossy;
+    }
+    for (name, words) in &report.damaged_metadata {
+        // What is given in its place was not used.
+        let replaced =
+            name == "rig" && rig.is_some() || name == "calibration" && calibration.is_some();
+        if replaced {
+            continue;
+        }
+        errln!(
+            "hydroline: {}: {words}: give --rig and --calibration from their files",
+            log.display()
+        );
+        outcome = Outcome::Lossy;
+    }
+    if let Some(words) = lacks(&report) {
+        errln!("hydroline: {}: {words}", log.display());
+        outcome = Outcome::Lossy;
+    }
+    let report = serde_json::json!({ "log": log, "out": out, "report": report });
+    Ok((report, outcome))
+}
+
+/// One log with all of `replay`'s defaults, in silence but for what was lost.
+pub(super) fn one(log: &Path, out: &Path, build: BuildInfo) -> Result<Outcome, CliError> {
+    let words = [
+        "replay".as_ref(),
+        log.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+        "--json".as_ref(),
+    ];
+    let matches = Args::augment_args(clap::Command::new("replay"))
+        .try_get_matches_from(words)
+        .map_err(CliError::config)?;
+    let args = Args::from_arg_matches(&matches).map_err(CliError::config)?;
+    inputs::new_file("--out", out)?;
+    Ok(each(&args, (log, out), None, None, None, build)?.1)
 }
 
 /// The rig in a log's head, for the live page.

@@ -10,7 +10,7 @@ mod giving;
 mod inputs;
 mod ladder;
 mod nameless;
-mod next;
+pub mod next;
 mod place;
 mod shown;
 mod words;
@@ -103,7 +103,11 @@ pub fn diagnose(
     tell(verdict, &judged, &dofs);
     made.shown = judged.shown();
     progress("next run");
-    verdict.next_experiment = judged.next(rig);
+    if let Some((next, offers)) = judged.next(rig) {
+        verdict.next_experiment = Some(next);
+        made.offers = offers;
+    }
+    made.probability = judged.groups.first().map_or(1.0, |g| g.1);
     verdict.noise = noise_found(&found.problem);
     let withheld = joined::withhold(verdict, &runs);
     verdict.sentence = words::sentence(verdict, &judged.against());

@@ -41,6 +41,10 @@ pub struct Diagnosis {
     pub rig: Rig,
     /// Per DOF what the report draws.
     pub shown: Vec<super::report::Shown>,
+    /// Probability of what matters together, by the verdict.
+    pub probability: f64,
+    /// Plans for the next run, the best first.
+    pub offers: Vec<super::body::next::Offer>,
 }
 
 /// A verdict with the data's faults: `Break` where one of them ends it, of those that `counts`.
@@ -62,6 +66,8 @@ pub(super) fn stopped_by_faults(
         verdict,
         rig: rig.clone(),
         shown: Vec::new(),
+        probability: 0.0,
+        offers: Vec::new(),
     };
     let Some(first) = stops else {
         return ControlFlow::Continue(made);

@@ -10,10 +10,10 @@ pub mod body;
 mod conclude;
 pub mod faults;
 mod joined;
-mod plans;
 pub mod profiles;
 pub mod report;
 mod source;
+pub mod until;
 pub mod verdict;
 
 pub use conclude::{DiagnoseError, Diagnosis};

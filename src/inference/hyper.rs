@@ -56,7 +56,7 @@ impl Noises {
 }
 
 /// A size and a correlation time of the random force in a DOF, by their places in the tables.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cell {
     /// Place in [`SIZES`].
     pub size: usize,
@@ -117,6 +117,13 @@ pub struct Worth {
 }
 
 impl Worth {
+    /// Of no recording: forces are not asked of it.
+    pub(super) fn none() -> Worth {
+        Worth {
+            unit_mps2: [[0.0; CORRELATIONS_S.len()]; 6],
+        }
+    }
+
     /// Of a body's runs; `all` = their motion without effects, with derivatives.
     pub fn new(body: &Body, all: &[Simulated]) -> Worth {
         let channels = &body.recording.channels;

@@ -22,6 +22,7 @@ pub mod foretell;
 pub mod given;
 pub mod hyper;
 pub mod noise;
+pub mod planned;
 pub mod posterior;
 pub mod prior;
 pub mod promise;

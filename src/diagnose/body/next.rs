@@ -2,26 +2,39 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
-use hydroline_plan::preflight::preflight;
+use hydroline_plan::preflight::Repeats;
+use hydroline_plan::size::{refusal, scaled, share_that_fits};
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::Allocation;
 use rayon::prelude::*;
 
 use super::found::{Judged, LISTED};
-use crate::plans::{library, run_of};
 use crate::verdict::NextExperiment;
 
 /// Shares of the largest load of the runs at hand.
 const SHARES: [f64; 2] = [1.0, 0.5];
 /// Models looked at for a rival in which something else matters.
 const MODELS: usize = 40;
+/// Plans offered beside the best one.
+const OFFERS: usize = 5;
 /// Rivals that one plan has to separate.
 const RIVALS: usize = 4;
 
+/// A plan that may be run next.
+#[derive(Debug, Clone)]
+pub struct Offer {
+    /// The plan, at a size that the rig runs.
+    pub plan: Plan,
+    /// Log Bayes factor to expect between the verdict and its nearest rival \[nats\].
+    pub gain_nats: f64,
+}
+
 impl Judged<'_> {
-    /// The plan, with its reason; `None` where nothing else was found possible, or no plan fits into the tank.
-    pub fn next(&self, rig: &Rig) -> Option<NextExperiment> {
+    /// The plan, with its reason, and the best of the others, it first; nothing where nothing else was found possible, or no
+    /// plan fits into the tank.
+    pub fn next(&self, rig: &Rig) -> Option<(NextExperiment, Vec<Offer>)> {
         let (set, rivals) = self.rivals();
         let verdict = self.of_set(&set)?;
         if rivals.is_empty() {
@@ -33,18 +46,19 @@ impl Judged<'_> {
             .into_iter()
             .flat_map(|(d, size)| SHARES.into_iter().map(move |share| (d, size, share)))
             .flat_map(|(d, size, share)| {
-                library(d, size * share).into_iter().map(move |mut p| {
+                library(d, size * share).into_iter().filter_map(move |p| {
+                    let fits = at_the_size_that_fits(rig, p)?;
+                    let (mut plan, fits) = fits;
                     let dof = Dof::ALL[d].name();
-                    p.name = format!("{}-{dof}-{:.0}", p.name, 100.0 * share);
-                    p
+                    plan.name = format!("{}-{dof}-{:.0}", plan.name, 100.0 * share * fits);
+                    Some(plan)
                 })
             })
-            .filter(|p| preflight(rig, p).is_ok_and(|c| c.violations.is_empty()))
             .collect();
         let problem = &self.found.problem;
         // The nearest rival, by its place, and how far off it is.
         let gain = |plan: &Plan| -> Option<(usize, f64)> {
-            let (commands, times_s) = run_of(rig, &allocation, plan)?;
+            let (commands, times_s) = run_of(rig, &allocation, plan, Watched::default())?;
             let mut planned = problem.planned(&plan.name, commands, &times_s, rig).ok()?;
             let each = rivals.iter().enumerate().map(|(place, (_, rival))| {
                 let there = problem.separation(&mut planned, verdict, rival)?;
@@ -67,6 +81,11 @@ impl Judged<'_> {
             .iter()
             .map(|(p, _, g)| (p.name.clone(), *g))
             .collect();
+        let offers = scored.iter().take(OFFERS).map(|(plan, _, gain)| Offer {
+            plan: plan.clone(),
+            gain_nats: *gain,
+        });
+        let offers: Vec<Offer> = offers.collect();
         let (plan, nearest, gain) = scored.into_iter().next()?;
         let named =
             |set: &BTreeSet<usize>| -> Vec<String> { set.iter().map(|t| self.id(*t)).collect() };
@@ -82,14 +101,15 @@ impl Judged<'_> {
             say(&separates[1 + nearest]),
             separates.len()
         );
-        Some(NextExperiment {
+        let next = NextExperiment {
             plan_toml: plan.to_toml(),
             plan: plan.name,
             separates,
             expected_log_bayes_factor: gain,
             considered,
             reason,
-        })
+        };
+        Some((next, offers))
     }
 
     /// What matters by the verdict, and what else may: sets that tie with it, or else the likeliest in which something else
@@ -150,4 +170,13 @@ impl Judged<'_> {
         };
         chosen.into_iter().map(|d| (d, largest[d])).collect()
     }
+}
+
+/// A plan, smaller where the rig refuses it as it is, and its share of its loads.
+fn at_the_size_that_fits(rig: &Rig, plan: Plan) -> Option<(Plan, f64)> {
+    if refusal(rig, &plan, Repeats::ONCE).ok()?.is_none() {
+        return Some((plan, 1.0));
+    }
+    let share = share_that_fits(rig, &plan, Repeats::ONCE).ok()??;
+    Some((scaled(&plan, share), share))
 }

@@ -98,6 +98,7 @@ fn run(words: &[String]) -> Output {
 const INPUTS: &[&str] = &[
     "rig show BAD",
     "plan list --rig BAD",
+    "plan design --rig BAD",
     "plan show BAD",
     "plan show surge-4n --rig BAD",
     "check --rig BAD",
@@ -166,6 +167,16 @@ const VALUES: &[(&str, &[&str])] = &[
         &["--scale", "above 0", "0.42"],
     ),
     ("plan list --rig lshpy", &["lshpi"]),
+    (
+        "plan design --rig lshpi --length 1s",
+        &["--length", "5s to 10m"],
+    ),
+    ("plan design --rig lshpi --plans 0", &["--plans", "1..=20"]),
+    ("plan design --rig lshpi --dof surj", &["--dof", "surge"]),
+    (
+        "plan design --rig lshpi --for fun",
+        &["identify", "diagnose"],
+    ),
     ("check --rig lshpi --disk", &["--disk"]),
     ("aim --rig lshpi --for 0s", &["longer than 0"]),
     (

@@ -133,6 +133,9 @@ impl Findings {
             verdict: self.verdict(),
             rig,
             shown: Vec::new(),
+            // Its effects have probabilities of their own; no plan is asked for.
+            probability: 1.0,
+            offers: Vec::new(),
         }
     }
 

@@ -5,10 +5,23 @@ use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
 
-/// Stamps of a run that is planned \[1/s\].
-const RATE_HZ: f64 = 25.0;
-/// What is watched after the plan's end \[s\].
-const TAIL_S: f64 = 6.0;
+/// What is seen of a run that is planned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watched {
+    /// Behind the plan's end \[s\].
+    pub tail_s: f64,
+    /// Stamps per second.
+    pub rate_hz: f64,
+}
+
+impl Default for Watched {
+    fn default() -> Self {
+        Watched {
+            tail_s: 6.0,
+            rate_hz: 25.0,
+        }
+    }
+}
 
 /// Library of plans in one DOF at a size \[N, N m\].
 pub fn library(dof: usize, size: f64) -> Vec<Plan> {
@@ -95,12 +108,13 @@ pub fn library(dof: usize, size: f64) -> Vec<Plan> {
 }
 
 /// What is sent by a plan, and the stamps of what is seen of it \[s\].
-pub(crate) fn run_of(
+pub fn run_of(
     rig: &Rig,
     allocation: &Allocation,
     plan: &Plan,
+    watched: Watched,
 ) -> Option<(Vec<Command>, Vec<f64>)> {
-    let end_s = plan.duration_s() + TAIL_S;
+    let end_s = plan.duration_s() + watched.tail_s;
     let period_s = 1.0 / rig.thrusters.link.rate_hz;
     let mut commands: Vec<Command> = Vec::new();
     let mut k = 0u32;
@@ -113,7 +127,9 @@ pub(crate) fn run_of(
         }
         k += 1;
     }
-    let stamps = 0..(end_s * RATE_HZ) as u32;
-    let times_s = stamps.map(|k| 0.006 + f64::from(k) / RATE_HZ).collect();
+    let stamps = 0..(end_s * watched.rate_hz) as u32;
+    let times_s = stamps
+        .map(|k| 0.006 + f64::from(k) / watched.rate_hz)
+        .collect();
     Some((commands, times_s))
 }

@@ -1,0 +1,235 @@
+//! `hydroline plan design`: plans for one's own vehicle.
+
+use super::output::Output;
+use super::plan::loads;
+use super::print::{errln, outln};
+use super::{CliError, inputs, progress};
+use clap::ValueEnum;
+use hydroline_design::{Designed, Options, Purpose, Set, design};
+use hydroline_rigs::Dof;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What the runs are for.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum For {
+    /// The vehicle's coefficients
+    Identify,
+    /// Which physics the rig leaves out
+    Diagnose,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Plans are sized to the thrusters, the tank, [limits] and the lit target, and chosen by the information to expect from \
+their runs: of the vehicle's coefficients (--for identify), or of the effects that the rig may leave out, the \
+coefficients unknown beside them (--for diagnose). The first one says most; each further one is the best beside those \
+before it. For every plan it is said what it excites; at the end, what all runs together do not tell apart.
+
+Examples:
+  hydroline plan design --rig my.toml --out plans
+  hydroline plan design --rig my.toml --for diagnose --dof surge,yaw --length 20s --out plans
+  hydroline record --rig my.toml --plan plans/design-1.toml --out run-1.mcap
+
+Exit codes: 0 done; 2 there is no such rig, it is not sound, or no plan fits it.")]
+pub struct Args {
+    /// Rig file or built-in name
+    #[arg(long, value_name = "RIG")]
+    rig: String,
+    /// What the runs are for
+    #[arg(
+        long = "for",
+        value_enum,
+        value_name = "PURPOSE",
+        default_value = "identify"
+    )]
+    purpose: For,
+    /// How many plans (1 to 20)
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=20), allow_negative_numbers = true, value_name = "N")]
+    plans: u8,
+    /// Length of each (5 s to 10 min)
+    #[arg(long, value_parser = length, allow_hyphen_values = true, default_value = "30s", value_name = "TIME")]
+    length: Duration,
+    /// DOFs to drive, with commas between; default: all that the thrusters can
+    #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = super::diagnose::dof)]
+    dof: Vec<Dof>,
+    /// Writes DIR/design-1.toml, ...
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Seed of the search: another one may find other plans that say as much
+    #[arg(
+        long,
+        default_value_t = 1,
+        value_name = "N",
+        allow_negative_numbers = true
+    )]
+    seed: u64,
+}
+
+/// Shortest and longest plan \[s\]: one shorter than a vehicle's time constants says little, one longer is two plans.
+const LENGTHS_S: [f64; 2] = [5.0, 600.0];
+
+/// Length of a plan.
+fn length(text: &str) -> Result<Duration, String> {
+    let length = inputs::some_duration(text)?;
+    match length.as_secs_f64() {
+        s if (LENGTHS_S[0]..=LENGTHS_S[1]).contains(&s) => Ok(length),
+        s => Err(format!("{s} s; allowed 5s to 10m, e.g. 30s")),
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let rig = inputs::rig(&args.rig)?;
+    let names: Vec<String> = (1..=args.plans)
+        .map(|k| format!("design-{k}.toml"))
+        .collect();
+    if let Some(dir) = &args.out {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        args.output.folder("--out", dir, &names)?;
+    }
+    let options = Options {
+        purpose: match args.purpose {
+            For::Identify => Purpose::Identify,
+            For::Diagnose => Purpose::Diagnose,
+        },
+        plans: usize::from(args.plans),
+        length_s: args.length.as_secs_f64(),
+        dofs: args.dof.clone(),
+        seed: args.seed,
+        ..Options::default()
+    };
+    let bar = progress::bar(0, "designing");
+    let set = design(&rig, &options, &|stage| bar.set_prefix(stage.to_owned()));
+    bar.finish_and_clear();
+    let set = set.map_err(CliError::config)?;
+    if let Some(dir) = &args.out {
+        std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
+        for p in &set.plans {
+            let path = dir.join(format!("{}.toml", p.plan.name));
+            let words = format!(
+                "# Made by hydroline plan design for {}: {}.\n{}",
+                rig.name,
+                known(&set, p).join(", "),
+                p.plan.source_toml
+            );
+            args.output.write(&path, words)?;
+        }
+    }
+    if args.json {
+        outln!("{}", as_json(&set));
+    } else {
+        print(&set, &args.rig, args.out.as_deref());
+    }
+    Ok(())
+}
+
+/// What a run by a plan says of each DOF's coefficients: to how many per cent the least known of them is known by it alone.
+fn known(set: &Set, p: &Designed) -> Vec<String> {
+    let keys = ["x_", "y_", "z_", "k_", "m_", "n_"];
+    let driven = (0..6).filter(|d| p.largest[*d] > 0.0);
+    driven
+        .map(|d| {
+            let own = set.own.iter().zip(&p.sd_alone);
+            let worst = own
+                .filter(|(name, _)| name.starts_with(keys[d]))
+                .fold(0.0_f64, |worst, (_, sd)| worst.max(*sd));
+            format!("{} to {} %", Dof::ALL[d].name(), share(worst))
+        })
+        .collect()
+}
+
+/// A share in per cent with two digits.
+fn share(of: f64) -> String {
+    let v = 100.0 * of;
+    match v {
+        v if v >= 10.0 => format!("{v:.0}"),
+        v if v >= 1.0 => format!("{v:.1}"),
+        _ => format!("{v:.2}"),
+    }
+}
+
+fn print(set: &Set, rig: &str, out: Option<&Path>) {
+    outln!("reach of each DOF by itself: {}", loads(set.reach));
+    for p in &set.plans {
+        outln!(
+            "{:<10} {:>5.1} s  {}",
+            p.plan.name,
+            p.plan.duration_s(),
+            loads(p.largest)
+        );
+        outln!("           coefficients: {}", known(set, p).join(", "));
+        outln!(
+            "           says {:.1} nats more than those before it; shows {} effects of typical size by itself",
+            p.gain_nats,
+            p.shows.len()
+        );
+    }
+    if !set.unseen.is_empty() {
+        outln!("not shown by all of them: {}", set.unseen.join(", "));
+    }
+    let alike: Vec<String> = set
+        .separations
+        .iter()
+        .filter(|s| !s.told() && !set.unseen.contains(&s.of) && !set.unseen.contains(&s.from))
+        .map(|s| format!("{} and {} ({:.1} nats)", s.of, s.from, s.nats))
+        .collect();
+    match alike.is_empty() {
+        true => outln!("all others are told apart (3 nats and more)"),
+        false => outln!("not told apart: {}", alike.join("; ")),
+    }
+    match out {
+        Some(dir) => outln!(
+            "written; next: hydroline record --rig {rig} --plan {} --out run-1.mcap",
+            dir.join("design-1.toml").display()
+        ),
+        None => errln!("hydroline: nothing written: --out DIR writes the plans as files"),
+    }
+}
+
+fn as_json(set: &Set) -> serde_json::Value {
+    let plans = set.plans.iter().map(|p| {
+        let sd = |of: &[f64]| -> serde_json::Map<String, serde_json::Value> {
+            let each = set.own.iter().zip(of);
+            each.map(|(name, sd)| ((*name).to_owned(), json!(sd)))
+                .collect()
+        };
+        json!({
+            "plan": p.plan.name,
+            "duration_s": p.plan.duration_s(),
+            "largest": p.largest,
+            "gain_nats": p.gain_nats,
+            "relative_sd_alone": sd(&p.sd_alone),
+            "relative_sd": sd(&p.sd),
+            "shows": p.shows,
+            "plan_toml": p.plan.source_toml,
+        })
+    });
+    let separations = set.separations.iter();
+    json!({
+        "reach": set.reach,
+        "plans": plans.collect::<Vec<_>>(),
+        "unseen": set.unseen,
+        "separations": separations
+            .map(|s| json!({ "of": s.of, "from": s.from, "nats": s.nats, "told": s.told() }))
+            .collect::<Vec<_>>(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_out_of_range_says_the_range() {
+        assert!(length("30s").is_ok());
+        for text in ["1s", "11m"] {
+            assert!(length(text).unwrap_err().contains("5s to 10m"));
+        }
+    }
+}

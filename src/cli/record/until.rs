@@ -1,0 +1,322 @@
+//! `record --next` and `--until-decided`: run after run, each replayed and diagnosed on the spot, the plan proposed that
+//! says most beside those that are there.
+//!
+//! The state of a session is its logs: LOG-1.mcap, LOG-2.mcap, ... with LOG-1-poses.mcap, ... beside them. One that was cut
+//! off goes on from what is there.
+
+use super::super::{diagnose, plan, replay};
+use super::*;
+use hydroline_diagnose::body::next::Offer;
+use hydroline_diagnose::until::{Options, Proposal, Step, step};
+use hydroline_diagnose::{Diagnosis, Source, read};
+use hydroline_identify::data::check_vehicle;
+
+/// A series of two and more has numbers in its names.
+const NUMBERED: u32 = 2;
+
+/// A recorded run of the series.
+struct Run {
+    log: PathBuf,
+    /// Its poses.
+    source: Source,
+}
+
+/// Where a run's poses go.
+fn poses_path(log: &Path) -> PathBuf {
+    let stem = log.file_stem().unwrap_or_default().to_string_lossy();
+    log.with_file_name(format!("{stem}-poses.mcap"))
+}
+
+/// Poses of every frame of a log: those that are there, else by a replay.
+fn poses(log: &Path, rig: &Rig, build: BuildInfo) -> Result<Source, CliError> {
+    let out = poses_path(log);
+    if !out.exists() {
+        // Whole or not at all: a replay that was cut off is none.
+        let name = out.file_name().unwrap_or_default().to_string_lossy();
+        let part = out.with_file_name(format!(".{name}.part"));
+        if part.exists() {
+            std::fs::remove_file(&part).map_err(|e| CliError::writing(&part, &e))?;
+        }
+        replay::one(log, &part, build)?;
+        std::fs::rename(&part, &out).map_err(|e| CliError::writing(&out, &e))?;
+    }
+    for words in check_vehicle(&out, rig)? {
+        errln!("hydroline: {words}");
+    }
+    Ok(read(&out, rig)?)
+}
+
+/// The series as far as it is there, and the number of the next run.
+fn series(out: &Path, rig: &Rig, build: BuildInfo) -> Result<(Vec<Run>, u32), CliError> {
+    let mut runs = Vec::new();
+    let mut k = 1;
+    loop {
+        let log = run_path(out, k, NUMBERED);
+        if !log.exists() {
+            return Ok((runs, k));
+        }
+        match poses(&log, rig, build) {
+            Ok(source) => runs.push(Run { log, source }),
+            Err(error) => errln!(
+                "hydroline: {}: {error}; the series goes on without it",
+                log.display()
+            ),
+        }
+        k += 1;
+    }
+}
+
+/// What is done with a proposal.
+enum Answer {
+    Start(usize),
+    End,
+}
+
+/// Run after run.
+pub(super) fn run(
+    rig: &Rig,
+    session: &Session<'_>,
+    args: &Args,
+    calibration: Option<Calibration>,
+) -> Result<Outcome, CliError> {
+    let Some(out) = &args.out else {
+        return Err(CliError::Config(
+            "--out is missing: it names the series, LOG-1.mcap, LOG-2.mcap, ...".to_owned(),
+        ));
+    };
+    let (mut runs, mut k) = series(out, rig, session.build)?;
+    if !runs.is_empty() {
+        errln!(
+            "hydroline: goes on from {} run(s) of this series",
+            runs.len()
+        );
+    }
+    let most = if args.next { k } else { args.max_runs };
+    let mut reports = Vec::new();
+    let mut outcome = Outcome::Done;
+    loop {
+        let sources: Vec<Source> = runs.iter().map(|r| r.source.clone()).collect();
+        let options = Options {
+            runs_left: (most + 1).saturating_sub(k) as usize,
+            ..Options::default()
+        };
+        let bar = progress::bar(0, "what to run next");
+        let next = step(&sources, rig, &options, &|stage| {
+            bar.set_prefix(stage.to_owned());
+        });
+        bar.finish_and_clear();
+        let proposal = match next.map_err(CliError::run)? {
+            Step::Run(proposal) if k <= most => proposal,
+            Step::Run(proposal) => {
+                // --next has made its run; what the runs say now is said.
+                tell_end(
+                    args,
+                    &runs,
+                    &reports,
+                    false,
+                    None,
+                    proposal.diagnosis.as_ref(),
+                )?;
+                return Ok(outcome);
+            }
+            Step::Decided(found) => {
+                tell_end(args, &runs, &reports, true, None, Some(&found))?;
+                return Ok(outcome);
+            }
+            Step::Undecided { why, diagnosis } => {
+                tell_end(
+                    args,
+                    &runs,
+                    &reports,
+                    false,
+                    Some(&why),
+                    diagnosis.as_deref(),
+                )?;
+                return Ok(outcome);
+            }
+        };
+        propose(&proposal, k, most);
+        if args.dry_run {
+            return Ok(outcome);
+        }
+        let chosen = if args.yes {
+            0
+        } else {
+            match ask(rig, &proposal.offers, session)? {
+                Answer::Start(chosen) => chosen,
+                Answer::End => {
+                    errln!(
+                        "hydroline: ended by you; the same command goes on from {} run(s)",
+                        runs.len()
+                    );
+                    return Ok(outcome);
+                }
+            }
+        };
+        let offer = &proposal.offers[chosen];
+        let log = run_path(out, k, NUMBERED);
+        inputs::new_file("--out", &log)?;
+        let with_plan = Session {
+            plan: Some(&offer.plan),
+            conditions: session.conditions,
+            build: session.build,
+            shown: session.shown,
+        };
+        let calibrating = Calibrating {
+            calibration: calibration.clone(),
+            calibrate: None,
+            out: None,
+        };
+        let rigs = [rig.clone()];
+        let logs = [log.clone()];
+        let made = record_all(&rigs, &with_plan, args, calibrating, &logs, &mut reports)?;
+        if matches!(made, Outcome::Lossy) {
+            outcome = Outcome::Lossy;
+        }
+        let source = poses(&log, rig, session.build)?;
+        runs.push(Run { log, source });
+        k += 1;
+        if session.stopped() {
+            errln!("hydroline: ended by STOP; the same command goes on from here");
+            return Ok(outcome);
+        }
+    }
+}
+
+/// What a plan is, in a line.
+fn line(offer: &Offer) -> String {
+    let loads = hydroline_plan::size::largest(&offer.plan).map_or(String::new(), plan::loads);
+    format!(
+        "{}, {:.1} s, {loads}: {:.1} nats",
+        offer.plan.name,
+        offer.plan.duration_s(),
+        offer.gain_nats
+    )
+}
+
+fn propose(proposal: &Proposal, k: u32, most: u32) {
+    if let Some(found) = &proposal.diagnosis {
+        errln!("hydroline: so far: {}", found.verdict.sentence);
+    }
+    errln!("hydroline: run {k} of at most {most}: {}", proposal.reason);
+    for (i, offer) in proposal.offers.iter().enumerate() {
+        errln!("  {} {}", i + 1, line(offer));
+    }
+}
+
+/// Waits for what the person at the tank says.
+fn ask(rig: &Rig, offers: &[Offer], session: &Session<'_>) -> Result<Answer, CliError> {
+    let [x, y, z, _, _, psi] = rig.tank.start_pose;
+    let others = match offers.len() {
+        0 | 1 => String::new(),
+        n => format!(", 2 to {n} chooses another"),
+    };
+    errln!(
+        "hydroline: bring the vehicle to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts plan 1{others}, q ends",
+        psi.to_degrees()
+    );
+    let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
+    let (tell, told) = std::sync::mpsc::channel();
+    let count = offers.len();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lines() {
+            let Ok(line) = line else { break };
+            match answer(&line, count) {
+                Some(answer) => {
+                    tell.send(answer).ok();
+                    return;
+                }
+                None => errln!("hydroline: Enter, a number from 1 to {count}, or q"),
+            }
+        }
+        // End of input: nobody is there.
+        tell.send(Answer::End).ok();
+    });
+    loop {
+        match told.recv_timeout(Duration::from_millis(50)) {
+            Ok(answer) => return Ok(answer),
+            Err(_) if signals.heard().is_some() || session.stopped() => return Ok(Answer::End),
+            Err(_) => {}
+        }
+    }
+}
+
+/// A line typed; `None` = not understood.
+fn answer(line: &str, offers: usize) -> Option<Answer> {
+    match line.trim() {
+        "" => Some(Answer::Start(0)),
+        "q" | "Q" => Some(Answer::End),
+        number => {
+            let k: usize = number.parse().ok()?;
+            (1..=offers).contains(&k).then(|| Answer::Start(k - 1))
+        }
+    }
+}
+
+/// What the series says at its end.
+fn tell_end(
+    args: &Args,
+    runs: &[Run],
+    reports: &[serde_json::Value],
+    decided: bool,
+    why: Option<&str>,
+    found: Option<&Diagnosis>,
+) -> Result<(), CliError> {
+    if args.json {
+        outln!(
+            "{}",
+            serde_json::json!({
+                "runs": reports,
+                "logs": runs.iter().map(|r| &r.log).collect::<Vec<_>>(),
+                "decided": decided,
+                "why": why,
+                "probability": found.map(|f| f.probability),
+                "verdict": found.map(|f| &f.verdict),
+            })
+        );
+        return Ok(());
+    }
+    if let Some(found) = found {
+        diagnose::print(&found.verdict);
+    }
+    match (decided, why) {
+        (true, _) => outln!("decided after {} run(s)", runs.len()),
+        (false, Some(why)) => outln!("not decided after {} run(s): {why}", runs.len()),
+        (false, None) => outln!("not decided yet: --next again, or --until-decided, goes on"),
+    }
+    let logs: Vec<String> = runs
+        .iter()
+        .map(|r| poses_path(&r.log).display().to_string())
+        .collect();
+    if !logs.is_empty() {
+        outln!(
+            "the whole report: hydroline diagnose {} --rig {} --report DIR",
+            logs.join(" "),
+            args.rig
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_a_start_a_choice_or_an_end() {
+        assert!(matches!(answer("", 3), Some(Answer::Start(0))));
+        assert!(matches!(answer(" 3 ", 3), Some(Answer::Start(2))));
+        assert!(matches!(answer("q", 3), Some(Answer::End)));
+        for line in ["0", "4", "yes", "-1"] {
+            assert!(answer(line, 3).is_none(), "{line}");
+        }
+    }
+
+    #[test]
+    fn poses_stand_beside_their_log() {
+        assert_eq!(
+            poses_path(Path::new("/a/run-2.mcap")),
+            Path::new("/a/run-2-poses.mcap")
+        );
+    }
+}

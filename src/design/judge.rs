@@ -1,0 +1,287 @@
+//! What a run by a plan would say: of the vehicle's coefficients, and of what the rig may leave out.
+
+use hydroline_identify::data::CHANNELS;
+use hydroline_inference::fit::Problem;
+use hydroline_inference::planned::{Typical, without_last};
+use hydroline_inference::prior::PriorTable;
+use hydroline_inference::term::{Candidate, Kind};
+use hydroline_plan::preflight::Repeats;
+use hydroline_plan::size::refusal;
+use hydroline_rigs::{Plan, Rig};
+use hydroline_sim::Allocation;
+use hydroline_sim::effect::EffectError;
+use nalgebra::{Cholesky, DMatrix};
+
+use super::library::{Watched, run_of};
+use super::options::{Instruments, Options, Purpose};
+
+/// An effect whose law holds this many words and more is a product of rates: there are a hundred of them, and what excites
+/// them is that both rates are there.
+const WORDS: usize = 2;
+/// A log Bayes factor to expect from which two effects are told apart: odds of 20 to 1.
+const TOLD: f64 = 3.0;
+/// Share of a typical number at which an effect is looked at once more: what a delay or a threshold does at another size is
+/// not what it does at this one, times a factor.
+const NEAR: f64 = 0.7;
+
+/// An effect that may be left out, with its columns among those of the information.
+#[derive(Debug, Clone)]
+struct Asked {
+    name: String,
+    /// DOF that its words name.
+    dof: Option<usize>,
+    /// Column of its response at a typical size.
+    lead: usize,
+    /// Columns of its responses near that.
+    more: std::ops::Range<usize>,
+}
+
+/// How far two effects are told apart by a set of runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Separation {
+    /// One, of typical size, that is there.
+    pub of: String,
+    /// The other, of any size, that is taken for it.
+    pub from: String,
+    /// Log Bayes factor to expect, to first order; the smaller of both directions.
+    pub nats: f64,
+}
+
+impl Separation {
+    /// Whether they are told apart.
+    pub fn told(&self) -> bool {
+        self.nats >= TOLD
+    }
+}
+
+/// Judges plans for one rig.
+#[derive(Debug)]
+pub struct Judge<'a> {
+    rig: &'a Rig,
+    allocation: &'a Allocation,
+    base: Problem,
+    /// Of each effect the typical size.
+    leads: Vec<Typical>,
+    /// Near it, one number after the other: what else it may look like.
+    more: Vec<Typical>,
+    asked: Vec<Asked>,
+    purpose: Purpose,
+    watched: Watched,
+}
+
+/// Expected noise per channel: poses are measured, rates are not.
+fn noise(of: Instruments) -> [Option<hydroline_numerics::noise::Noise>; CHANNELS.len()] {
+    std::array::from_fn(|c| match c {
+        0..3 => Some(of.position),
+        3..6 => Some(of.attitude),
+        _ => None,
+    })
+}
+
+impl<'a> Judge<'a> {
+    /// For the DOFs that are driven; `first` = a plan by which effects get their typical size.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn new(
+        rig: &'a Rig,
+        allocation: &'a Allocation,
+        dofs: &[usize],
+        first: &Plan,
+        options: &Options,
+    ) -> Result<Judge<'a>, EffectError> {
+        let watched = Watched {
+            tail_s: options.tail_s,
+            rate_hz: options.instruments.rate_hz,
+        };
+        let (commands, times_s) = run_of(rig, allocation, first, watched).unwrap_or_default();
+        let base = Problem::of_rig(rig, dofs, &commands, &times_s, noise(options.instruments))?;
+        let own = base.body.own.len();
+        let (mut leads, mut more, mut asked) = (Vec::new(), Vec::new(), Vec::<Asked>::new());
+        for (candidate, c) in base.body.candidates.iter().enumerate() {
+            if c.kind != Kind::Effect || c.own || c.words.len() >= WORDS {
+                continue;
+            }
+            let Some(numbers) = c.starts.first() else {
+                continue;
+            };
+            let lead = own + leads.len();
+            let near = near(c)
+                .into_iter()
+                .map(|numbers| Typical { candidate, numbers });
+            let from = more.len();
+            more.extend(near);
+            leads.push(Typical {
+                candidate,
+                numbers: numbers.clone(),
+            });
+            asked.push(Asked {
+                name: c.name(),
+                dof: c.dof(),
+                lead,
+                more: from..more.len(),
+            });
+        }
+        for a in &mut asked {
+            let behind = own + leads.len();
+            a.more = behind + a.more.start..behind + a.more.end;
+        }
+        Ok(Judge {
+            rig,
+            allocation,
+            base,
+            leads,
+            more,
+            asked,
+            purpose: options.purpose,
+            watched,
+        })
+    }
+
+    /// Whether the rig runs the plan.
+    pub fn fits(&self, plan: &Plan) -> bool {
+        refusal(self.rig, plan, Repeats::ONCE).is_ok_and(|r| r.is_none())
+    }
+
+    /// Names of the vehicle's own numbers.
+    pub fn own(&self) -> Vec<&'static str> {
+        self.base.body.own.iter().map(|o| o.name()).collect()
+    }
+
+    /// Information of a run: about the vehicle's numbers, and behind them the effects' amplitudes. `None` where it cannot be
+    /// commanded, or does not stay finite.
+    pub fn whole(&self, plan: &Plan) -> Option<DMatrix<f64>> {
+        self.of(plan, &[&self.leads[..], &self.more].concat())
+    }
+
+    /// The same as far as the purpose asks for it.
+    pub fn information(&self, plan: &Plan) -> Option<DMatrix<f64>> {
+        match self.purpose {
+            Purpose::Identify => self.of(plan, &[]),
+            Purpose::Diagnose => self.of(plan, &self.leads),
+        }
+    }
+
+    fn of(&self, plan: &Plan, typical: &[Typical]) -> Option<DMatrix<f64>> {
+        let (commands, times_s) = run_of(self.rig, self.allocation, plan, self.watched)?;
+        let planned = self
+            .base
+            .planned(&plan.name, commands, &times_s, self.rig)
+            .ok()?;
+        planned.expected(typical)
+    }
+
+    /// Precision of the numbers before any run: coefficients of similar hulls, an effect's amplitude as large as typical.
+    fn with_prior(&self, information: &DMatrix<f64>) -> DMatrix<f64> {
+        let own = self.base.body.own.len();
+        let hulls = PriorTable::default().coefficient_ln.powi(-2);
+        let mut made = information.clone();
+        for i in 0..made.nrows() {
+            made[(i, i)] += if i < own { hulls } else { 1.0 };
+        }
+        made
+    }
+
+    /// Expected information of runs that say this together \[nats\], up to what is known before: of the coefficients, or of the
+    /// effects with the coefficients unknown.
+    pub fn value(&self, information: &DMatrix<f64>) -> f64 {
+        let ln_det = |m: DMatrix<f64>| -> f64 {
+            Cholesky::new(m).map_or(f64::NEG_INFINITY, |root| {
+                root.l_dirty().diagonal().iter().map(|v| v.ln()).sum()
+            })
+        };
+        let own = self.base.body.own.len();
+        let part = (own + self.leads.len()).min(information.nrows());
+        let all = self.with_prior(&information.view((0, 0), (part, part)).into_owned());
+        match self.purpose {
+            Purpose::Identify => ln_det(all.view((0, 0), (own, own)).into_owned()),
+            Purpose::Diagnose => {
+                ln_det(all.clone()) - ln_det(all.view((0, 0), (own, own)).into_owned())
+            }
+        }
+    }
+
+    /// Relative sd of each of the vehicle's numbers behind runs that say this together; no effect left out.
+    pub fn sd(&self, information: &DMatrix<f64>) -> Vec<f64> {
+        let own = self.base.body.own.len();
+        let part = self.with_prior(information);
+        let part = part.view((0, 0), (own, own)).into_owned();
+        let known = Cholesky::new(part).map(|root| root.inverse());
+        (0..own)
+            .map(|i| known.as_ref().map_or(f64::NAN, |c| c[(i, i)].sqrt()))
+            .collect()
+    }
+
+    /// Every two effects that act in one DOF, or in none by name: how far runs whose [`Judge::whole`] sums up to this tell them
+    /// apart.
+    pub fn separations(&self, whole: &DMatrix<f64>) -> Vec<Separation> {
+        let together = |a: &Asked, b: &Asked| match (a.dof, b.dof) {
+            (Some(a), Some(b)) => a == b,
+            _ => true,
+        };
+        let mut all = Vec::new();
+        for (i, a) in self.asked.iter().enumerate() {
+            for b in self.asked[i + 1..].iter().filter(|b| together(a, b)) {
+                all.push(Separation {
+                    of: a.name.clone(),
+                    from: b.name.clone(),
+                    nats: self
+                        .apart(whole, a, Some(b))
+                        .min(self.apart(whole, b, Some(a))),
+                });
+            }
+        }
+        all
+    }
+
+    /// Effects of which runs tell a typical size from nothing, the coefficients unknown.
+    pub fn shown(&self, whole: &DMatrix<f64>) -> Vec<String> {
+        self.seen(whole, true)
+    }
+
+    /// Those of which they do not.
+    pub fn unseen(&self, whole: &DMatrix<f64>) -> Vec<String> {
+        self.seen(whole, false)
+    }
+
+    fn seen(&self, whole: &DMatrix<f64>, told: bool) -> Vec<String> {
+        let asked = self.asked.iter();
+        let of = asked.filter(|a| (self.apart(whole, a, None) >= TOLD) == told);
+        of.map(|a| a.name.clone()).collect()
+    }
+
+    /// Half square of what of `a` at typical size neither the coefficients nor `b` follow.
+    fn apart(&self, whole: &DMatrix<f64>, a: &Asked, b: Option<&Asked>) -> f64 {
+        let own = self.base.body.own.len();
+        let known = self.with_prior(whole);
+        let order: Vec<usize> = std::iter::once(a.lead)
+            .chain(0..own)
+            .chain(
+                b.into_iter()
+                    .flat_map(|b| std::iter::once(b.lead).chain(b.more.clone())),
+            )
+            .collect();
+        let n = order.len();
+        let mut part = DMatrix::from_fn(n, n, |i, j| known[(order[i], order[j])]);
+        part[(0, 0)] = whole[(a.lead, a.lead)];
+        without_last(&part, 1).map_or(0.0, |left| 0.5 * left[(0, 0)].max(0.0))
+    }
+}
+
+/// Typical numbers of an effect with one of them nearer to nothing.
+fn near(c: &Candidate) -> Vec<Vec<f64>> {
+    let Some(numbers) = c.starts.first() else {
+        return Vec::new();
+    };
+    let each = c.scales.iter().enumerate().map(|(i, scale)| {
+        let mut there = numbers.clone();
+        let nothing = if i == 0 { c.nothing } else { 0.0 };
+        there[i] = nothing + NEAR * (numbers[i] - nothing);
+        there[i] = there[i].clamp(scale.limits.0, scale.limits.1);
+        there
+    });
+    // One that is linear looks the same at any size.
+    let alike = |i: usize| c.linear.contains(&i);
+    let each = each.enumerate().filter(|(i, _)| !alike(*i));
+    each.map(|(_, numbers)| numbers).collect()
+}

@@ -1,0 +1,24 @@
+//! Plans for one's own vehicle.
+//!
+//! `sized` (which DOFs the thrusters drive, and how far they reach before tank, limits or target refuse) -> `pattern`
+//! (steps with a level per DOF) -> `judge` (information to expect of a run, `hydroline_inference::planned`) -> `search`
+//! (the set that says most) -> `told` (what each plan excites). `library` = plans of one DOF from which the next run of a
+//! diagnosis is chosen.
+//!
+//! Nothing here reads a file or prints.
+
+// Tests may unwrap; the crate itself must not.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod judge;
+pub mod library;
+mod options;
+mod pattern;
+mod search;
+mod sized;
+mod told;
+
+pub use judge::{Judge, Separation};
+pub use options::{Instruments, Options, Purpose};
+pub use search::{DesignError, Designed, Set, design};
+pub use sized::{Reach, reach};

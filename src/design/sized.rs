@@ -1,0 +1,89 @@
+//! How far a vehicle's DOFs reach: the largest loads that thrusters give and that tank, limits and target allow.
+
+use hydroline_plan::preflight::{PreflightError, Repeats};
+use hydroline_plan::size::{refusal, scaled};
+use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
+use hydroline_sim::Allocation;
+
+/// Steps of the plan by which a DOF's reach is found \[s\]: as long as one of a plan.
+const THERE_S: f64 = 3.0;
+/// Shares of what the thrusters give that are tried, each this times the one before: a design changes sizes by more.
+const FINER: f64 = 0.8;
+/// Least one: a thousandth of a thruster's force is lost in its deadband.
+const LEAST: f64 = 1e-3;
+/// Halvings by which the load is found at which a thruster saturates: to a thousandth of it.
+const HALVINGS: usize = 60;
+
+/// Largest loads per DOF \[N, N m\]; 0 = not driven.
+pub type Reach = [f64; 6];
+
+/// One DOF there and back.
+fn there_and_back(dof: usize, load: f64) -> Plan {
+    let step = |for_s: f64, share: f64| PlanStep {
+        for_s,
+        load: StepLoad::Wrench(Wrench::from_array(std::array::from_fn(|d| {
+            if d == dof { share * load } else { 0.0 }
+        }))),
+        shape: Shape::Hold,
+    };
+    Plan {
+        name: "reach".to_owned(),
+        steps: vec![step(THERE_S, 1.0), step(THERE_S, -1.0)],
+        source_toml: String::new(),
+    }
+}
+
+/// Largest load in a DOF, either way, that no thruster cuts; `None` where the layout cannot make it alone.
+fn saturates_at(allocation: &Allocation, dof: usize) -> Option<f64> {
+    let whole = |load: f64| -> Option<bool> {
+        let both = [load, -load].map(|load| {
+            let wrench = std::array::from_fn(|d| if d == dof { load } else { 0.0 });
+            let made = allocation.allocate(&Wrench::from_array(wrench)).ok()?;
+            Some(made.saturated.is_empty())
+        });
+        Some(both[0]? && both[1]?)
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    while whole(high)? {
+        low = high;
+        high *= 2.0;
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if whole(middle)? {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (low > 0.0).then_some(low)
+}
+
+/// How far each DOF reaches, all others at neutral.
+///
+/// # Errors
+/// [`PreflightError::Sim`] for a rig that cannot be simulated.
+pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Result<Reach, PreflightError> {
+    let mut reach = [0.0_f64; 6];
+    for (d, dof) in Dof::ALL.iter().enumerate() {
+        if !asked.is_empty() && !asked.contains(dof) {
+            continue;
+        }
+        // A hair below saturation: what is asked for is rounded to the wire's grid.
+        let Some(most) = saturates_at(allocation, d).map(|v| 0.98 * v) else {
+            continue;
+        };
+        // Where it begins at one end of the target, one way is longer than the other.
+        for load in [most, -most] {
+            let plan = there_and_back(d, load);
+            let mut share: f64 = 1.0;
+            while share > LEAST && refusal(rig, &scaled(&plan, share), Repeats::ONCE)?.is_some() {
+                share *= FINER;
+            }
+            if share > LEAST {
+                reach[d] = reach[d].max(most * share);
+            }
+        }
+    }
+    Ok(reach)
+}

@@ -1,0 +1,275 @@
+//! Run after run until the verdict is decided: what to run next, or why to stop.
+//!
+//! No I/O: runs go in, the next step comes out. Whoever asks records what is proposed and asks again with one run more; so a
+//! session that was cut off goes on from its logs.
+
+use hydroline_design::{DesignError, Options as DesignOptions, Purpose, design};
+use hydroline_plan::preflight::PreflightError;
+use hydroline_rigs::Rig;
+
+use super::body::next::Offer;
+use super::conclude::{DiagnoseError, Diagnosis};
+use super::source::Source;
+use super::verdict::Word;
+
+/// When to stop.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Probability of what matters together from which it is decided: odds of 19 to 1, as is usual.
+    pub probability: f64,
+    /// Runs that may still be made.
+    pub runs_left: usize,
+    /// Length of the first plan \[s\].
+    pub length_s: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            probability: 0.95,
+            runs_left: 8,
+            length_s: 30.0,
+        }
+    }
+}
+
+/// What comes next.
+#[derive(Debug, Clone)]
+pub enum Step {
+    /// One of these plans, the best first.
+    Run(Box<Proposal>),
+    /// The verdict stands.
+    Decided(Box<Diagnosis>),
+    /// It does not, and no run that may still be made is expected to change that.
+    Undecided {
+        /// In words.
+        why: String,
+        /// As far as it goes; none before any run.
+        diagnosis: Option<Box<Diagnosis>>,
+    },
+}
+
+/// A plan to run, with its reason.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// Best first.
+    pub offers: Vec<Offer>,
+    /// Why.
+    pub reason: String,
+    /// What the runs so far say.
+    pub diagnosis: Option<Diagnosis>,
+}
+
+/// Why there is no step.
+#[derive(Debug, thiserror::Error)]
+pub enum UntilError {
+    /// The runs.
+    #[error(transparent)]
+    Diagnose(#[from] DiagnoseError),
+    /// The first plan.
+    #[error(transparent)]
+    Design(#[from] DesignError),
+    /// The rig.
+    #[error(transparent)]
+    Preflight(#[from] PreflightError),
+}
+
+/// Effort of the first plan's design: it is made while somebody waits at the tank.
+fn first_plan(length_s: f64) -> DesignOptions {
+    DesignOptions {
+        purpose: Purpose::Diagnose,
+        plans: 1,
+        length_s,
+        drawn: 24,
+        improved: 1,
+        sweeps: 1,
+        ..DesignOptions::default()
+    }
+}
+
+/// What to do behind these runs.
+///
+/// # Errors
+/// [`UntilError`].
+pub fn step(
+    sources: &[Source],
+    rig: &Rig,
+    options: &Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Step, UntilError> {
+    if sources.is_empty() {
+        return begin(rig, options, progress);
+    }
+    let found = super::diagnose(sources, &[], rig, progress)?;
+    Ok(judge(found, options))
+}
+
+fn begin(
+    rig: &Rig,
+    options: &Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Step, UntilError> {
+    if options.runs_left == 0 {
+        return Ok(Step::Undecided {
+            why: "no run is there, and none may be made".to_owned(),
+            diagnosis: None,
+        });
+    }
+    let set = design(rig, &first_plan(options.length_s), progress)?;
+    let offers: Vec<Offer> = set
+        .plans
+        .into_iter()
+        .map(|p| {
+            let mut plan = p.plan;
+            "first".clone_into(&mut plan.name);
+            plan.source_toml = plan.to_toml();
+            Offer {
+                plan,
+                gain_nats: p.gain_nats,
+            }
+        })
+        .collect();
+    Ok(Step::Run(Box::new(Proposal {
+        reason:
+            "no run is there yet: this plan is expected to say most of what the rig may leave out"
+                .to_owned(),
+        offers,
+        diagnosis: None,
+    })))
+}
+
+/// What a diagnosis asks for.
+fn judge(found: Diagnosis, options: &Options) -> Step {
+    let word = found.verdict.verdict;
+    let undecided = |why: String, found: Diagnosis| Step::Undecided {
+        why,
+        diagnosis: Some(Box::new(found)),
+    };
+    if word == Word::DataFault {
+        let why = format!("{}; mend it, then record anew", found.verdict.sentence);
+        return undecided(why, found);
+    }
+    if matches!(word, Word::None | Word::Named) && found.probability >= options.probability {
+        return Step::Decided(Box::new(found));
+    }
+    if options.runs_left == 0 {
+        let why = format!("no run is left; {}", open(&found, options));
+        return undecided(why, found);
+    }
+    let Some(best) = found.offers.first() else {
+        let why = format!(
+            "no plan that the rig runs would separate what is left; {}",
+            open(&found, options)
+        );
+        return undecided(why, found);
+    };
+    let wanted = wanted_nats(&found, options);
+    let most = best.gain_nats * options.runs_left as f64;
+    if most < wanted {
+        let why = format!(
+            "the best plan that the rig runs ({}) is expected to gain {:.1} nats a run, {} run(s) may still be made, and {wanted:.1} nats are wanted; {}",
+            best.plan.name,
+            best.gain_nats,
+            options.runs_left,
+            open(&found, options)
+        );
+        return undecided(why, found);
+    }
+    let next = found.verdict.next_experiment.as_ref();
+    Step::Run(Box::new(Proposal {
+        offers: found.offers.clone(),
+        reason: next.map_or_else(String::new, |n| n.reason.clone()),
+        diagnosis: Some(found),
+    }))
+}
+
+/// Log Bayes factor that is wanting between the verdict and all else.
+fn wanted_nats(found: &Diagnosis, options: &Options) -> f64 {
+    let odds = |p: f64| (p / (1.0 - p)).ln();
+    let p = found.probability.clamp(1e-6, 1.0 - 1e-6);
+    (odds(options.probability) - odds(p)).max(0.0)
+}
+
+/// What is open.
+fn open(found: &Diagnosis, options: &Options) -> String {
+    format!(
+        "the likeliest explanation has probability {:.2}, {:.2} is asked",
+        found.probability, options.probability
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::Verdict;
+    use hydroline_rigs::Plan;
+
+    fn found(word: Word, probability: f64, gains: &[f64]) -> Diagnosis {
+        let plan = Plan::load_or_builtin("surge-4n").unwrap();
+        Diagnosis {
+            verdict: Verdict {
+                verdict: word,
+                ..Verdict::default()
+            },
+            rig: Rig::builtin("lshpi").unwrap(),
+            shown: Vec::new(),
+            probability,
+            offers: gains
+                .iter()
+                .map(|g| Offer {
+                    plan: plan.clone(),
+                    gain_nats: *g,
+                })
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn a_verdict_is_decided_by_its_probability_not_by_its_word() {
+        let options = Options::default();
+        let step = |f| judge(f, &options);
+        assert!(matches!(
+            step(found(Word::Named, 0.97, &[1.0])),
+            Step::Decided(_)
+        ));
+        assert!(matches!(
+            step(found(Word::None, 0.97, &[])),
+            Step::Decided(_)
+        ));
+        assert!(matches!(
+            step(found(Word::Named, 0.92, &[1.0])),
+            Step::Run(_)
+        ));
+        assert!(matches!(
+            step(found(Word::Ambiguous, 0.6, &[5.0])),
+            Step::Run(_)
+        ));
+        // Something without a name is never decided by being likely.
+        assert!(matches!(
+            step(found(Word::Unknown, 0.99, &[])),
+            Step::Undecided { .. }
+        ));
+    }
+
+    #[test]
+    fn it_ends_where_the_runs_that_are_left_cannot_decide() {
+        let mut options = Options {
+            runs_left: 2,
+            ..Options::default()
+        };
+        // From even odds to 19 to 1 are 2.9 nats.
+        let step = |gain, options: &Options| judge(found(Word::Ambiguous, 0.5, &[gain]), options);
+        assert!(matches!(step(1.5, &options), Step::Run(_)));
+        let Step::Undecided { why, .. } = step(1.0, &options) else {
+            panic!("goes on for nothing");
+        };
+        assert!(
+            why.contains("1.0 nats") && why.contains("2.9 nats"),
+            "{why}"
+        );
+        options.runs_left = 0;
+        assert!(matches!(step(9.0, &options), Step::Undecided { .. }));
+        let none = judge(found(Word::Ambiguous, 0.5, &[]), &Options::default());
+        assert!(matches!(none, Step::Undecided { .. }));
+    }
+}

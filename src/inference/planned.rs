@@ -1,0 +1,171 @@
+//! What a run by a plan would say before it is made.
+//!
+//! Response of the motion to every number asked, whitened by the noise to expect; their inner products are the Fisher
+//! information of the run (Pukelsheim 2006, ch. 3), which adds up over runs. Where the run begins is fitted with it and
+//! taken out. Effects are asked by their finite response at a typical size: thresholds and delays have no derivative at
+//! nothing.
+
+use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_numerics::noise::Noise;
+use hydroline_rigs::Rig;
+use hydroline_sim::effect::EffectError;
+use nalgebra::{Cholesky, DMatrix};
+
+use super::body::Body;
+use super::filter::Force;
+use super::fit::{Fit, Problem};
+use super::hyper::{Cell, Cells, Noises, Worth, with_force};
+use super::prior::PriorTable;
+use super::recording::Recording;
+
+/// On the diagonal of what the starts say, so that two that do the same are one.
+const JITTER: f64 = 1e-10;
+
+/// An effect at a typical size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Typical {
+    /// Its place among the candidates.
+    pub candidate: usize,
+    /// Natural numbers.
+    pub numbers: Vec<f64>,
+}
+
+impl Problem {
+    /// A rig's body with all that may have been left out of it, before anything is measured: sizes of effects are those for a
+    /// vehicle that moves as it does under these commands from the rig's start at rest.
+    ///
+    /// `noise` = that of the instruments to expect, per channel.
+    ///
+    /// # Errors
+    /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
+    pub fn of_rig(
+        rig: &Rig,
+        dofs: &[usize],
+        commands: &[Command],
+        times_s: &[f64],
+        noise: [Option<Noise>; 12],
+    ) -> Result<Problem, EffectError> {
+        let pose = rig.tank.start_pose;
+        let rest: [f64; 12] = std::array::from_fn(|c| pose.get(c).copied().unwrap_or(f64::NAN));
+        let mut run = Run {
+            name: "planned".to_owned(),
+            commands: commands.to_vec(),
+            samples: times_s
+                .iter()
+                .map(|t_s| Sample {
+                    t_s: *t_s,
+                    values: rest,
+                    covariance: None,
+                })
+                .collect(),
+            ..Run::default()
+        };
+        let recording = Recording::new(std::slice::from_ref(&run), pose[5]);
+        let still = Body::plain(recording, rig, dofs)?;
+        // Turned as measured values are; back along the tank's axes.
+        let moved = still.values(0, &[], &still.begin());
+        let (sin, cos) = still.recording.runs[0].heading[0];
+        for (sample, v) in run.samples.iter_mut().zip(moved) {
+            sample.values[..6].copy_from_slice(&v[..6]);
+            sample.values[0] = cos * v[0] - sin * v[1];
+            sample.values[1] = sin * v[0] + cos * v[1];
+        }
+        let recording = Recording::new(&[run], pose[5]);
+        let body = Body::new(recording, rig, dofs, &[], PriorTable::default())?;
+        let used = vec![[true; 12]; times_s.len()];
+        Ok(Problem {
+            worth: Worth::none(),
+            noises: Noises {
+                channels: noise,
+                used: vec![used],
+            },
+            body,
+        })
+    }
+
+    /// Information about the vehicle's own numbers (scaled: logarithms of their ratios to the rig's) and, behind them, the
+    /// amplitudes of these effects in units of their typical size, from the run of a [`Problem::planned`]. `None` where the
+    /// motion is not finite.
+    pub fn expected(&self, effects: &[Typical]) -> Option<DMatrix<f64>> {
+        let body = &self.body;
+        let at = body.begin();
+        let own = body.own.len();
+        let here = body.simulated(0, &[], &at);
+        let finite = |values: &[[f64; 12]]| values.iter().flatten().all(|v| v.is_finite());
+        if !finite(&here.values) {
+            return None;
+        }
+        let fit = Fit::begin(at, Cells::of([Cell::default(); 6]));
+        let mut responses = Vec::with_capacity(effects.len());
+        for e in effects {
+            let (terms, point) = self.with(&fit, e.candidate, &e.numbers);
+            let mut there = body.values(0, &terms, &point);
+            if !finite(&there) {
+                // At this size it is no model of this vehicle: nothing is said of it.
+                there.clone_from(&here.values);
+            }
+            for (a, b) in there.iter_mut().zip(&here.values) {
+                for (a, b) in a.iter_mut().zip(b) {
+                    *a -= b;
+                }
+            }
+            responses.push(there);
+        }
+        // Own numbers, effects, starts.
+        let place = |i: usize| if i < own { i } else { i + effects.len() };
+        let asked = own + effects.len();
+        let all = asked + body.starts[0].len();
+        let columns: Vec<(usize, &[[f64; 12]])> = here
+            .columns
+            .iter()
+            .map(|(i, c)| (place(*i), c.as_slice()))
+            .chain(
+                responses
+                    .iter()
+                    .enumerate()
+                    .map(|(k, c)| (own + k, c.as_slice())),
+            )
+            .collect();
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
+        let mut information = DMatrix::zeros(all, all);
+        for &d in &body.dofs {
+            let filters = with_force(body, &self.noises, d, none);
+            let white: Vec<(usize, Vec<f64>)> = columns
+                .iter()
+                .filter_map(|(i, c)| {
+                    let series = self.white_column(d, c, filters.first()?)?;
+                    Some((*i, series.into_iter().flatten().collect()))
+                })
+                .collect();
+            let Some(rows) = white.first().map(|w| w.1.len()) else {
+                continue;
+            };
+            let data = white.iter().flat_map(|w| w.1.iter().copied());
+            let matrix = DMatrix::from_iterator(rows, white.len(), data);
+            let square = matrix.transpose() * &matrix;
+            for (a, (i, _)) in white.iter().enumerate() {
+                for (b, (j, _)) in white.iter().enumerate() {
+                    information[(*i, *j)] += square[(a, b)];
+                }
+            }
+        }
+        without_last(&information, asked)
+    }
+}
+
+/// Information of the first `keep` numbers, the others unknown (Schur complement).
+pub fn without_last(information: &DMatrix<f64>, keep: usize) -> Option<DMatrix<f64>> {
+    let n = information.nrows();
+    let mut rest = information
+        .view((keep, keep), (n - keep, n - keep))
+        .into_owned();
+    for i in 0..n - keep {
+        rest[(i, i)] = rest[(i, i)] * (1.0 + JITTER) + f64::MIN_POSITIVE;
+    }
+    let across = information.view((keep, 0), (n - keep, keep)).into_owned();
+    let taken = Cholesky::new(rest)?.solve(&across);
+    Some(information.view((0, 0), (keep, keep)) - across.transpose() * taken)
+}
