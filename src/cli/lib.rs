@@ -27,6 +27,7 @@ mod log_tools;
 mod man;
 mod outcome;
 mod output;
+mod paper;
 mod plan;
 mod predict;
 mod print;

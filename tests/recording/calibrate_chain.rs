@@ -496,7 +496,7 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
             vec!["calibrate", text(&good_png), "--out", text(&out)],
             "--board",
         ),
-        (vec!["board", "dots-50", "--out", "x.pdf"], ".svg"),
+        (vec!["board", "dots-50", "--out", "x.png"], ".svg"),
     ] {
         let (code, _, stderr) = words(&run(&args));
         assert_eq!(code, Some(2), "{args:?} {stderr}");
