@@ -34,6 +34,7 @@ mod print;
 mod progress;
 mod prove;
 mod record;
+mod remembered;
 mod replay;
 mod reproduce;
 mod rig;

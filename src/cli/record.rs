@@ -4,6 +4,7 @@ use super::calibrated::{MakeArgs, UseArgs};
 use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
 use super::print::{errln, out, outln};
+use super::remembered::{Memory, RememberArgs};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
@@ -35,6 +36,9 @@ with --return-to-start you bring it back by hand, and Enter starts the next run.
 
 With --live a page in the browser shows image, pose, loads and what the run cannot show so far; its STOP does what \
 Space does. The page opens on this computer alone; a phone needs --live 0.0.0.0:8080 and --live-token.
+
+Without --calibration the latest accepted one that is remembered for this camera, medium and board is used, and said \
+with its age and fit; without one, the rig's ideal camera. The log holds what was used.
 
 Examples:
   hydroline record --rig lshpi --plan surge-4n --dry-run
@@ -72,6 +76,8 @@ pub struct Args {
     no_thrusters: bool,
     #[command(flatten)]
     using: UseArgs,
+    #[command(flatten)]
+    remember: RememberArgs,
     #[command(flatten)]
     making: MakeArgs,
     #[command(flatten)]
@@ -153,8 +159,13 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         Some(_) => Some(args.making.file(out)?),
         None => None,
     };
+    let remembered = |medium| Memory::of_user().for_run(args.remember, &rig, medium);
     let calibrating = Calibrating {
-        calibration,
+        calibration: match calibration {
+            // While a board is searched for, it is the rig's camera that is asked.
+            None if calibrate.is_none() => remembered(medium::of_run(&rig, &conditions))?,
+            given => given,
+        },
         calibrate,
         out: calibration_out,
     };
@@ -262,6 +273,7 @@ fn record_all(
             if let Some(file) = calibrating.out.take() {
                 store(&file, &accepted)?;
             }
+            Memory::of_user().keep_and_say(Some(rig), &accepted);
             // In force from the next run on; in this log the coordinates keep to one map.
             calibrating.calibrate = None;
             calibrating.calibration = Some(accepted);

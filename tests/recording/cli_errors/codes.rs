@@ -226,6 +226,10 @@ const VALUES: &[(&str, &[&str])] = &[
         &["create it first"],
     ),
     ("record --rig lshpi --for soon --out OUTr.mcap", &["30s"]),
+    (
+        "record --rig lshpi --for 1s --calibration a.toml --no-remembered --out OUTr.mcap",
+        &["--calibration", "--no-remembered"],
+    ),
     ("record --rig lshpi --for 1s", &["--out"]),
     ("info", &["<LOG>"]),
     ("doctor LOG --jsno", &["--json"]),
