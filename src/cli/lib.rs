@@ -7,6 +7,7 @@
 
 mod aim;
 mod board;
+mod bring_back;
 mod calibrate;
 mod calibrated;
 mod check;

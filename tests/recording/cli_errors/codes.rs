@@ -227,6 +227,14 @@ const VALUES: &[(&str, &[&str])] = &[
     ),
     ("record --rig lshpi --for soon --out OUTr.mcap", &["30s"]),
     (
+        "record --rig lshpi --for 1s --start-within-m 0 --out OUTr.mcap",
+        &["--start-within-m", "up to 1 m"],
+    ),
+    (
+        "record --rig lshpi --for 1s --start-within-deg 90 --out OUTr.mcap",
+        &["--start-within-deg", "up to 45 deg"],
+    ),
+    (
         "record --rig lshpi --for 1s --calibration a.toml --no-remembered --out OUTr.mcap",
         &["--calibration", "--no-remembered"],
     ),
