@@ -1,24 +1,22 @@
 //! `record --return-to-start` between two runs: shows the way back, and asks.
 
+mod asked;
+mod page;
+
 use super::print::errln;
 use super::{CliError, progress, rigging};
-use hydroline_calib::Pose;
+use asked::{Answer, Asked};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{Captured, FrameSource};
 use hydroline_core::clock::{Clock, SystemClock};
-use hydroline_core::frame::{Frame, GreyRule};
-use hydroline_daemon::bring_back::finder::{Finder, Look};
+use hydroline_daemon::bring_back::finder::Finder;
 use hydroline_daemon::bring_back::{Guide, HEADING_DEG, POSITION_M, Stage, StartTolerance};
-use hydroline_daemon::live::outline::Scene;
-use hydroline_daemon::live::{Live, picture};
-use hydroline_daemon::record::keys::Keys;
+use hydroline_daemon::live::Live;
 use hydroline_daemon::signals;
-use hydroline_live::State;
-use hydroline_live::state;
 use hydroline_rigs::Rig;
 use indicatif::ProgressBar;
+use page::Page;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 /// Between two looks at the keys while no frame comes.
@@ -27,8 +25,6 @@ const LOOK: Duration = Duration::from_millis(20);
 const PERIOD: Duration = Duration::from_millis(100);
 /// A second Enter within this time starts the run although the vehicle is not seen at the start.
 const AGAIN: Duration = Duration::from_secs(10);
-/// An Enter from before the question was asked is no answer to it.
-const BEFORE: Duration = Duration::from_millis(150);
 
 /// How near the start is near enough.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -77,60 +73,6 @@ pub struct Way<'a> {
     pub live: Option<Live>,
     /// Whether STOP was pressed there.
     pub stopped: &'a dyn Fn() -> bool,
-}
-
-/// What somebody at the tank said.
-enum Answer {
-    Go,
-    End,
-}
-
-/// Who is asked: the keys of a terminal, else a line on stdin.
-enum Asked {
-    Keys(Keys),
-    Line(Receiver<bool>),
-}
-
-impl Asked {
-    fn begin() -> Self {
-        if let Some(keys) = Keys::watch(None) {
-            std::thread::sleep(BEFORE);
-            keys.enter();
-            return Self::Keys(keys);
-        }
-        let (tell, told) = channel();
-        std::thread::spawn(move || {
-            let mut line = String::new();
-            // End of input (no terminal, nobody there): nobody has brought anything back.
-            let here = std::io::stdin().read_line(&mut line).is_ok_and(|n| n > 0);
-            tell.send(here).ok();
-        });
-        Self::Line(told)
-    }
-
-    fn answer(&self) -> Option<Answer> {
-        match self {
-            Self::Keys(keys) if keys.space() || keys.quit() => Some(Answer::End),
-            Self::Keys(keys) => keys.enter().then_some(Answer::Go),
-            Self::Line(told) => told
-                .try_recv()
-                .ok()
-                .map(|here| if here { Answer::Go } else { Answer::End }),
-        }
-    }
-
-    /// Whether a Space or q came with the last keys.
-    fn ended(self) -> bool {
-        match self {
-            Self::Keys(keys) => keys.finish(),
-            Self::Line(_) => false,
-        }
-    }
-
-    /// Whether the same person can be asked again.
-    fn asks_again(&self) -> bool {
-        matches!(self, Self::Keys(_))
-    }
 }
 
 /// Shows the way until someone at the tank says that the vehicle is back at the start; false when that will not be.
@@ -282,52 +224,6 @@ impl Eyes {
 impl Drop for Eyes {
     fn drop(&mut self) {
         self.line.finish_and_clear();
-    }
-}
-
-/// The live page between the runs: the picture, with the line where it is to be, and the way in words.
-struct Page {
-    live: Live,
-    rule: GreyRule,
-    scene: Scene,
-    start: [f64; 6],
-    state: State,
-}
-
-impl Page {
-    fn new(way: &Way<'_>, live: Live) -> Self {
-        let state = State {
-            mode: "record",
-            title: live.title.clone(),
-            ..State::default()
-        };
-        Self {
-            live,
-            rule: way.rig.grey_rule(),
-            scene: Scene::new(way.rig, way.map.clone()),
-            start: way.rig.tank.start_pose,
-            state,
-        }
-    }
-
-    fn show(&mut self, frame: &Frame, look: &Look, line: &str) {
-        self.state.phase = format!("between runs: {line}; the blue line is the start's");
-        self.state.frames.received += 1;
-        let seen = &look.seen;
-        let mut measured = [None; 6];
-        let values = [(0, seen.x_m), (1, seen.y_m), (5, seen.psi_rad)];
-        for (i, value) in values {
-            measured[i] = value.map(|v| (v, f64::NAN));
-        }
-        let at_s = frame.meta.mid_exposure_ns as f64 * 1e-9;
-        let pose = state::Pose::new("measured", at_s, 0.0, measured, Some(self.start));
-        self.state.pose = Some(pose);
-        self.live.feed.publish(self.state.clone());
-        if self.live.feed.is_watched() {
-            let start = self.scene.outline(&Pose::from_array(self.start));
-            let shown = picture(frame, &look.profile, self.rule, Some(start));
-            self.live.feed.show(shown);
-        }
     }
 }
 

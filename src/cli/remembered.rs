@@ -3,6 +3,8 @@
 //! Each is a calibration file like any other, with one line more that names its camera. A run finds the latest for its
 //! camera, image size, medium and board, and says which it took.
 
+mod words;
+
 use super::CliError;
 use super::print::errln;
 use hydroline_calib::analytic::IdealMap;
@@ -15,12 +17,12 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use words::{age, circumstances, fit, made};
 
 /// The line of a file that names the camera.
 const CAMERA_LINE: &str = "# camera: ";
 /// Characters of a camera or board in a file's name: three parts and a time fit the 255 bytes of a name.
 const NAME_CHARACTERS: usize = 60;
-const DAY_S: u64 = 86_400;
 
 /// Whether remembered calibrations are looked for.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -116,10 +118,6 @@ fn latest(all: Vec<Remembered>, wanted: &Wanted) -> Option<Remembered> {
 /// By time, then by name.
 fn key(r: &Remembered) -> (Option<SystemTime>, &Path) {
     (made(&r.calibration), &r.path)
-}
-
-fn made(calibration: &Calibration) -> Option<SystemTime> {
-    humantime::parse_rfc3339_weak(calibration.date.as_deref()?).ok()
 }
 
 /// The folder of remembered calibrations.
@@ -303,43 +301,6 @@ fn file_name(camera: &str, calibration: &Calibration) -> String {
         calibration.medium.name(),
         plain(calibration.board.as_deref().unwrap_or("none"))
     )
-}
-
-fn circumstances(c: &Calibration) -> String {
-    format!(
-        "board {}, in {}, {}",
-        c.board.as_deref().unwrap_or("none"),
-        c.medium.name(),
-        c.map.method()
-    )
-}
-
-/// The residual at the nodes, both axes together.
-fn fit(c: &Calibration) -> String {
-    c.residuals.map_or_else(
-        || "of unknown fit".to_owned(),
-        |r| {
-            format!(
-                "rms {:.3} mm at {} nodes",
-                1e3 * r.rms_xi_m.hypot(r.rms_eta_m),
-                r.nodes
-            )
-        },
-    )
-}
-
-/// When it was made and how long ago that is.
-fn age(c: &Calibration, now: SystemTime) -> String {
-    let date = c.date.as_deref().unwrap_or("an unknown time");
-    let Some(age) = made(c).and_then(|made| now.duration_since(made).ok()) else {
-        return date.to_owned();
-    };
-    let age = match age.as_secs() {
-        s if s < 3600 => format!("{} min", s / 60),
-        s if s < 2 * DAY_S => format!("{} h", s / 3600),
-        s => format!("{} days", s / DAY_S),
-    };
-    format!("{date} ({age} old)")
 }
 
 #[cfg(test)]
