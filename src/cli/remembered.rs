@@ -79,13 +79,17 @@ pub enum RememberError {
 }
 
 /// What makes a camera this one: its identity on the bus; of a simulated one the rig's numbers, which are its truth.
-pub fn camera(rig: &Rig) -> String {
+/// `None` for a bare /dev/videoN: tomorrow another camera may have that number.
+pub fn camera(rig: &Rig) -> Option<String> {
     match &rig.camera.backend {
-        CameraBackend::V4l(DeviceIdentity::ById(name)) => format!("by-id {name}"),
-        CameraBackend::V4l(DeviceIdentity::ByPath(name)) => format!("by-path {name}"),
-        CameraBackend::V4l(DeviceIdentity::Node(node)) => format!("node {}", node.display()),
+        CameraBackend::V4l(DeviceIdentity::ById(name)) => Some(format!("by-id {name}")),
+        // A socket, not a camera: at least the rig that it belongs to is the same.
+        CameraBackend::V4l(DeviceIdentity::ByPath(name)) => {
+            Some(format!("by-path {name} of rig {}", rig.name))
+        }
+        CameraBackend::V4l(DeviceIdentity::Node(_)) => None,
         CameraBackend::Sim => match IdealMap::of(rig).describe().map {
-            MapParameters::Ideal(p) => format!(
+            MapParameters::Ideal(p) => Some(format!(
                 "sim {} f {:.2} {:.2} c {:.2} {:.2} at {:.4} {:.4} tilt {:.5}",
                 rig.name,
                 p.fx_px,
@@ -95,8 +99,8 @@ pub fn camera(rig: &Rig) -> String {
                 p.eta_c_m,
                 p.zeta_c_m,
                 p.camera_tilt_rad
-            ),
-            _ => format!("sim {}", rig.name),
+            )),
+            _ => None,
         },
     }
 }
@@ -176,7 +180,13 @@ impl Memory {
             );
             return;
         };
-        match self.keep(&camera(rig), calibration) {
+        let Some(camera) = camera(rig) else {
+            errln!(
+                "hydroline: the calibration is not remembered: a /dev/videoN is another camera tomorrow; `hydroline devices` prints by-id names for the rig, or give the file with --calibration"
+            );
+            return;
+        };
+        match self.keep(&camera, calibration) {
             Ok(path) => errln!(
                 "hydroline: remembered for this camera, {} and board {}: {}",
                 calibration.medium.name(),
@@ -242,11 +252,11 @@ impl Memory {
         rig: &Rig,
         medium: Medium,
     ) -> Result<Option<Calibration>, CliError> {
-        if args.no_remembered {
+        let Some(camera) = camera(rig).filter(|_| !args.no_remembered) else {
             return Ok(None);
-        }
+        };
         let wanted = Wanted {
-            camera: camera(rig),
+            camera,
             image: ImageSize::of(&rig.camera),
             medium,
             board: rig.board.as_ref().map(|board| board.name.clone()),

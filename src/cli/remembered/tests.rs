@@ -14,7 +14,7 @@ fn calibration(date: &str, medium: Medium, board: &str) -> Calibration {
 fn wanted(medium: Medium, board: Option<&str>) -> Wanted {
     let rig = Rig::builtin("lshpi").unwrap();
     Wanted {
-        camera: camera(&rig),
+        camera: camera(&rig).unwrap(),
         image: ImageSize::of(&rig.camera),
         medium,
         board: board.map(str::to_owned),
@@ -134,4 +134,15 @@ fn a_simulated_camera_of_other_numbers_is_another() {
     moved.camera.cx_px += 3.0;
     assert_ne!(camera(&rig), camera(&moved));
     assert_eq!(camera(&rig), camera(&rig.clone()));
+    // A number of the system's is no camera; a socket is one of its rig.
+    let backend = |identity| {
+        let mut rig = rig.clone();
+        rig.camera.backend = CameraBackend::V4l(identity);
+        camera(&rig)
+    };
+    assert_eq!(backend(DeviceIdentity::Node("/dev/video0".into())), None);
+    let socket = backend(DeviceIdentity::ByPath("usb-1".into())).unwrap();
+    assert!(socket.contains("usb-1") && socket.contains(&rig.name));
+    let serial = backend(DeviceIdentity::ById("usb-X_123".into()));
+    assert_eq!(serial.as_deref(), Some("by-id usb-X_123"));
 }
