@@ -209,7 +209,10 @@ impl Guide {
             return "the vehicle is not seen over its target: bring it back by eye".to_owned();
         };
         let number = |v: Option<f64>, digits: usize| {
-            v.map_or_else(|| "?".to_owned(), |v| format!("{v:.digits$}"))
+            // No minus before what rounds to nothing.
+            let scale = 10f64.powi(digits as i32);
+            let rounded = v.map(|v| (v * scale).round() / scale + 0.0);
+            rounded.map_or_else(|| "?".to_owned(), |v| format!("{v:.digits$}"))
         };
         let place = format!(
             "x {} y {} m, {}\u{b0}",

@@ -99,6 +99,8 @@ fn the_line_fits_a_terminal_of_80_columns() {
             },
         );
         assert!(guide.line(0).chars().count() <= 80);
+        guide.look(0, seen(-0.201, -0.001, -0.001));
+        assert!(guide.line(0).starts_with("x -0.20 y 0.00 m, 0\u{b0}"));
         for k in 0..3 {
             guide.look(k * S, far);
             let line = guide.line(k * S);
