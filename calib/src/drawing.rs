@@ -1,12 +1,14 @@
 //! Drawings of boards and targets at true scale, from the same types the software reads.
 //!
-//! A [`Sheet`] holds shapes in millimetres with the origin at the lower left; `svg` and
+//! A [`Sheet`] holds shapes in millimetres with the origin at the lower left; `svg`, `pdf` and
 //! `dxf` write it. Filled shapes are what is printed or engraved dark, outlines what is cut
 //! or milled, thin lines are dimensions. Every sheet carries a line of 100 mm: measure it on
 //! the print before the board is trusted.
 
 pub mod dxf;
+pub mod pdf;
 pub mod svg;
+pub mod tile;
 
 use hydroline_rigs::{Board, BoardPattern, SlabOutline, Target};
 

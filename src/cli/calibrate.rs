@@ -7,6 +7,7 @@ mod report;
 use super::images::{self, GreyArgs};
 use super::output::Output;
 use super::print::{errln, out, outln};
+use super::remembered::Memory;
 use super::{CliError, Outcome, inputs};
 use collect::{Collected, Source};
 use hydroline_calib::calibration::board_map::Placement;
@@ -26,6 +27,9 @@ use std::path::{Path, PathBuf};
 The board stands in the laser sheet and does not move; images of another pose are fitted apart and compared. \
 Methods: homography (lens and perspective; the default), refractive (flat port by Snell's law), and the literal \
 Wang-Cheng maps graticule, bilinear, affine, and rectified-graticule; `hydroline reproduce calibration` compares them.
+
+An accepted one is remembered, too ($XDG_DATA_HOME/hydroline/calibrations): `record` uses the latest for its camera, \
+medium and board, and says so. That needs the camera: the log's rig, or --rig.
 
 Examples:
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml
@@ -271,6 +275,9 @@ fn finish(
         against: &against,
     };
     args.output.write(&args.out, report.file()?)?;
+    if status.accepted {
+        Memory::of_user().keep_and_say(setup.rig.as_ref(), &calibration);
+    }
     if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
         args.output
             .image(path, picture::annotate(setup, image, &calibration))?;

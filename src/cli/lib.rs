@@ -7,6 +7,7 @@
 
 mod aim;
 mod board;
+mod bring_back;
 mod calibrate;
 mod calibrated;
 mod check;
@@ -28,12 +29,14 @@ mod log_tools;
 mod man;
 mod outcome;
 mod output;
+mod paper;
 mod plan;
 mod predict;
 mod print;
 mod progress;
 mod prove;
 mod record;
+mod remembered;
 mod replay;
 mod reproduce;
 mod rig;

@@ -22,3 +22,12 @@ pub fn bar(length: u64, what: &'static str) -> ProgressBar {
     }
     bar.with_message(what)
 }
+
+/// One line of words on stderr that refreshes; nothing where that is no terminal.
+pub fn line() -> ProgressBar {
+    let line = bar(0, "");
+    if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+        line.set_style(style);
+    }
+    line
+}

@@ -2,10 +2,12 @@
 
 mod until;
 
+use super::bring_back::{self, NearArgs, Way};
 use super::calibrated::{MakeArgs, UseArgs};
 use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
 use super::print::{errln, out, outln};
+use super::remembered::{Memory, RememberArgs};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
@@ -33,7 +35,8 @@ Pressed before a plan has begun or between runs, each of them keeps the plan fro
 A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
 
 With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
-with --return-to-start you bring it back by hand, and Enter starts the next run.
+with --return-to-start you bring it back by hand, shown the way by the camera (\"0.12 m forward, 0.03 m left, turn 4° \
+left\", also on the live page), and Enter starts the next run.
 
 With --next the plan is proposed that says most beside the runs that are there, with its reason; Enter starts it. With \
 --until-decided this goes on: each run is replayed and diagnosed, and it ends when the verdict is decided, or when no \
@@ -42,12 +45,16 @@ plan that the rig runs would decide it. The same command again goes on from the 
 With --live a page in the browser shows image, pose, loads and what the run cannot show so far; its STOP does what \
 Space does. The page opens on this computer alone; a phone needs --live 0.0.0.0:8080 and --live-token.
 
+Without --calibration the latest accepted one that is remembered for this camera, medium and board is used, and said \
+with its age and fit; without one, the rig's ideal camera. The log holds what was used.
+
 Examples:
   hydroline record --rig lshpi --plan surge-4n --dry-run
   hydroline record --rig lshpi --plan surge-4n --out run.mcap
   hydroline record --rig my.toml --calibrate --board dots-50 --out calib.mcap
   hydroline record --rig my.toml --plan surge-4n --calibration calib.calibration.toml --out run.mcap
   hydroline record --rig my.toml --plan surge-4n --runs 5 --settle 2m --out run.mcap
+  hydroline record --rig my.toml --plan surge-4n --runs 5 --return-to-start --out run.mcap
   hydroline record --rig my.toml --plan surge-4n --live --out run.mcap    # http://127.0.0.1:8080
   hydroline record --rig my.toml --until-decided --out run.mcap    # run-1.mcap, run-2.mcap, ...
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
@@ -71,7 +78,8 @@ pub struct Args {
     /// Pause between runs, so that the water comes to rest
     #[arg(long, value_parser = inputs::duration, allow_hyphen_values = true, default_value = "0s", value_name = "TIME")]
     settle: Duration,
-    /// Waits before each further run until the vehicle has been brought back to the rig's start (Enter)
+    /// Waits before each further run until the vehicle has been brought back to the rig's start (Enter), and shows the
+    /// way there: where it is, how far forward, to the side and turned
     #[arg(long)]
     return_to_start: bool,
     /// Proposes the plan that says most beside the runs LOG-1.mcap, LOG-2.mcap, ... that are there, and records it as the next
@@ -86,11 +94,15 @@ pub struct Args {
     /// Starts what --next or --until-decided proposes without asking
     #[arg(long)]
     yes: bool,
+    #[command(flatten)]
+    near: NearArgs,
     /// Leaves the thrusters alone: no line is opened
     #[arg(long, conflicts_with = "plan")]
     no_thrusters: bool,
     #[command(flatten)]
     using: UseArgs,
+    #[command(flatten)]
+    remember: RememberArgs,
     #[command(flatten)]
     making: MakeArgs,
     #[command(flatten)]
@@ -155,6 +167,12 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             build,
             shown: shown.as_ref(),
         };
+        let calibration = match calibration {
+            None => {
+                Memory::of_user().for_run(args.remember, &rig, medium::of_run(&rig, &conditions))?
+            }
+            given => given,
+        };
         return until::run(&rig, &session, args, calibration);
     }
     if args.yes {
@@ -187,8 +205,13 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         Some(_) => Some(args.making.file(out)?),
         None => None,
     };
+    let remembered = |medium| Memory::of_user().for_run(args.remember, &rig, medium);
     let calibrating = Calibrating {
-        calibration,
+        calibration: match calibration {
+            // While a board is searched for, it is the rig's camera that is asked.
+            None if calibrate.is_none() => remembered(medium::of_run(&rig, &conditions))?,
+            given => given,
+        },
         calibrate,
         out: calibration_out,
     };
@@ -296,6 +319,7 @@ fn record_all(
             if let Some(file) = calibrating.out.take() {
                 store(&file, &accepted)?;
             }
+            Memory::of_user().keep_and_say(Some(rig), &accepted);
             // In force from the next run on; in this log the coordinates keep to one map.
             calibrating.calibrate = None;
             calibrating.calibration = Some(accepted);
@@ -340,7 +364,17 @@ fn record_all(
             break;
         }
         let go_on = settle(args.settle, session)?
-            && (!args.return_to_start || brought_back(rig.tank.start_pose, run, session)?);
+            && (!args.return_to_start || {
+                let next = (run.0 + 1, run.1);
+                bring_back::wait(&Way {
+                    rig,
+                    map: Arc::from(recording.in_force().0.to_map()),
+                    near: args.near,
+                    run: next,
+                    live: session.live(rig, outs.get(k + 1).unwrap_or(out), next),
+                    stopped: &|| session.stopped(),
+                })?
+            });
         if !go_on {
             errln!(
                 "hydroline: stopped between runs; {} of {} runs are recorded",
@@ -501,46 +535,6 @@ fn settle(pause: Duration, session: &Session<'_>) -> Result<bool, CliError> {
         }
         bar.set_position((pause - left).as_secs());
         std::thread::sleep(left.min(Duration::from_millis(50)));
-    }
-}
-
-/// Waits until someone at the tank says that the vehicle is back at the start; false when that will not be.
-fn brought_back(start: [f64; 6], run: (u32, u32), session: &Session<'_>) -> Result<bool, CliError> {
-    let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
-    let [x, y, z, _, _, psi] = start;
-    errln!(
-        "hydroline: bring the vehicle back to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts run {} of {}, Space, q or Ctrl-C ends",
-        psi.to_degrees(),
-        run.0 + 1,
-        run.1
-    );
-    if let Some(keys) = Keys::watch(None) {
-        // An Enter from before the question was asked is no answer to it.
-        std::thread::sleep(Duration::from_millis(150));
-        keys.enter();
-        loop {
-            if signals.heard().is_some() || stopped(Some(&keys)) || session.stopped() {
-                return Ok(false);
-            }
-            if keys.enter() {
-                return Ok(!keys.finish());
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-    let (tell, told) = std::sync::mpsc::channel();
-    std::thread::spawn(move || {
-        let mut line = String::new();
-        // End of input (no terminal, nobody there): nobody has brought anything back.
-        let here = std::io::stdin().read_line(&mut line).is_ok_and(|n| n > 0);
-        tell.send(here).ok();
-    });
-    loop {
-        match told.recv_timeout(Duration::from_millis(50)) {
-            Ok(here) => return Ok(here),
-            Err(_) if signals.heard().is_some() || session.stopped() => return Ok(false),
-            Err(_) => {}
-        }
     }
 }
 

@@ -25,7 +25,7 @@ use std::sync::Arc;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Plane coordinates come from --calibration, else from the calibration in the log, else from the ideal camera of the \
-rig's numbers; without a rig too they are left out.
+rig's numbers; without a rig too they are left out. What `record` remembers is not asked: a log replays the same anywhere.
 
 Examples:
   hydroline replay run.mcap --out run-poses.mcap

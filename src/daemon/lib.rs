@@ -1,6 +1,7 @@
 //! The chain put together: recording, replay, simulation and calibration. Devices, clocks and files are injected.
 
 pub mod analysis;
+pub mod bring_back;
 pub mod calibrate;
 pub mod diagnostics;
 pub mod live;

@@ -41,6 +41,7 @@ use std::sync::Arc;
 mod input;
 mod opening;
 mod refined;
+mod screen;
 mod smoothed;
 
 use input::Input;
@@ -252,6 +253,7 @@ pub fn replay(
         None => None,
     };
     let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
+    let screen = screen::of(options, &head.session);
     let mut state = Replay {
         writer: FileRecorder::create(out, false, head, settings)?,
         options,
@@ -268,15 +270,7 @@ pub fn replay(
         kinds: Kinds::default(),
         clipping: ClippingWatch::default(),
         still: StillWatch::default(),
-        screen: options.live.as_ref().map(|(live, rig)| {
-            Unhurried::new(
-                live,
-                "replay",
-                options.rule,
-                rig.as_deref(),
-                options.map.clone(),
-            )
-        }),
+        screen,
     };
     if let Some((motions, report)) = bound {
         state.bound = motions;

@@ -15,6 +15,13 @@ fn run(args: &[&str]) -> Output {
     hydroline().args(args).output().unwrap()
 }
 
+/// The same where it finds what was remembered before.
+fn run_at_home(home: &Path, args: &[&str]) -> Output {
+    let mut command = hydroline();
+    command.env("XDG_DATA_HOME", home).args(args);
+    command.output().unwrap()
+}
+
 fn words(output: &Output) -> (Option<i32>, String, String) {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let stderr = text(&output.stderr);
@@ -67,7 +74,7 @@ fn plane_messages(records: &[Record]) -> Vec<&PlaneCalibration> {
 /// Records the board on the simulated camera until its calibration is accepted; log and file.
 fn accepted(dir: &Path) -> (PathBuf, PathBuf) {
     let log = dir.join("calib.mcap");
-    let output = run(&[
+    let args = [
         "record",
         "--rig",
         "lshpi",
@@ -78,8 +85,10 @@ fn accepted(dir: &Path) -> (PathBuf, PathBuf) {
         "--json",
         "--out",
         text(&log),
-    ]);
+    ];
+    let output = run_at_home(&dir.join("home"), &args);
     let (code, stdout, stderr) = words(&output);
+    assert!(stderr.contains("remembered for this camera"), "{stderr}");
     assert!(matches!(code, Some(0 | 3)), "{code:?} {stdout} {stderr}");
     let report: serde_json::Value = serde_json::from_str(&stdout).unwrap();
     assert_eq!(
@@ -167,6 +176,42 @@ fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed
     let has_sd =
         |r: &Record| matches!(r, Record::Profile(p) if p.eta_sd_m.iter().any(|sd| sd.is_finite()));
     assert!(records.iter().any(has_sd));
+
+    // Without one named, what was accepted is remembered, used and said; unless it is not wanted, or not for this medium.
+    let home = dir.path().join("home");
+    let again = |name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let args = [
+            "record",
+            "--rig",
+            "lshpi",
+            "--for",
+            "200ms",
+            "--no-thrusters",
+        ];
+        let args = [&args[..], &["--out", text(&out)], more].concat();
+        let (code, _, stderr) = words(&run_at_home(&home, &args));
+        assert!(matches!(code, Some(0 | 3)), "{code:?} {stderr}");
+        let (_, metadata) = read(&out);
+        (stderr, metadata["calibration"]["toml"].clone())
+    };
+    let (stderr, used) = again("remembered.mcap", &[]);
+    for part in [
+        "remembered one of",
+        "old)",
+        "dots-50",
+        "rms ",
+        "--no-remembered",
+    ] {
+        assert!(stderr.contains(part), "no '{part}' in: {stderr}");
+    }
+    assert_eq!(Calibration::from_toml(&used, "head").unwrap(), calibration);
+    let (stderr, used) = again("unwanted.mcap", &["--no-remembered"]);
+    assert!(!stderr.contains("remembered one"), "{stderr}");
+    assert!(used.contains("eq11-12"));
+    let (stderr, used) = again("wet.mcap", &["--water-temp", "18"]);
+    assert!(stderr.contains("none of the 1 remembered"), "{stderr}");
+    assert!(used.contains("eq11-12"));
 
     // Replay takes the log's own calibration and gives the live bytes; another one is used when named.
     let again = dir.path().join("again.mcap");
@@ -496,7 +541,7 @@ fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
             vec!["calibrate", text(&good_png), "--out", text(&out)],
             "--board",
         ),
-        (vec!["board", "dots-50", "--out", "x.pdf"], ".svg"),
+        (vec!["board", "dots-50", "--out", "x.png"], ".svg"),
     ] {
         let (code, _, stderr) = words(&run(&args));
         assert_eq!(code, Some(2), "{args:?} {stderr}");

@@ -584,3 +584,43 @@ fn space_between_two_runs_keeps_the_second_from_starting() {
     assert!(stderr.contains("1 of 2 runs are recorded"), "{stderr}");
     assert!(!dir.path().join("run-2.mcap").exists());
 }
+
+#[test]
+fn between_runs_the_way_to_the_start_is_shown_until_enter() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let plan = dir.path().join("nudge.toml");
+    std::fs::write(&plan, "[[step]]\nfor_s = 0.3\nwrench = { surge_n = 2.0 }\n").unwrap();
+    let mut child = hydroline()
+        .args(["record", "--rig", "lshpi", "--runs", "2"])
+        .args(["--return-to-start", "--plan"])
+        .arg(&plan)
+        .arg("--out")
+        .arg(dir.path().join("run.mcap"))
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The simulated vehicle of the pause stands at its start; somebody sees it there and presses Enter.
+    let stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut said = Vec::new();
+    for line in std::io::BufRead::lines(stderr) {
+        let line = line.unwrap();
+        let there = line.contains("at the start: let go");
+        said.push(line);
+        if there {
+            let mut stdin = child.stdin.take().unwrap();
+            std::io::Write::write_all(&mut stdin, b"\n").unwrap();
+        }
+    }
+    let code = child.wait().unwrap().code();
+    let said = said.join("\n");
+    assert!(matches!(code, Some(0 | 3)), "{code:?} {said}");
+    for part in ["bring the vehicle back to x", "looks the same every 0.2"] {
+        assert!(said.contains(part), "no '{part}' in: {said}");
+    }
+    for k in [1, 2] {
+        assert!(dir.path().join(format!("run-{k}.mcap")).exists(), "{said}");
+    }
+}

@@ -106,6 +106,7 @@ fn the_binary_says_3_when_the_disk_took_no_more() {
     );
     let output = std::process::Command::new("bash")
         .args(["-c", &script])
+        .env("XDG_DATA_HOME", crate::support::data_home())
         .stdin(std::process::Stdio::null())
         .output()
         .unwrap();

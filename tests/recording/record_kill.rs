@@ -27,6 +27,7 @@ struct Lost {
 /// Starts the daemon, kills it `life` after its log has begun to grow, and says when (UNIX [ns]).
 fn record_and_kill(log: &Path, life: Duration) -> u64 {
     let mut child = Command::new(env!("CARGO_BIN_EXE_hydroline"))
+        .env("XDG_DATA_HOME", crate::support::data_home())
         .args([
             "record", "--rig", "lshpi", "--plan", "surge-4n", "--json", "--out",
         ])

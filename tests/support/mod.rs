@@ -105,9 +105,17 @@ pub fn hydroline() -> std::process::Command {
     let binary = binary.unwrap_or_else(|| env!("CARGO_BIN_EXE_hydroline").into());
     let mut command = std::process::Command::new(binary);
     command
+        .env("XDG_DATA_HOME", data_home())
         .env_remove("RUST_LOG")
         .stdin(std::process::Stdio::null());
     command
+}
+
+/// A data folder of its own for each run of the binary: what one remembers no other finds, and nothing of the user's.
+pub fn data_home() -> std::path::PathBuf {
+    static RUNS: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let run = RUNS.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("data-{}-{run}", std::process::id()))
 }
 
 /// One daemon at a time: several that render and fit at once on two cores are slow enough for the

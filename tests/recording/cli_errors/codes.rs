@@ -208,7 +208,21 @@ const VALUES: &[(&str, &[&str])] = &[
     ("flat LOG --write-rig OUTrig.toml", &["--rig"]),
     // Simulated without images.
     ("flat LOG", &["good.mcap", "no image"]),
-    ("board dots-50 --out OUTb.pdf", &[".svg", ".dxf"]),
+    ("board dots-50 --out OUTb.png", &[".svg", ".dxf", ".pdf"]),
+    ("board dots-50 --tile a5 --out OUTb.pdf", &["a4, a3"]),
+    (
+        "board dots-50 --tile a4 --out OUTb.svg",
+        &["--tile", ".pdf"],
+    ),
+    ("board dots-50 --margin-mm 10 --out OUTb.pdf", &["--tile"]),
+    (
+        "board dots-50 --tile a4 --margin-mm 1 --out OUTb.pdf",
+        &["1 mm", "5 to 50 mm"],
+    ),
+    (
+        "target hexagons --tile a3 --overlap-mm 99 --out OUTt.pdf",
+        &["99 mm", "0 to 30 mm"],
+    ),
     ("target hexagon --out OUTt.svg", &["hexagons"]),
     (
         "calibrate IMAGE --board dots-50 --method affin --out OUTc.toml",
@@ -223,6 +237,18 @@ const VALUES: &[(&str, &[&str])] = &[
         &["create it first"],
     ),
     ("record --rig lshpi --for soon --out OUTr.mcap", &["30s"]),
+    (
+        "record --rig lshpi --for 1s --start-within-m 0 --out OUTr.mcap",
+        &["--start-within-m", "up to 1 m"],
+    ),
+    (
+        "record --rig lshpi --for 1s --start-within-deg 90 --out OUTr.mcap",
+        &["--start-within-deg", "up to 45 deg"],
+    ),
+    (
+        "record --rig lshpi --for 1s --calibration a.toml --no-remembered --out OUTr.mcap",
+        &["--calibration", "--no-remembered"],
+    ),
     ("record --rig lshpi --for 1s", &["--out"]),
     ("info", &["<LOG>"]),
     ("doctor LOG --jsno", &["--json"]),

@@ -149,6 +149,7 @@ fn run(commands: &str, folder: &Path, at: &str) -> String {
         .arg(format!("{PRELUDE}\n{commands}"))
         .current_dir(folder)
         .env("PATH", path)
+        .env("XDG_DATA_HOME", folder.join("data-home"))
         .env_remove("RUST_LOG")
         .stdin(Stdio::null())
         .output()

@@ -1,0 +1,317 @@
+//! Accepted calibrations, remembered for the runs that follow: files under $XDG_DATA_HOME/hydroline/calibrations.
+//!
+//! Each is a calibration file like any other, with one line more that names its camera. A run finds the latest for its
+//! camera, image size, medium and board, and says which it took.
+
+mod words;
+
+use super::CliError;
+use super::print::errln;
+use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::calibration::MapParameters;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_calib::{CalibError, Calibration, ImageSize, Medium};
+use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_rigs::{CameraBackend, DeviceIdentity, Rig};
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use words::{age, circumstances, fit, made};
+
+/// The line of a file that names the camera.
+const CAMERA_LINE: &str = "# camera: ";
+/// Characters of a camera or board in a file's name: three parts and a time fit the 255 bytes of a name.
+const NAME_CHARACTERS: usize = 60;
+
+/// Whether remembered calibrations are looked for.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct RememberArgs {
+    /// Without --calibration: uses the rig's ideal camera, not the latest accepted calibration that is remembered for
+    /// this camera, medium and board
+    #[arg(long, conflicts_with = "calibration")]
+    no_remembered: bool,
+}
+
+/// What a run needs a calibration for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// As [`camera`] names it.
+    pub camera: String,
+    /// Size and crop are part of a map.
+    pub image: ImageSize,
+    /// What the light goes through.
+    pub medium: Medium,
+    /// The rig's board; `None` = any.
+    pub board: Option<String>,
+}
+
+/// A remembered calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Remembered {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its camera.
+    pub camera: String,
+    /// Itself.
+    pub calibration: Calibration,
+}
+
+/// What keeps a calibration from being remembered.
+#[derive(Debug, thiserror::Error)]
+pub enum RememberError {
+    /// No folder of the user's.
+    #[error(
+        "neither XDG_DATA_HOME nor HOME names a folder; set one, or give the file with --calibration"
+    )]
+    NoFolder,
+    /// The file could not be written.
+    #[error("{path}: {reason}; give the calibration's own file with --calibration")]
+    NotWritten {
+        /// The folder.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
+    /// The calibration is no text.
+    #[error(transparent)]
+    Unwritable(#[from] CalibError),
+}
+
+/// What makes a camera this one: its identity on the bus; of a simulated one the rig's numbers, which are its truth.
+/// `None` for a bare /dev/videoN: tomorrow another camera may have that number.
+pub fn camera(rig: &Rig) -> Option<String> {
+    match &rig.camera.backend {
+        CameraBackend::V4l(DeviceIdentity::ById(name)) => Some(format!("by-id {name}")),
+        // A socket, not a camera: at least the rig that it belongs to is the same.
+        CameraBackend::V4l(DeviceIdentity::ByPath(name)) => {
+            Some(format!("by-path {name} of rig {}", rig.name))
+        }
+        CameraBackend::V4l(DeviceIdentity::Node(_)) => None,
+        CameraBackend::Sim => match IdealMap::of(rig).describe().map {
+            MapParameters::Ideal(p) => Some(format!(
+                "sim {} f {:.2} {:.2} c {:.2} {:.2} at {:.4} {:.4} tilt {:.5}",
+                rig.name,
+                p.fx_px,
+                p.fy_px,
+                p.cx_px,
+                p.cy_px,
+                p.eta_c_m,
+                p.zeta_c_m,
+                p.camera_tilt_rad
+            )),
+            _ => None,
+        },
+    }
+}
+
+/// The latest that fits.
+fn latest(all: Vec<Remembered>, wanted: &Wanted) -> Option<Remembered> {
+    let fits = |r: &Remembered| {
+        let c = &r.calibration;
+        r.camera == wanted.camera
+            && c.medium == wanted.medium
+            && c.image.is_none_or(|image| image == wanted.image)
+            && (wanted.board.is_none() || c.board == wanted.board)
+    };
+    all.into_iter()
+        .filter(fits)
+        .max_by(|a, b| key(a).cmp(&key(b)))
+}
+
+/// By time, then by name.
+fn key(r: &Remembered) -> (Option<SystemTime>, &Path) {
+    (made(&r.calibration), &r.path)
+}
+
+/// The folder of remembered calibrations.
+#[derive(Debug, Clone)]
+pub struct Memory {
+    folder: Option<PathBuf>,
+}
+
+impl Memory {
+    /// The user's, as the XDG base directories say.
+    pub fn of_user() -> Self {
+        Self::from_variables(std::env::var_os("XDG_DATA_HOME"), std::env::var_os("HOME"))
+    }
+
+    fn from_variables(data: Option<OsString>, home: Option<OsString>) -> Self {
+        // A relative path is to be ignored, says the specification.
+        let absolute =
+            |value: Option<OsString>| value.map(PathBuf::from).filter(|p| p.is_absolute());
+        let data = absolute(data).or_else(|| Some(absolute(home)?.join(".local/share")));
+        Self {
+            folder: data.map(|data| data.join("hydroline/calibrations")),
+        }
+    }
+
+    /// Keeps an accepted calibration.
+    ///
+    /// # Errors
+    /// [`RememberError`] without a folder that can be written.
+    pub fn keep(&self, camera: &str, calibration: &Calibration) -> Result<PathBuf, RememberError> {
+        let folder = self.folder.as_deref().ok_or(RememberError::NoFolder)?;
+        let text = format!(
+            "# accepted by hydroline; a calibration file like any other (--calibration)\n{CAMERA_LINE}{camera}\n{}",
+            calibration.to_toml()?
+        );
+        let path = folder.join(file_name(camera, calibration));
+        let write = || -> std::io::Result<()> {
+            std::fs::create_dir_all(folder)?;
+            let mut part = tempfile::NamedTempFile::new_in(folder)?;
+            part.write_all(text.as_bytes())?;
+            part.as_file().sync_all()?;
+            part.persist(&path)?;
+            Ok(())
+        };
+        write().map_err(|e| RememberError::NotWritten {
+            path: path.clone(),
+            reason: e.to_string(),
+        })?;
+        Ok(path)
+    }
+
+    /// Keeps it and says so; that it cannot be kept is said, and is no failure.
+    pub fn keep_and_say(&self, rig: Option<&Rig>, calibration: &Calibration) {
+        let Some(rig) = rig else {
+            errln!(
+                "hydroline: the calibration is not remembered: nobody said which camera made it (--rig); give its file with --calibration"
+            );
+            return;
+        };
+        let Some(camera) = camera(rig) else {
+            errln!(
+                "hydroline: the calibration is not remembered: a /dev/videoN is another camera tomorrow; `hydroline devices` prints by-id names for the rig, or give the file with --calibration"
+            );
+            return;
+        };
+        match self.keep(&camera, calibration) {
+            Ok(path) => errln!(
+                "hydroline: remembered for this camera, {} and board {}: {}",
+                calibration.medium.name(),
+                calibration.board.as_deref().unwrap_or("none"),
+                path.display()
+            ),
+            Err(error) => errln!("hydroline: the calibration is not remembered: {error}"),
+        }
+    }
+
+    /// All that read, and what does not in words.
+    fn all(&self) -> (Vec<Remembered>, Vec<String>) {
+        let (mut found, mut unread) = (Vec::new(), Vec::new());
+        let entries = self.folder.as_ref().and_then(|f| std::fs::read_dir(f).ok());
+        for entry in entries.into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.extension().is_none_or(|e| e != "toml") {
+                continue;
+            }
+            match read(&path) {
+                Ok(remembered) => found.push(remembered),
+                Err(words) => unread.push(words),
+            }
+        }
+        (found, unread)
+    }
+
+    /// The latest for a run, and whatever must be said of it; nothing is taken without words.
+    pub fn find(&self, wanted: &Wanted, now: SystemTime) -> (Option<Remembered>, Vec<String>) {
+        let (all, mut words) = self.all();
+        let same_camera: Vec<String> = all
+            .iter()
+            .filter(|r| r.camera == wanted.camera)
+            .map(|r| circumstances(&r.calibration))
+            .collect();
+        let found = latest(all, wanted);
+        match &found {
+            Some(r) => words.push(format!(
+                "no --calibration: the remembered one of {} is used: {}, {}: {} (--calibration FILE takes another, --no-remembered none)",
+                age(&r.calibration, now),
+                circumstances(&r.calibration),
+                fit(&r.calibration),
+                r.path.display()
+            )),
+            None if !same_camera.is_empty() => words.push(format!(
+                "no --calibration, and none of the {} remembered for this camera is for {}, {} x {} px and board {}; there is: {}",
+                same_camera.len(),
+                wanted.medium.name(),
+                wanted.image.width_px,
+                wanted.image.height_px,
+                wanted.board.as_deref().unwrap_or("of any kind"),
+                same_camera.join("; ")
+            )),
+            None => {}
+        }
+        (found, words)
+    }
+
+    /// The calibration that a run without one uses: the latest remembered; `None` = the rig's ideal camera.
+    pub fn for_run(
+        &self,
+        args: RememberArgs,
+        rig: &Rig,
+        medium: Medium,
+    ) -> Result<Option<Calibration>, CliError> {
+        let Some(camera) = camera(rig).filter(|_| !args.no_remembered) else {
+            return Ok(None);
+        };
+        let wanted = Wanted {
+            camera,
+            image: ImageSize::of(&rig.camera),
+            medium,
+            board: rig.board.as_ref().map(|board| board.name.clone()),
+        };
+        let now = UNIX_EPOCH + Duration::from_nanos(SystemClock.triple().realtime_ns);
+        let (found, words) = self.find(&wanted, now);
+        for words in words {
+            errln!("hydroline: {words}");
+        }
+        Ok(found.map(|r| {
+            if let Some(words) = r.calibration.caveat() {
+                errln!("hydroline: {}: {words}", r.path.display());
+            }
+            r.calibration
+        }))
+    }
+}
+
+fn read(path: &Path) -> Result<Remembered, String> {
+    let calibration = Calibration::load(path).map_err(|e| e.to_string())?;
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let camera = text.lines().find_map(|l| l.strip_prefix(CAMERA_LINE));
+    let camera = camera.ok_or_else(|| {
+        format!(
+            "{}: no line '{CAMERA_LINE}...': it is not used; write it, or move the file away",
+            path.display()
+        )
+    })?;
+    Ok(Remembered {
+        path: path.to_owned(),
+        camera: camera.to_owned(),
+        calibration,
+    })
+}
+
+/// Time, camera, medium and board.
+fn file_name(camera: &str, calibration: &Calibration) -> String {
+    let plain = |text: &str| -> String {
+        let kept = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        text.chars().take(NAME_CHARACTERS).map(kept).collect()
+    };
+    let date: String = calibration
+        .date
+        .as_deref()
+        .unwrap_or("undated")
+        .chars()
+        .filter(char::is_ascii_alphanumeric)
+        .collect();
+    format!(
+        "{date}_{}_{}_{}.toml",
+        plain(camera),
+        calibration.medium.name(),
+        plain(calibration.board.as_deref().unwrap_or("none"))
+    )
+}
+
+#[cfg(test)]
+mod tests;
