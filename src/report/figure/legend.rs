@@ -1,5 +1,6 @@
 //! Title and legend above a panel: beside each other where there is room, else the legend below the title.
 
+use super::form::Form;
 use super::layout::{LETTER_PX, LINE_PX};
 use super::words::{BOLD, width_px, wrap};
 use super::{Kind, Layer, Panel};
@@ -10,8 +11,12 @@ use crate::svg::{self, Path};
 /// Size of a title's letters \[px\].
 const TITLE_PX: f64 = 12.0;
 const TITLE_LINE_PX: f64 = 16.0;
-/// Width of the sample before a name \[px\].
-const SAMPLE_PX: f64 = 18.0;
+/// Width of the sample before a name \[px\]: two dashes of any line.
+const SAMPLE_PX: f64 = 26.0;
+/// Width of a scale of colours \[px\].
+const SCALE_PX: f64 = 72.0;
+/// Size of the dot that stands for a series \[px\].
+const DOT_PX: f64 = 5.0;
 /// Between sample and name \[px\].
 const TO_NAME_PX: f64 = 4.0;
 /// Between two entries, and between title and legend \[px\].
@@ -121,7 +126,7 @@ fn lower(layer: &Layer) -> Option<String> {
 
 fn sample_px(layer: &Layer) -> f64 {
     lower(layer).map_or(SAMPLE_PX, |low| {
-        width_px(&low, LETTER_PX) + TO_NAME_PX + 4.0 * SAMPLE_PX
+        width_px(&low, LETTER_PX) + TO_NAME_PX + SCALE_PX
     })
 }
 
@@ -151,16 +156,16 @@ fn sample(root: &mut Element, layer: &Layer, [x, base]: [f64; 2]) {
     let (from, to) = ([x, middle], [x + SAMPLE_PX, middle]);
     let patch = |width: f64| svg::rect([x, base - 9.0], [width, 10.0]);
     match &layer.kind {
-        Kind::Line(_) => root.push_line(svg::line(from, to).stroke(colour, 2.0)),
+        Kind::Line(_) => root.push_line(Form::of(colour).line(svg::line(from, to), colour)),
         Kind::Dots { .. } => {
-            let mut dot = Path::new();
-            dot.dot([x + 0.5 * SAMPLE_PX, middle]);
-            root.push_line(super::draw::dots(dot, colour, 5.0));
+            let (mut dot, form) = (Path::new(), Form::of(colour));
+            form.dot(&mut dot, [x + 0.5 * SAMPLE_PX, middle], DOT_PX);
+            root.push_line(form.dots(dot, colour, DOT_PX));
         }
         Kind::Ribbon(_) | Kind::Band(_) | Kind::Windows(_) => {
             root.push_line(
                 patch(SAMPLE_PX)
-                    .fill(colour)
+                    .filled(colour)
                     .with("fill-opacity", super::draw::SHADE),
             );
         }
@@ -174,13 +179,14 @@ fn sample(root: &mut Element, layer: &Layer, [x, base]: [f64; 2]) {
             let low = lower(layer).unwrap_or_default();
             root.push_line(svg::text([x, base], LETTER_PX, &low));
             let left = x + width_px(&low, LETTER_PX) + TO_NAME_PX;
-            let part = 4.0 * SAMPLE_PX / f64::from(SHADES);
+            let part = SCALE_PX / f64::from(SHADES);
             for k in 0..SHADES {
                 let share = 2.0 * f64::from(k) / f64::from(SHADES - 1) - 1.0;
-                // A little wider than its part: no seam between two.
+                let (tint, opacity) = Colour::diverging(share);
                 root.push_line(
-                    svg::rect([left + part * f64::from(k), base - 9.0], [part + 0.3, 10.0])
-                        .fill(Colour::diverging(share)),
+                    svg::rect([left + part * f64::from(k), base - 9.0], [part, 10.0])
+                        .filled(tint)
+                        .number("fill-opacity", opacity),
                 );
             }
         }

@@ -4,7 +4,7 @@ use super::Inline;
 use crate::colour::Colour;
 use crate::markup::Element;
 
-/// Share of the full colour behind a number: black letters stay readable on it.
+/// Share of the full colour behind a number: letters stay readable on it, black ones and on a dark screen white ones.
 const BEHIND_LETTERS: f64 = 0.5;
 
 /// A table.
@@ -27,7 +27,8 @@ pub struct Value {
     words: Inline,
     hint: String,
     columns: usize,
-    background: Option<Colour>,
+    /// Colour and opacity.
+    background: Option<(Colour, f64)>,
     class: &'static str,
 }
 
@@ -149,8 +150,9 @@ impl Value {
         if !self.hint.is_empty() {
             cell = cell.with("title", &self.hint);
         }
-        if let Some(colour) = self.background {
-            cell = cell.with("style", format_args!("background:{colour}"));
+        if let Some((Colour([red, green, blue]), opacity)) = self.background {
+            let rgb = format_args!("background:rgba({red},{green},{blue},{opacity:.3})");
+            cell = cell.with("style", rgb);
         }
         cell
     }
