@@ -59,7 +59,7 @@ impl Colour {
         ("grid", Colour::GRID, Colour([0x2f, 0x34, 0x39])),
         ("zero", Colour::ZERO, Colour([0x6a, 0x72, 0x79])),
         ("frame", Colour::FRAME, Colour([0x7c, 0x84, 0x8b])),
-        ("none", Colour::NO_CELL, Colour([0x26, 0x2a, 0x2e])),
+        ("none", Colour::NO_CELL, Colour([0x36, 0x3c, 0x42])),
         ("below", Colour::BELOW, Colour([0x67, 0xa9, 0xcf])),
         ("above", Colour::ABOVE, Colour([0xef, 0x8a, 0x62])),
     ];
