@@ -16,8 +16,8 @@ use serde::Serialize;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The band comes from the uncertainty of the coefficients: of --identified, or of a rig that `identify --write-rig` wrote.
-With --measured the prediction starts at the pose that the log measures before its first load, and at the same moment: \
-the first load of the log is that of the plan. The rms residual of each DOF is told beside the CSV (stderr).
+With --measured the prediction starts where the log does (its pose before the first load, or in the first 0.5 s of it), \
+and at the same moment: the first load of the log is that of the plan. The rms residual of each DOF goes to stderr.
 
 Examples:
   hydroline predict --rig lshpi --plan surge-4n
@@ -157,6 +157,11 @@ fn compared(
     for (start, measured) in rig.tank.start_pose.iter_mut().zip(pose) {
         *start = measured.unwrap_or(*start);
     }
+    let first_s = first_load_s.unwrap_or(0.0);
+    let off = beside(&made(args, rig, plan, None)?, &run, start_s)?.start_off(first_s);
+    for (start, off) in rig.tank.start_pose.iter_mut().zip(off) {
+        *start += off;
+    }
     let made = made(args, rig, plan, identified)?;
     let mut measured = beside(&made, &run, start_s)?;
     measured.compare_loads(&made, &run);
@@ -168,7 +173,7 @@ fn tell(measured: &Measured) {
     for row in &measured.channels {
         let quantity = Quantity::of(row.channel);
         let within = row.within_two_sd.map_or(String::new(), |share| {
-            format!(", {:.0} % within 2 sd of the band", 100.0 * share)
+            format!(", {:.0} % within 2 sd", 100.0 * share)
         });
         errln!(
             "{}: rms residual {} over {} samples (largest {} at {:.2} s{within})",

@@ -1,6 +1,6 @@
 //! Panels that the reports of identify, predict and diagnose share.
 
-use hydroline_numerics::statistics::Correlogram;
+use hydroline_numerics::statistics::{Correlogram, median};
 use hydroline_report::{Axis, Colour, Panel, Quantity};
 
 /// Half width of the drawn noise band, in standard deviations.
@@ -59,7 +59,8 @@ pub fn commands(edges: &[(f64, f64)], dof: usize, [from_s, to_s]: [f64; 2]) -> O
     }
     let last = points.last().map_or(0.0, |p| p[1]);
     points.push([to_s, last]);
-    let panel = Panel::new("commanded load", Axis::time(), Axis::new(LOADS[dof])).height(LOW_PX);
+    let panel = Panel::new("commanded load", Axis::time(), Axis::new(LOADS[dof]));
+    let panel = panel.height(LOW_PX);
     Some(panel.line("", Colour::BLACK, points))
 }
 
@@ -72,6 +73,12 @@ pub struct Left<'a> {
     pub interval_s: f64,
     /// Measured minus model; NaN = none.
     pub residual: &'a [f64],
+}
+
+/// Median distance of stamps \[s\].
+pub fn interval_s(times_s: &[f64]) -> f64 {
+    let mut gaps: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+    median(&mut gaps).unwrap_or(0.0)
 }
 
 /// Autocorrelation of residuals, all runs over each other, beside the band in which white noise stays in 95 % of

@@ -3,7 +3,7 @@
 use super::{Shown, Trace};
 use crate::verdict::Unexplained;
 use hydroline_identify::data::CHANNELS;
-use hydroline_identify::figures::{commands, residuals};
+use hydroline_identify::figures::{Left, autocorrelation, commands, interval_s, residuals};
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 const BEFORE: Colour = Colour::VERMILLION;
@@ -70,6 +70,26 @@ pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
         panels,
     )
     .shared_x()
+}
+
+/// Autocorrelation of what the model with effects leaves of every run; `None` where all are too short.
+pub(super) fn whiteness(shown: &Shown, traces: &[Trace]) -> Option<Figure> {
+    let residuals: Vec<Vec<f64>> = traces.iter().map(|t| t.residual(&t.after)).collect();
+    let runs: Vec<Left<'_>> = traces
+        .iter()
+        .zip(&residuals)
+        .map(|(trace, residual)| Left {
+            name: &trace.name,
+            interval_s: interval_s(&trace.times_s),
+            residual,
+        })
+        .collect();
+    let title = format!("{}: residuals with what was left out", shown.channel);
+    let panel = autocorrelation(title.clone(), &runs)?;
+    Some(Figure::stack(
+        format!("{title}, autocorrelation"),
+        vec![panel],
+    ))
 }
 
 /// What the model without effects leaves of a run: `more` = windows with more than noise,

@@ -1,7 +1,7 @@
 //! A measured run beside its prediction: the log's time laid on the plan's, residuals and their rms.
 
 use super::Prediction;
-use crate::data::{CHANNELS, Command, Run};
+use crate::data::{CHANNELS, Command, Run, Sample};
 use hydroline_numerics::statistics::median;
 use serde::Serialize;
 
@@ -42,6 +42,9 @@ pub struct Measured {
     /// Measured minus predicted \[SI\].
     #[serde(skip)]
     pub residual: Vec<[f64; 12]>,
+    /// sd of the residual: of the prediction, and of the sample as the log says it; NaN = neither is known \[SI\].
+    #[serde(skip)]
+    pub sd: Vec<[f64; 12]>,
     /// What is odd about the comparison, one sentence each.
     pub notes: Vec<String>,
 }
@@ -59,7 +62,7 @@ pub struct Beside {
     pub largest: f64,
     /// When it is the largest \[s\].
     pub largest_at_s: f64,
-    /// Share of samples within two sd of the band; `None` = there is no band.
+    /// Share of samples within two sd of prediction and measurement together; `None` = neither is known.
     pub within_two_sd: Option<f64>,
 }
 
@@ -73,6 +76,12 @@ pub fn plan_start_s(run: &Run, plan_first_load_s: Option<f64>) -> f64 {
     }
 }
 
+/// Samples before the first load from which the start is known well enough: the median of five has half the sd of one.
+const START_SAMPLES: usize = 5;
+/// Else the start is found over so long from the first load on \[s\]: noise averages out, and a wrong coefficient has
+/// moved the vehicle by little yet.
+const START_S: f64 = 0.5;
+
 /// The pose at the plan's start as far as it is measured: median of what was measured before the first load, else the
 /// first sample of the plan.
 pub fn start_pose(run: &Run, first_load_s: f64) -> [Option<f64>; 6] {
@@ -84,6 +93,25 @@ pub fn start_pose(run: &Run, first_load_s: f64) -> [Option<f64>; 6] {
         let mut before: Vec<f64> = values(first_load_s).collect();
         median(&mut before).or_else(|| values(f64::INFINITY).next())
     })
+}
+
+impl Measured {
+    /// How far the start that was taken from one or a few samples is off: median residual shortly after the first
+    /// load. Nothing where the start was measured before it.
+    pub fn start_off(&self, first_load_s: f64) -> [f64; 6] {
+        std::array::from_fn(|c| {
+            let until = |until_s: f64| {
+                let rows = self.t_s.iter().zip(&self.residual);
+                let rows = rows.take_while(move |(t, _)| **t <= until_s);
+                rows.map(move |(_, row)| row[c]).filter(|v| v.is_finite())
+            };
+            if until(first_load_s).count() >= START_SAMPLES {
+                return 0.0;
+            }
+            let mut early: Vec<f64> = until(first_load_s + START_S).collect();
+            median(&mut early).unwrap_or(0.0)
+        })
+    }
 }
 
 /// Lays a run on a prediction that begins at `start_s` of the log.
@@ -99,9 +127,9 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
         t_s: Vec::new(),
         motion: Vec::new(),
         residual: Vec::new(),
+        sd: Vec::new(),
         notes: Vec::new(),
     };
-    let mut sd = Vec::new();
     for sample in &run.samples {
         let t_s = sample.t_s - start_s;
         if let Some(at) = place(&made.t_s, t_s) {
@@ -110,9 +138,8 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
             found.t_s.push(t_s);
             found.motion.push(sample.values);
             found.residual.push(left);
-            if !made.sd.is_empty() {
-                sd.push(between(&made.sd, at));
-            }
+            let band = (!made.sd.is_empty()).then(|| between(&made.sd, at));
+            found.sd.push(sd(sample, band));
         }
     }
     if found.t_s.is_empty() {
@@ -125,12 +152,25 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
         });
     }
     found.channels = (0..CHANNELS.len())
-        .filter_map(|c| channel(&found, &sd, c))
+        .filter_map(|c| channel(&found, c))
         .collect();
     Ok(found)
 }
 
-fn channel(found: &Measured, sd: &[[f64; 12]], c: usize) -> Option<Beside> {
+/// sd of a residual from the prediction's and the sample's own, which are independent.
+fn sd(sample: &Sample, band: Option<[f64; 12]>) -> [f64; 12] {
+    let logged = |c: usize| {
+        let covariance = sample.covariance.as_deref().filter(|_| c < 6)?;
+        Some(covariance[7 * c]).filter(|v| v.is_finite())
+    };
+    std::array::from_fn(|c| {
+        let parts = [band.map(|sd| sd[c] * sd[c]), logged(c)];
+        let variance = parts.into_iter().flatten().reduce(|a, b| a + b);
+        variance.map_or(f64::NAN, f64::sqrt)
+    })
+}
+
+fn channel(found: &Measured, c: usize) -> Option<Beside> {
     let all = found.t_s.iter().zip(&found.residual);
     let left: Vec<(f64, f64)> = all
         .map(|(t, row)| (*t, row[c]))
@@ -142,15 +182,19 @@ fn channel(found: &Measured, sd: &[[f64; 12]], c: usize) -> Option<Beside> {
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
     let samples = left.len();
     let square: f64 = left.iter().map(|(_, v)| v * v).sum();
-    let within = found.residual.iter().zip(sd);
-    let within = within.filter(|(r, sd)| r[c].abs() <= 2.0 * sd[c]).count();
+    let known = found.residual.iter().zip(&found.sd);
+    let known: Vec<bool> = known
+        .filter(|(r, sd)| r[c].is_finite() && sd[c].is_finite())
+        .map(|(r, sd)| r[c].abs() <= 2.0 * sd[c])
+        .collect();
+    let within = known.iter().filter(|within| **within).count();
     Some(Beside {
         channel: CHANNELS[c],
         samples,
         rms: (square / samples as f64).sqrt(),
         largest: largest.abs(),
         largest_at_s,
-        within_two_sd: (!sd.is_empty()).then(|| within as f64 / samples as f64),
+        within_two_sd: (!known.is_empty()).then(|| within as f64 / known.len() as f64),
     })
 }
 
@@ -209,7 +253,6 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::Sample;
 
     /// One metre per second from rest in x, sampled every second for ten.
     fn made() -> Prediction {
@@ -259,6 +302,30 @@ mod tests {
         assert_eq!(x.within_two_sd, Some(0.0));
         found.compare_loads(&made, &run);
         assert!(found.notes.is_empty(), "{:?}", found.notes);
+    }
+
+    #[test]
+    fn a_start_from_one_sample_is_found_anew_from_the_first_half_second() {
+        let found = beside(&made(), &run(4.0), 3.0).unwrap();
+        // A load at once: the three residuals of the first half second. Five samples before a load are enough.
+        let off = found.start_off(0.0);
+        assert!((off[0] - 0.3).abs() < 1e-9 && off[5] == 0.0, "{off:?}");
+        assert_eq!(found.start_off(1.0)[0], 0.0);
+    }
+
+    #[test]
+    fn the_sd_of_a_residual_is_of_prediction_and_sample() {
+        let mut covariance = [0.0; 36];
+        covariance[0] = 16.0;
+        let sample = Sample {
+            t_s: 0.0,
+            values: [0.0; 12],
+            covariance: Some(Box::new(covariance)),
+        };
+        assert_eq!(sd(&sample, Some([3.0; 12]))[0], 5.0);
+        assert_eq!(sd(&sample, None)[0], 4.0);
+        assert_eq!(sd(&sample, Some([3.0; 12]))[6], 3.0);
+        assert!(sd(&sample, None)[6].is_nan());
     }
 
     #[test]

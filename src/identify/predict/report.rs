@@ -138,7 +138,7 @@ fn sentence(made: &Prediction, measured: Option<&Measured>, shown: &[usize]) -> 
 fn residuals(b: &mut Body, measured: &Measured) {
     b.section("Residuals");
     b.paragraph(format!(
-        "Measured minus predicted, run {}; the prediction begins at {:.2} s of the log, at rest where the run begins.",
+        "Measured minus predicted, run {}; the prediction begins at {:.2} s of the log, at rest and where the run begins. The sd is that of the prediction and, where the log says it, of the sample.",
         measured.log, measured.start_s
     ));
     let mut table = Table::new(["", "rms", "largest", "at", "samples", "within 2 sd"]);
@@ -175,7 +175,15 @@ fn panels(made: &Prediction, measured: Option<&Measured>, dof: usize) -> Vec<Pan
             Axis::time(),
             Axis::new(quantity.with_unit("residual")),
         );
-        let panel = band(panel, made, dof, |_| 0.0).height(LOW_PX);
+        let within = m.t_s.iter().zip(&m.sd).map(|(t, sd)| {
+            let half = BAND_SD * sd[dof] * quantity.factor;
+            [*t, -half, half]
+        });
+        let panel = panel.height(LOW_PX).ribbon(
+            &format!("prediction and measurement, {BAND_SD} sd"),
+            Colour::GREY,
+            within.collect(),
+        );
         panels.push(panel.line("", Colour::BLUE, points(&m.t_s, &left)));
     }
     if let [first, .., last] = made.t_s[..] {

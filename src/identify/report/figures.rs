@@ -1,9 +1,8 @@
 //! The figures: a run's channel with what the fit leaves of it, all runs over each other, and their autocorrelation.
 
 use crate::data::CHANNELS;
-use crate::figures::{BAND_SD, Left, autocorrelation, commands, residuals};
+use crate::figures::{BAND_SD, Left, autocorrelation, commands, interval_s, residuals};
 use crate::outcome::Trace;
-use hydroline_numerics::statistics::median;
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 /// Heights of a run's panels \[px\].
@@ -107,10 +106,4 @@ pub(super) fn whiteness(channel: &str, traces: &[&Trace]) -> Option<Figure> {
         format!("{name}: autocorrelation of the residuals"),
         vec![panel],
     ))
-}
-
-/// Median distance of stamps \[s\].
-fn interval_s(times_s: &[f64]) -> f64 {
-    let mut gaps: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
-    median(&mut gaps).unwrap_or(0.0)
 }

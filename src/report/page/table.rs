@@ -7,6 +7,10 @@ use crate::markup::Element;
 /// Share of the full colour behind a number: letters stay readable on it, black ones and on a dark screen white ones.
 const BEHIND_LETTERS: f64 = 0.5;
 
+/// Longest words of a cell that stand on one line \[characters\]: an interval with both its ends. A number is not broken at
+/// its minus sign, nor a value from its unit.
+const ONE_LINE: usize = 32;
+
 /// A table.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -140,9 +144,12 @@ impl Value {
     }
 
     fn element(self) -> Element {
+        let long = self.words.longest() > ONE_LINE;
         let mut cell = self.words.within("td");
-        if !self.class.is_empty() {
-            cell = cell.class(self.class);
+        match self.class {
+            "" if long => cell = cell.class("long"),
+            "" => {}
+            class => cell = cell.class(class),
         }
         if self.columns > 1 {
             cell = cell.with("colspan", self.columns);

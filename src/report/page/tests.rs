@@ -125,6 +125,18 @@ fn a_page_is_made_for_paper_phone_and_night() {
 }
 
 #[test]
+fn numbers_are_not_broken_and_sentences_are() {
+    let mut page = Page::new("", "");
+    let mut table = Table::new(["", ""]);
+    let sentence = "one word after the other, far more than a cell of numbers ever holds";
+    table.row(["-250.06 .. -249.97 (profile)", sentence]);
+    page.body.table(table);
+    let html = page.html();
+    assert!(html.contains("<td>-250.06"));
+    assert!(html.contains("<td class=\"long\">one word"));
+}
+
+#[test]
 fn an_empty_list_and_an_empty_table_leave_nothing() {
     let mut body = Body::default();
     body.list(Vec::<String>::new());
