@@ -22,7 +22,7 @@ and at the same moment: the first load of the log is that of the plan. The rms r
 Examples:
   hydroline predict --rig lshpi --plan surge-4n
   hydroline predict --rig my.toml --plan reversals --identified found.json --tail 5 > motion.csv
-  hydroline predict --rig fitted.toml --plan surge-4n --measured run3.mcap --report out > motion.csv
+  hydroline predict --rig fitted.toml --plan surge-4n --measured run3.mcap --report out
 
 Exit codes: 0 done; 1 the motion runs away; 2 bad arguments, rig, plan, log or identification.")]
 pub struct Args {

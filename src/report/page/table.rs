@@ -11,6 +11,10 @@ const BEHIND_LETTERS: f64 = 0.5;
 /// its minus sign, nor a value from its unit.
 const ONE_LINE: usize = 32;
 
+/// From so many columns on a table is set smaller on paper: a sheet of A4 holds no more numbers of four digits beside
+/// their names, and a browser would shrink the whole page.
+const MANY_COLUMNS: usize = 12;
+
 /// A table.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -60,11 +64,17 @@ impl Table {
         if self.rows.is_empty() {
             return None;
         }
+        let columns = self.head.len();
         let mut head = Element::new("tr");
         for words in self.head {
             head.push(words.within("th"));
         }
-        let mut table = Element::new("table").child_line(head);
+        let table = Element::new("table");
+        let mut table = match columns {
+            ..MANY_COLUMNS => table,
+            _ => table.class("many"),
+        };
+        table.push_line(head);
         for row in self.rows {
             table.push_line(row.element());
         }

@@ -134,6 +134,12 @@ fn numbers_are_not_broken_and_sentences_are() {
     let html = page.html();
     assert!(html.contains("<td>-250.06"));
     assert!(html.contains("<td class=\"long\">one word"));
+    let mut page = Page::new("", "");
+    let mut table = Table::new([""; 19]);
+    table.row([""; 19]);
+    page.body.table(table);
+    assert!(page.html().contains("<table class=\"many\">"));
+    assert!(!html.contains("<table class"));
 }
 
 #[test]
