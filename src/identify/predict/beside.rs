@@ -297,7 +297,7 @@ mod tests {
         let mut found = beside(&made, &run, start_s).unwrap();
         let x = &found.channels[0];
         assert_eq!(found.channels.len(), 1, "only x is measured");
-        assert_eq!((x.channel, x.samples), ("x_m", 37));
+        assert_eq!((x.channel, x.samples), ("x_m", 38));
         assert!((x.rms - 0.3).abs() < 1e-9 && (x.largest - 0.3).abs() < 1e-9);
         assert_eq!(x.within_two_sd, Some(0.0));
         found.compare_loads(&made, &run);

@@ -30,11 +30,13 @@ const SHADES: i32 = 21;
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     layer: Layer,
+    /// Its name; several lines where one is wider than the axes, as on a phone.
+    lines: Vec<String>,
     /// Left end of the sample, from the left of the axes \[px\].
     pub left_px: f64,
     /// Width of sample and name \[px\].
     pub width_px: f64,
-    /// Line of the header, its base line from the header's top \[px\].
+    /// First line of the name, its base line from the header's top \[px\].
     pub base_px: f64,
 }
 
@@ -66,12 +68,7 @@ pub(super) fn header(panel: &Panel, room_px: f64) -> Header {
         .layers
         .iter()
         .filter(|l| !name(l).is_empty() && !l.kind.is_empty())
-        .map(|layer| Entry {
-            width_px: sample_px(layer) + TO_NAME_PX + width_px(&name(layer), LETTER_PX),
-            layer: layer.clone(),
-            left_px: 0.0,
-            base_px: 0.0,
-        })
+        .map(|layer| entry(layer, room_px))
         .collect();
     let all_px = entries.iter().map(|e| e.width_px + APART_PX).sum::<f64>() - APART_PX;
     let beside = title.last().map(|(line, at)| (title_px(line), *at));
@@ -94,6 +91,7 @@ pub(super) fn header(panel: &Panel, room_px: f64) -> Header {
                 }
                 (e.left_px, e.base_px) = (left_px, base_px - 3.0);
                 left_px += e.width_px + APART_PX;
+                base_px += LINE_PX * (e.lines.len() as f64 - 1.0);
             }
         }
     }
@@ -101,6 +99,25 @@ pub(super) fn header(panel: &Panel, room_px: f64) -> Header {
         title,
         entries,
         height_px: base_px + TO_AXES_PX,
+    }
+}
+
+/// An entry that has no place yet, at most as wide as the room.
+fn entry(layer: &Layer, room_px: f64) -> Entry {
+    let before_px = sample_px(layer) + TO_NAME_PX;
+    let name = name(layer);
+    let lines = if before_px + width_px(&name, LETTER_PX) > room_px {
+        wrap(&name, LETTER_PX, room_px - before_px)
+    } else {
+        vec![name]
+    };
+    let widest = lines.iter().map(|line| width_px(line, LETTER_PX));
+    Entry {
+        width_px: before_px + widest.fold(0.0, f64::max),
+        layer: layer.clone(),
+        lines,
+        left_px: 0.0,
+        base_px: 0.0,
     }
 }
 
@@ -141,11 +158,11 @@ pub(super) fn draw(root: &mut Element, header: &Header, left_px: f64, top_px: f6
         let at = [left_px + entry.left_px, top_px + entry.base_px];
         sample(root, &entry.layer, at);
         let to_name = sample_px(&entry.layer) + TO_NAME_PX;
-        root.push_line(svg::text(
-            [at[0] + to_name, at[1]],
-            LETTER_PX,
-            &name(&entry.layer),
-        ));
+        for (row, line) in (0..).zip(&entry.lines) {
+            let down_px = LINE_PX * f64::from(row);
+            let at = [at[0] + to_name, at[1] + down_px];
+            root.push_line(svg::text(at, LETTER_PX, line));
+        }
     }
 }
 

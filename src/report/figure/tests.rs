@@ -147,6 +147,18 @@ fn on_a_phone_columns_stand_one_below_the_other() {
 }
 
 #[test]
+fn a_name_wider_than_a_phone_takes_two_lines() {
+    let name = "what a long vehicle alone, refitted to all runs, leaves of it";
+    let figure = Figure::stack("", vec![panel("a").line(name, Colour::BLUE, ramp())]);
+    assert!(figure.element().to_string().contains(name));
+    let narrow = figure.narrow().to_string();
+    assert!(!narrow.contains(name) && narrow.contains("what a long") && narrow.contains("of it"));
+    for (at, words) in boxes(&narrow) {
+        assert!(at[2] <= NARROW_PX, "{words}: {at:?}");
+    }
+}
+
+#[test]
 fn a_value_stands_where_its_axis_says() {
     let (x, y) = axes();
     let figure = Figure::stack(
