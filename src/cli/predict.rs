@@ -1,20 +1,30 @@
 //! `hydroline predict`: the motion a plan will make, with its band.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs};
-use hydroline_identify::predict::{Identified, predict};
+use hydroline_identify::data::{check_vehicle, load};
+use hydroline_identify::predict::beside::{Measured, beside, plan_start_s, start_pose};
+use hydroline_identify::predict::report::pages;
+use hydroline_identify::predict::{Identified, Prediction, predict};
+use hydroline_report::Quantity;
+use hydroline_rigs::{Plan, Rig};
+use serde::Serialize;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The band comes from the uncertainty of the coefficients: of --identified, or of a rig that `identify --write-rig` wrote.
+With --measured the prediction starts where the log does (its pose before the first load, or in the first 0.5 s of it), \
+and at the same moment: the first load of the log is that of the plan. The rms residual of each DOF goes to stderr.
 
 Examples:
   hydroline predict --rig lshpi --plan surge-4n
   hydroline predict --rig my.toml --plan reversals --identified found.json --tail 5 > motion.csv
+  hydroline predict --rig fitted.toml --plan surge-4n --measured run3.mcap --report out
 
-Exit codes: 0 done; 1 the motion runs away; 2 bad arguments, rig, plan or identification.")]
+Exit codes: 0 done; 1 the motion runs away; 2 bad arguments, rig, plan, log or identification.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -32,19 +42,46 @@ pub struct Args {
     /// Goes on for this long after the plan's last step (coasting) [s]
     #[arg(long, default_value = "0", value_parser = inputs::not_negative, value_name = "S")]
     tail: f64,
+    /// A measured run of the plan: a log with /vehicle/motion (hydroline replay makes it from images), compared with
+    /// the prediction: rms residual of each DOF, and its motion in the report's figures
+    #[arg(long, value_name = "LOG")]
+    measured: Option<PathBuf>,
+    /// Takes a log whose own rig is another vehicle (name, mass or thrusters)
+    #[arg(long, requires = "measured")]
+    other_rig: bool,
     /// Prints one JSON object instead of CSV
     #[arg(long)]
     json: bool,
+    /// Writes DIR/predict.html (the report) and predict.svg (its figures)
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Names of what a report's folder may hold.
+const REPORT_FILES: [&str; 2] = ["predict.html", "predict.svg"];
+
+/// What --json prints.
+#[derive(Serialize)]
+struct Printed<'a> {
+    #[serde(flatten)]
+    made: &'a Prediction,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured: Option<&'a Measured>,
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let rig = inputs::rig(&args.rig)?;
+    let mut rig = inputs::rig(&args.rig)?;
     let plan = inputs::plan(&args.plan, &rig)?;
     if args.rate == 0.0 || args.rate > 10_000.0 {
         return Err(CliError::Config(format!(
             "--rate {}: give more than 0 and at most 10000",
             args.rate
         )));
+    }
+    if let Some(dir) = &args.report {
+        args.output.folder("--report", dir, &REPORT_FILES)?;
     }
     let identified = match &args.identified {
         None => Identified::of_rig(&rig)?,
@@ -56,7 +93,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     for words in identified.iter().flat_map(Identified::implausible) {
         errln!("WARNING {words}");
     }
-    let made = predict(&rig, &plan, identified.as_ref(), args.rate, args.tail)?;
+    let (made, measured) = match &args.measured {
+        None => (made(args, &rig, &plan, identified.as_ref())?, None),
+        Some(log) => {
+            let (made, measured) = compared(args, &mut rig, &plan, identified.as_ref(), log)?;
+            (made, Some(measured))
+        }
+    };
     if identified.is_none() {
         errln!(
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
@@ -68,10 +111,102 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             made.without_doubt.join(", ")
         );
     }
-    if args.json {
-        outln!("{}", serde_json::to_string(&made)?);
-        return Ok(Outcome::Done);
+    if let Some(measured) = &measured {
+        tell(measured);
     }
+    if args.json {
+        let (made, measured) = (&made, measured.as_ref());
+        outln!("{}", serde_json::to_string(&Printed { made, measured })?);
+    } else {
+        csv(&made);
+    }
+    if let Some(dir) = &args.report {
+        report(args, dir, &rig, (&plan, &made), measured.as_ref())?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn made(
+    args: &Args,
+    rig: &Rig,
+    plan: &Plan,
+    identified: Option<&Identified>,
+) -> Result<Prediction, CliError> {
+    Ok(predict(rig, plan, identified, args.rate, args.tail)?)
+}
+
+/// The prediction from where a measured run begins, and the run beside it.
+fn compared(
+    args: &Args,
+    rig: &mut Rig,
+    plan: &Plan,
+    identified: Option<&Identified>,
+    log: &Path,
+) -> Result<(Prediction, Measured), CliError> {
+    inputs::readable_file(log, "name a log (.mcap) that can be read")?;
+    if !args.other_rig {
+        for words in check_vehicle(log, rig)? {
+            errln!("hydroline: {words}");
+        }
+    }
+    let run = load(log, rig)?;
+    // When the plan's first load comes does not depend on where the vehicle is.
+    let first_load_s = made(args, rig, plan, None)?.first_load_s();
+    let start_s = plan_start_s(&run, first_load_s);
+    let pose = start_pose(&run, start_s + first_load_s.unwrap_or(0.0));
+    for (start, measured) in rig.tank.start_pose.iter_mut().zip(pose) {
+        *start = measured.unwrap_or(*start);
+    }
+    let first_s = first_load_s.unwrap_or(0.0);
+    let off = beside(&made(args, rig, plan, None)?, &run, start_s)?.start_off(first_s);
+    for (start, off) in rig.tank.start_pose.iter_mut().zip(off) {
+        *start += off;
+    }
+    let made = made(args, rig, plan, identified)?;
+    let mut measured = beside(&made, &run, start_s)?;
+    measured.compare_loads(&made, &run);
+    Ok((made, measured))
+}
+
+/// The rms residual of each DOF, beside what is printed.
+fn tell(measured: &Measured) {
+    for row in &measured.channels {
+        let quantity = Quantity::of(row.channel);
+        let within = row.within_two_sd.map_or(String::new(), |share| {
+            format!(", {:.0} % within 2 sd", 100.0 * share)
+        });
+        errln!(
+            "{}: rms residual {} over {} samples (largest {} at {:.2} s{within})",
+            quantity.name,
+            quantity.amount(row.rms),
+            row.samples,
+            quantity.amount(row.largest),
+            row.largest_at_s
+        );
+    }
+    for words in &measured.notes {
+        errln!("WARNING {words}");
+    }
+}
+
+fn report(
+    args: &Args,
+    dir: &Path,
+    rig: &Rig,
+    (plan, made): (&Plan, &Prediction),
+    measured: Option<&Measured>,
+) -> Result<(), CliError> {
+    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    let pages = pages(rig, &plan.name, made, measured, &command);
+    std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;
+    let [html, svg] = REPORT_FILES.map(|name| dir.join(name));
+    args.output.write(&html, pages.page.html())?;
+    args.output.write(&svg, pages.svg)?;
+    errln!("{}", html.display());
+    Ok(())
+}
+
+fn csv(made: &Prediction) {
     let mut header = format!("t_s,{}", made.channels.join(","));
     if !made.sd.is_empty() {
         header += &made
@@ -89,5 +224,4 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             .collect::<String>();
         outln!("{t_s}{cells}");
     }
-    Ok(Outcome::Done)
 }

@@ -83,6 +83,12 @@ fn before_after(b: &mut Body, found: &Diagnosis, shown: &[Shown]) -> String {
                 first = figure.file();
             }
         }
+        if let Some(figure) = figures::whiteness(channel, traces) {
+            b.figure(
+                &figure,
+                "Of residuals that are white noise, 19 of 20 lags stay within the band.",
+            );
+        }
     }
     first
 }
@@ -133,12 +139,10 @@ fn written(b: &mut Body, found: &Diagnosis) {
 fn place(b: &mut Body, found: &Diagnosis, shown: &[Shown]) {
     let place = &found.verdict.place;
     b.section("Where");
-    b.paragraph(format!(
-        "Stage {}, {}. {}.",
-        place.stage.as_deref().unwrap_or("not known"),
-        place.dof.join(", "),
-        place.regime
-    ));
+    let stage = place.stage.as_deref().unwrap_or("not known");
+    let mut words = vec![format!("Stage {stage}")];
+    words.extend(place.dof.iter().cloned());
+    b.paragraph(format!("{}: {}.", words.join(", "), place.regime));
     if !shown.is_empty() {
         b.paragraph("What the vehicle alone, refitted, leaves of the runs fitted.");
     }

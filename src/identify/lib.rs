@@ -14,6 +14,7 @@ pub mod coupled;
 pub mod curve;
 pub mod data;
 mod estimate;
+pub mod figures;
 pub mod forward;
 pub mod ga;
 pub mod lm;

@@ -133,6 +133,23 @@ pub struct Trace {
     pub measured: Vec<f64>,
     /// Fitted.
     pub fitted: Vec<f64>,
+    /// (time, load) of the commands in the channel's DOF \[s; N, N m\].
+    pub edges: Vec<(f64, f64)>,
+    /// Noise of a sample \[SI\]; `None` = not known.
+    pub noise_sd: Option<f64>,
+}
+
+impl Trace {
+    /// Measured minus fitted; NaN where nothing was measured.
+    pub fn residual(&self) -> Vec<f64> {
+        let pairs = self.measured.iter().zip(&self.fitted);
+        pairs.map(|(m, f)| m - f).collect()
+    }
+
+    /// First and last stamp \[s\].
+    pub fn span_s(&self) -> Option<[f64; 2]> {
+        Some([*self.times_s.first()?, *self.times_s.last()?])
+    }
 }
 
 /// Everything a fit found.

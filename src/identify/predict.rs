@@ -5,6 +5,9 @@
 //! variance(t) = g(t) C g(t)^T. Numbers that the rig holds without an uncertainty add none; those of them that
 //! the plan's motion depends on are named.
 
+pub mod beside;
+pub mod report;
+
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::{EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
@@ -37,8 +40,19 @@ pub struct Prediction {
     pub motion: Vec<[f64; 12]>,
     /// sd of the same from the coefficients' covariance; empty = no covariance was given.
     pub sd: Vec<[f64; 12]>,
+    /// Body wrench of the plan from each time on, only changes \[s; N, N m\].
+    #[serde(skip)]
+    pub commands: Vec<(f64, [f64; 6])>,
     /// Coefficients of the DOFs that move which carry no uncertainty: their doubt is not in the band.
     pub without_doubt: Vec<&'static str>,
+}
+
+impl Prediction {
+    /// When the plan asks for a load for the first time \[s\]; `None` = never.
+    pub fn first_load_s(&self) -> Option<f64> {
+        let loaded = |c: &&(f64, [f64; 6])| c.1.iter().any(|v| *v != 0.0);
+        self.commands.iter().find(loaded).map(|c| c.0)
+    }
 }
 
 /// Why there is no prediction.
@@ -222,6 +236,7 @@ pub fn predict(
         t_s: Vec::new(),
         motion: Vec::new(),
         sd: Vec::new(),
+        commands: Vec::new(),
         without_doubt: Vec::new(),
     };
     // Way (turn) of each DOF from start to end, there and back again.
@@ -235,6 +250,7 @@ pub fn predict(
             let wrench = allocation.wrench(&set.thrust_n)?.to_array();
             if last != Some(wrench) {
                 path.command(Dual::from_f64(command_s), wrench.map(Dual::from_f64))?;
+                out.commands.push((command_s, wrench));
                 last = Some(wrench);
             }
             next += 1;

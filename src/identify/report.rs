@@ -1,15 +1,13 @@
-//! What an identification found, as one self-contained HTML page.
+//! What an identification found, as one self-contained HTML page: one sentence first, then the coefficients, the runs
+//! measured and fitted, what the residuals hold, and what these runs cannot show.
+
+mod figures;
+mod sentence;
 
 use super::outcome::{Identification, Trace};
 use hydroline_numerics::statistics::Whiteness;
 use hydroline_report::page::{Row, Value};
-use hydroline_report::{
-    Axis, Body, Colour, Figure, Inline, Page, Panel, Quantity, Table, points, significant,
-};
-
-/// Heights of a run's panels \[px\].
-const FIT_PX: f64 = 180.0;
-const RESIDUAL_PX: f64 = 80.0;
+use hydroline_report::{Body, Inline, Page, Table, significant};
 
 /// The page; `command` is what made it.
 pub fn html(result: &Identification, command: &str) -> String {
@@ -18,6 +16,7 @@ pub fn html(result: &Identification, command: &str) -> String {
         format!("Identification: {}", result.model),
     );
     let b = &mut page.body;
+    b.lead(sentence::sentence(result));
     let mut method = Inline::from(format!(
         "Method {}, {} evaluations",
         result.method, result.evaluations
@@ -30,14 +29,9 @@ pub fn html(result: &Identification, command: &str) -> String {
         b.warning(words);
     }
     coefficients(b, result);
-    correlations(b, result);
+    runs(b, result);
     noise(b, result);
-    b.section("Runs");
-    for trace in &result.traces {
-        if trace.measured.iter().filter(|v| v.is_finite()).count() >= 2 {
-            b.figure(&run(trace), "");
-        }
-    }
+    correlations(b, result);
     validation(b, result);
     b.section("Blind spots");
     b.list(result.blind_spots.iter().map(|spot| {
@@ -52,6 +46,51 @@ pub fn html(result: &Identification, command: &str) -> String {
         b.list(remarks);
     }
     page.html()
+}
+
+/// Runs with enough measured of them for a figure.
+fn drawn(result: &Identification) -> Vec<&Trace> {
+    let measured = |t: &&Trace| t.measured.iter().filter(|v| v.is_finite()).count() >= 2;
+    result.traces.iter().filter(measured).collect()
+}
+
+/// Channels in the order of the traces, each with its runs.
+fn channels<'a>(traces: &[&'a Trace]) -> Vec<(&'a str, Vec<&'a Trace>)> {
+    let mut channels: Vec<(&str, Vec<&Trace>)> = Vec::new();
+    for trace in traces {
+        match channels.iter_mut().find(|(name, _)| *name == trace.channel) {
+            Some((_, runs)) => runs.push(trace),
+            None => channels.push((&trace.channel, vec![trace])),
+        }
+    }
+    channels
+}
+
+fn runs(b: &mut Body, result: &Identification) {
+    let traces = drawn(result);
+    if traces.is_empty() {
+        return;
+    }
+    b.section("Runs");
+    b.paragraph("Each run measured and fitted, what the fit leaves of it, and the commanded load.");
+    for trace in &traces {
+        b.figure(&figures::run(trace), "");
+    }
+    let channels = channels(&traces);
+    let several: Vec<_> = channels.iter().filter(|(_, runs)| runs.len() > 1).collect();
+    if !several.is_empty() {
+        b.section("All runs over each other");
+        for (channel, runs) in several {
+            b.figure(&figures::overlaid(channel, runs), "");
+        }
+    }
+    b.section("Residual autocorrelation");
+    b.paragraph("Of residuals that are white noise, 19 of 20 lags stay within the band. A slow decline is what the model lacks, or coloured noise; the tests below tell which.");
+    for (channel, runs) in &channels {
+        if let Some(figure) = figures::whiteness(channel, runs) {
+            b.figure(&figure, "");
+        }
+    }
 }
 
 fn coefficients(b: &mut Body, result: &Identification) {
@@ -163,35 +202,4 @@ fn validation(b: &mut Body, result: &Identification) {
         }
     }
     b.table(table);
-}
-
-/// A run's channel, measured and fitted, and below it what the fit leaves.
-fn run(trace: &Trace) -> Figure {
-    let quantity = Quantity::of(&trace.channel);
-    let time = || Axis::new("time [s]");
-    let title = format!("{}: {}", trace.run, trace.channel);
-    let over_time = |values: &[f64]| points(&trace.times_s, &quantity.shown(values));
-    let residual: Vec<f64> = trace
-        .measured
-        .iter()
-        .zip(&trace.fitted)
-        .map(|(m, f)| m - f)
-        .collect();
-    Figure::stack(
-        format!("{title}, measured, fitted and their difference over time"),
-        vec![
-            Panel::new(&title, time(), Axis::new(quantity.axis()))
-                .height(FIT_PX)
-                .line("measured", Colour::GREY, over_time(&trace.measured))
-                .line("fitted", Colour::BLUE, over_time(&trace.fitted)),
-            Panel::new(
-                "measured - fitted",
-                time(),
-                Axis::new(quantity.with_unit("residual")),
-            )
-            .height(RESIDUAL_PX)
-            .line("", Colour::BLUE, over_time(&residual)),
-        ],
-    )
-    .shared_x()
 }

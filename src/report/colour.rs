@@ -2,8 +2,11 @@
 //!
 //! Eight colours that people with any of the common forms of colour blindness can tell apart:
 //! M. Okabe and K. Ito, "Color Universal Design", 2008; B. Wong, Nature Methods 8 (2011) 441.
+//!
+//! A shape carries its colour twice: as an attribute, which every viewer reads and which suits white paper, and as
+//! a class, by which [`dark_rules`] gives it another lightness where the reader's screen is dark.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 /// A colour: red, green, blue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,10 +30,41 @@ impl Colour {
     /// Reference lines.
     pub const BLACK: Colour = Colour([0x00, 0x00, 0x00]);
 
-    const WHITE: Colour = Colour([0xff; 3]);
+    /// What a figure is drawn on.
+    pub(crate) const PAPER: Colour = Colour([0xff; 3]);
+    /// Lines of the grid.
+    pub(crate) const GRID: Colour = Colour([0xe4; 3]);
+    /// The grid's line at zero.
+    pub(crate) const ZERO: Colour = Colour([0xaa; 3]);
+    /// Frame about the axes.
+    pub(crate) const FRAME: Colour = Colour([0x99; 3]);
+    /// Where a heat map has no cell.
+    pub(crate) const NO_CELL: Colour = Colour([0xec; 3]);
     /// Ends of the diverging scale: ColorBrewer's RdBu (C. Brewer, 2003), which stays two hues to all eyes.
-    const BELOW: Colour = Colour([0x21, 0x66, 0xac]);
-    const ABOVE: Colour = Colour([0xb2, 0x18, 0x2b]);
+    pub(crate) const BELOW: Colour = Colour([0x21, 0x66, 0xac]);
+    pub(crate) const ABOVE: Colour = Colour([0xb2, 0x18, 0x2b]);
+
+    /// Class, colour on white and colour on a dark screen. The dark ones keep the hue and are light enough for 3:1
+    /// against [`Colour::DARK_PAPER`] (WCAG 2.2, 1.4.11).
+    const PALETTE: [(&'static str, Colour, Colour); 15] = [
+        ("grey", Colour::GREY, Colour([0xb8, 0xb8, 0xb8])),
+        ("blue", Colour::BLUE, Colour([0x3d, 0x9f, 0xe0])),
+        ("vermillion", Colour::VERMILLION, Colour([0xee, 0x74, 0x20])),
+        ("green", Colour::GREEN, Colour([0x1f, 0xbf, 0x92])),
+        ("purple", Colour::PURPLE, Colour([0xd9, 0x8c, 0xb8])),
+        ("orange", Colour::ORANGE, Colour([0xf0, 0xb4, 0x2a])),
+        ("sky", Colour::SKY, Colour([0x9a, 0xd4, 0xf5])),
+        ("ink", Colour::BLACK, Colour([0xe8, 0xea, 0xec])),
+        ("paper", Colour::PAPER, Colour::DARK_PAPER),
+        ("grid", Colour::GRID, Colour([0x2f, 0x34, 0x39])),
+        ("zero", Colour::ZERO, Colour([0x6a, 0x72, 0x79])),
+        ("frame", Colour::FRAME, Colour([0x7c, 0x84, 0x8b])),
+        ("none", Colour::NO_CELL, Colour([0x36, 0x3c, 0x42])),
+        ("below", Colour::BELOW, Colour([0x67, 0xa9, 0xcf])),
+        ("above", Colour::ABOVE, Colour([0xef, 0x8a, 0x62])),
+    ];
+    /// The page on a dark screen; page.css has the same.
+    pub(crate) const DARK_PAPER: Colour = Colour([0x16, 0x19, 0x1c]);
 
     /// The colour of the `index`-th of several series that mean nothing in particular.
     pub fn series(index: usize) -> Colour {
@@ -45,28 +79,36 @@ impl Colour {
         CYCLE[index % CYCLE.len()]
     }
 
-    /// Blue at −1, white at 0, red at +1; beyond, the ends. NaN is white.
-    pub fn diverging(share: f64) -> Colour {
-        if share < 0.0 {
-            Colour::WHITE.towards(Colour::BELOW, -share)
+    /// Tint of a share on the scale from −1 (blue) by 0 (nothing) to +1 (red), and how opaque it lies on the paper;
+    /// beyond, the ends. NaN is nothing.
+    pub fn diverging(share: f64) -> (Colour, f64) {
+        let end = if share < 0.0 {
+            Colour::BELOW
         } else {
-            Colour::WHITE.towards(Colour::ABOVE, share)
-        }
+            Colour::ABOVE
+        };
+        let size = if share.is_nan() { 0.0 } else { share.abs() };
+        (end, size.min(1.0))
     }
 
-    /// A part of the way to another colour; 0 is this one, 1 the other.
-    pub fn towards(self, other: Colour, part: f64) -> Colour {
-        let part = if part.is_nan() {
-            0.0
-        } else {
-            part.clamp(0.0, 1.0)
-        };
-        Colour(std::array::from_fn(|k| {
-            let (from, to) = (f64::from(self.0[k]), f64::from(other.0[k]));
-            // Between two bytes.
-            (from + part * (to - from)).round() as u8
-        }))
+    /// Class of a colour of the palette, after `f-` for what is filled and `s-` for what is stroked.
+    pub(crate) fn class(self) -> Option<&'static str> {
+        let of = Colour::PALETTE.iter().find(|(_, light, _)| *light == self);
+        of.map(|(class, ..)| *class)
     }
+}
+
+/// Rules of CSS that turn the palette for a dark screen. Paper stays white: they hold for screens alone.
+pub(crate) fn dark_rules() -> String {
+    let mut rules = "@media screen and (prefers-color-scheme:dark){".to_owned();
+    for (class, _, dark) in Colour::PALETTE {
+        // Writing to a String cannot fail.
+        let _ = write!(
+            rules,
+            ".f-{class}{{fill:{dark}}}.s-{class}{{stroke:{dark}}}"
+        );
+    }
+    rules + "}"
 }
 
 impl fmt::Display for Colour {
@@ -81,13 +123,42 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_diverging_scale_is_white_at_zero_and_ends_at_its_ends() {
-        assert_eq!(Colour::diverging(0.0).to_string(), "#ffffff");
-        assert_eq!(Colour::diverging(-1.0).to_string(), "#2166ac");
-        assert_eq!(Colour::diverging(7.0).to_string(), "#b2182b");
-        assert_eq!(Colour::diverging(f64::NAN).to_string(), "#ffffff");
-        let [red, _, blue] = Colour::diverging(0.5).0;
-        assert!(red > blue);
+    fn the_diverging_scale_is_nothing_at_zero_and_ends_at_its_ends() {
+        assert_eq!(Colour::diverging(0.0).1, 0.0);
+        assert_eq!(Colour::diverging(f64::NAN).1, 0.0);
+        assert_eq!(Colour::diverging(-1.0), (Colour::BELOW, 1.0));
+        assert_eq!(Colour::diverging(7.0), (Colour::ABOVE, 1.0));
+    }
+
+    /// Relative luminance and contrast: WCAG 2.2.
+    fn contrast(a: Colour, b: Colour) -> f64 {
+        let luminance = |c: Colour| {
+            let linear = c.0.map(|v| {
+                let v = f64::from(v) / 255.0;
+                if v <= 0.04045 {
+                    v / 12.92
+                } else {
+                    ((v + 0.055) / 1.055).powf(2.4)
+                }
+            });
+            0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+        };
+        let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
+        a.max(b) / a.min(b)
+    }
+
+    #[test]
+    fn every_colour_has_one_class_and_series_stand_out_on_a_dark_screen() {
+        for (k, (class, light, dark)) in Colour::PALETTE.into_iter().enumerate() {
+            assert_eq!(light.class(), Some(class));
+            assert!(Colour::PALETTE[..k].iter().all(|other| other.0 != class));
+            if k < 8 {
+                let stands_out = contrast(dark, Colour::DARK_PAPER);
+                assert!(stands_out >= 3.0, "{class}: {stands_out}");
+            }
+        }
+        assert!(dark_rules().contains(".s-blue{stroke:#3d9fe0}"));
+        assert_eq!(Colour([1, 2, 3]).class(), None);
     }
 
     #[test]

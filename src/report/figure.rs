@@ -4,6 +4,7 @@
 //! the place of the legend, so that nothing overlaps and nothing is off the drawing.
 
 mod draw;
+mod form;
 mod layout;
 mod legend;
 mod scale;
@@ -12,7 +13,7 @@ mod tests;
 mod trace;
 mod words;
 
-use crate::colour::Colour;
+use crate::colour::{self, Colour};
 use crate::markup::Element;
 use crate::svg;
 
@@ -39,6 +40,8 @@ pub struct Panel {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     label: String,
+    /// Values are seconds, written in the unit that suits their span.
+    time: bool,
     limits: Option<[f64; 2]>,
     reversed: bool,
 }
@@ -122,14 +125,20 @@ impl Figure {
         self
     }
 
-    /// The drawing, to stand in a page.
+    /// The drawing, as wide as a page's column.
     pub fn element(&self) -> Element {
-        layout::drawing(self)
+        layout::drawing(self, layout::WIDTH_PX)
     }
 
-    /// The drawing as a file of its own.
+    /// The same drawn as wide as a phone, columns one below the other: letters keep their size.
+    pub fn narrow(&self) -> Element {
+        layout::drawing(self, layout::NARROW_PX)
+    }
+
+    /// The drawing as a file of its own, which follows a dark screen where its viewer reads CSS.
     pub fn file(&self) -> String {
-        svg::file(self.element())
+        let rules = Element::new("style").text(&colour::dark_rules());
+        svg::file(self.element().child_line(rules))
     }
 }
 
@@ -138,8 +147,17 @@ impl Axis {
     pub fn new(label: impl Into<String>) -> Self {
         Axis {
             label: label.into(),
+            time: false,
             limits: None,
             reversed: false,
+        }
+    }
+
+    /// Time in seconds; written in minutes where it spans ten of them or more.
+    pub fn time() -> Self {
+        Axis {
+            time: true,
+            ..Axis::new("time")
         }
     }
 

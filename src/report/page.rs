@@ -1,5 +1,8 @@
 //! Pages: one self-contained HTML file with head, style, contents, sections, tables, lists and figures.
 //!
+//! A page follows its reader: on a phone figures are the narrow ones and tables scroll in their own box, on a dark
+//! screen colours turn, on paper all is black on white.
+//!
 //! What is written is also well-formed XML, so that any reader of either can take it in.
 
 mod inline;
@@ -10,6 +13,7 @@ mod tests;
 pub use inline::Inline;
 pub use table::{Row, Table, Value};
 
+use crate::colour;
 use crate::figure::Figure;
 use crate::markup::Element;
 
@@ -59,7 +63,8 @@ impl Page {
             )
             .child(Element::new("title").text(&self.title))
             // Holds no character that is escaped, which its test holds it to.
-            .child(Element::new("style").text(STYLE));
+            .child(Element::new("style").text(STYLE))
+            .child(Element::new("style").text(&colour::dark_rules()));
         let mut body = Element::new("body").child_line(self.heading.clone().within("h1"));
         let blocks = &self.body.blocks;
         let first_section = blocks.iter().position(|b| matches!(b, Block::Section(_)));
@@ -145,7 +150,11 @@ impl Body {
     /// A figure, with words below it where there are any.
     pub fn figure(&mut self, figure: &Figure, caption: impl Into<Inline>) {
         let caption = caption.into();
-        let mut element = Element::new("figure").child_line(figure.element());
+        // One of the two is shown: letters that a phone shrinks to a third are not read.
+        let drawn = |class, svg| Element::new("div").class(class).child_line(svg);
+        let mut element = Element::new("figure")
+            .child_line(drawn("broad", figure.element()))
+            .child_line(drawn("narrow", figure.narrow()));
         if !caption.is_empty() {
             element.push_line(caption.within("figcaption"));
         }

@@ -3,6 +3,7 @@
 //! Coordinates are in user units, y down. For figures a unit is a pixel; for drawings at true
 //! scale [`root`] is given `"mm"`, and one unit is one millimetre on paper.
 
+use crate::colour::Colour;
 use crate::markup::{Element, rounded};
 use std::fmt::{Display, Write as _};
 
@@ -88,6 +89,26 @@ impl Element {
     #[must_use]
     pub fn stroke(self, colour: impl Display, width: f64) -> Self {
         self.with("stroke", colour).number("stroke-width", width)
+    }
+
+    /// Fills with a colour of the reports, which follows the reader's screen.
+    #[must_use]
+    pub(crate) fn filled(self, colour: Colour) -> Self {
+        let filled = self.fill(colour);
+        match colour.class() {
+            Some(class) => filled.with("class", format_args!("f-{class}")),
+            None => filled,
+        }
+    }
+
+    /// Draws the outline in a colour of the reports, which follows the reader's screen.
+    #[must_use]
+    pub(crate) fn stroked(self, colour: Colour, width: f64) -> Self {
+        let stroked = self.stroke(colour, width);
+        match colour.class() {
+            Some(class) => stroked.with("class", format_args!("s-{class}")),
+            None => stroked,
+        }
     }
 
     /// Words that the pointer shows over this shape.

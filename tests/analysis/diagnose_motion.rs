@@ -269,11 +269,11 @@ fn a_left_out_current_is_named_and_written_into_a_rig_that_predicts() {
         v.fit.held_out
     );
     assert!(v.fit.held_out.before["x_m"] > 3.0 * v.fit.held_out.noise["x_m"]);
-    // The page holds what the verdict does, and a figure of the run held out and of both fitted.
+    // The page holds what the verdict does, and a figure of the run held out, of its residuals' autocorrelation and of both fitted.
     let pages = hydroline::diagnose::report::pages(&found, "hydroline diagnose 'a < b'");
     let html = pages.page.html();
     let page = read_markup(&html);
-    assert_eq!(elements(&page, "figure"), 3);
+    assert_eq!(elements(&page, "figure"), 4);
     let headings: Vec<&str> = page
         .descendants()
         .filter(|n| n.has_tag_name("h2"))

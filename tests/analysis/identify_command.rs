@@ -483,3 +483,39 @@ fn what_the_runs_do_not_determine_is_not_written_into_a_rig() {
     assert_eq!(known.values[i], value);
     assert!(known.sd[i] > 0.2 * value.abs(), "{known:?}");
 }
+
+#[test]
+fn a_measured_run_stands_beside_its_prediction() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = simulated(dir.path(), "lshpi", "surge-4n", 11);
+    let predict = |plan: &str, more: &[&str]| {
+        hydroline()
+            .args(["predict", "--rig", "lshpi", "--plan", plan, "--measured"])
+            .arg(&log)
+            .args(more)
+            .output()
+            .unwrap()
+    };
+    let out = dir.path().join("out");
+    let output = predict("surge-4n", &["--json", "--report", out.to_str().unwrap()]);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    let found = json(&output);
+    assert!(words.contains("x: rms residual 0.1"), "{words}");
+    assert!(!words.contains("WARNING"), "{words}");
+    let x = &found["measured"]["channels"][0];
+    assert_eq!(x["channel"], "x_m");
+    // Simulated by the rig itself with 0.15 mm: what is left is that, and the start's own share.
+    let rms_m = x["rms"].as_f64().unwrap();
+    assert!((1.2e-4..2.5e-4).contains(&rms_m), "{rms_m}");
+    let page = std::fs::read_to_string(out.join("predict.html")).unwrap();
+    assert!(page.contains("rms residual x 0.1") && page.contains("measured - predicted"));
+    assert!(out.join("predict.svg").exists());
+    // Another plan's loads are named.
+    let other = predict("surge-8n", &[]);
+    let words = String::from_utf8_lossy(&other.stderr);
+    assert!(other.status.success(), "{words}");
+    assert!(
+        words.contains("WARNING") && words.contains("X is not the plan's in 100 %"),
+        "{words}"
+    );
+}

@@ -135,9 +135,11 @@ fn four_surge_runs_give_three_parameters_white_residuals_and_the_blind_spots() {
     );
     let page = hydroline::identify::report::html(&found, "hydroline identify");
     let read = read_markup(&page);
-    // A figure per run: measured, fitted, and below them their difference.
-    assert_eq!(elements(&read, "figure"), 4);
-    assert_eq!(elements(&read, "path"), 3 * 4);
+    // A figure per run (measured, fitted and its noise, their difference, the load), one of all runs over each other
+    // (motion, difference) and one of their autocorrelation; each broad and narrow.
+    assert_eq!(elements(&read, "figure"), 4 + 1 + 1);
+    assert_eq!(elements(&read, "path"), 2 * (5 * 4 + 2 * 4 + 4));
+    assert!(page.contains("4 runs determine all 3 coefficients of the model surge: "));
     assert!(page.contains("Each run predicted by the others"));
     assert_eq!(found.cross_validation.len(), 4);
     for cv in &found.cross_validation {

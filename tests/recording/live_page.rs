@@ -2,7 +2,7 @@
 //!
 //! Everyday tests speak HTTP themselves and compare; figures in seconds, and a real browser, are in [`figures`].
 
-mod figures;
+pub(crate) mod figures;
 mod run;
 
 use crate::http::{Viewer, ask, picture, session_key};

@@ -19,6 +19,7 @@ mod record_clock;
 mod record_command;
 mod record_disk;
 mod record_kill;
+mod reports;
 mod response;
 mod service_files;
 mod simulate_light;

@@ -17,6 +17,7 @@ use hydroline_identify::IdentifyError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
+use hydroline_identify::predict::beside::NotBeside;
 use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
 use hydroline_live::LiveError;
@@ -233,6 +234,12 @@ impl Sorted for PredictError {
             | Self::OfRig { .. } => true,
             Self::Trajectory(_) => false,
         }
+    }
+}
+
+impl Sorted for NotBeside {
+    fn is_input(&self) -> bool {
+        true
     }
 }
 

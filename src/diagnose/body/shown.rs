@@ -1,6 +1,7 @@
 //! What the report draws: a channel of every DOF that moves, measured and by both models.
 
 use hydroline_identify::data::CHANNELS;
+use hydroline_identify::figures::edges;
 use hydroline_inference::fit::Problem;
 
 use super::found::Judged;
@@ -41,17 +42,10 @@ fn traces(problem: &Problem, channel: usize, before: &Motion, after: &Motion) ->
     runs.zip(before.iter().zip(after))
         .map(|((r, used), (before, after))| {
             let of = |motion: &[[f64; 12]]| motion.iter().map(|v| v[channel]).collect();
-            let mut edges: Vec<(f64, f64)> = Vec::new();
-            for (t_s, wrench) in &r.commands {
-                let load = wrench[channel % 6];
-                if edges.last().map_or(load != 0.0, |e| e.1 != load) {
-                    edges.push((*t_s, load));
-                }
-            }
             Trace {
                 name: r.name.clone(),
                 times_s: r.times_s.clone(),
-                edges,
+                edges: edges(r.commands.iter().copied(), channel % 6),
                 measured: (0..r.times_s.len())
                     .map(|k| r.measured(k)[channel])
                     .collect(),

@@ -2,19 +2,15 @@
 
 use super::{Shown, Trace};
 use crate::verdict::Unexplained;
+use hydroline_identify::data::CHANNELS;
+use hydroline_identify::figures::{Left, autocorrelation, commands, interval_s, residuals};
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
 const BEFORE: Colour = Colour::VERMILLION;
 const AFTER: Colour = Colour::BLUE;
 const STRONG: Colour = Colour::GREEN;
-/// Half width of the drawn noise floor, in standard deviations.
-const FLOOR_SD: f64 = 2.0;
 /// Command edges are marks only where they can be told apart.
 const MARKS: usize = 40;
-
-fn time() -> Axis {
-    Axis::new("time [s]")
-}
 
 fn marks(trace: &Trace) -> Vec<f64> {
     let edges = &trace.edges;
@@ -24,17 +20,7 @@ fn marks(trace: &Trace) -> Vec<f64> {
     edges.iter().map(|e| e.0).collect()
 }
 
-/// The noise of a channel as a band, and a residual's axis, in the unit shown.
-fn residuals(title: String, quantity: &Quantity<'_>, noise_sd: f64) -> Panel {
-    let floor = FLOOR_SD * noise_sd * quantity.factor;
-    Panel::new(title, time(), Axis::new(quantity.with_unit("residual"))).band(
-        &format!("noise, {FLOOR_SD} sd"),
-        Colour::GREY,
-        [-floor, floor],
-    )
-}
-
-/// Motion, and below it what each model misses beside the noise floor.
+/// Motion, below it what each model misses beside the noise floor, and the commanded load.
 pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
     let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);
@@ -43,42 +29,67 @@ pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
     let (before, after) = trace.rms();
     let (unit, factor) = (quantity.unit, quantity.factor);
     let outliers = trace.outliers();
+    let mut panels = vec![
+        Panel::new(
+            format!("{}: {channel}", trace.name),
+            Axis::time(),
+            Axis::new(quantity.axis()),
+        )
+        .marks("commands", marks(trace))
+        .line("measured", Colour::GREY, over_time(&trace.measured))
+        .line("without", BEFORE, over_time(&trace.before))
+        .line("with what was left out", AFTER, over_time(&trace.after)),
+        residuals(
+            format!(
+                "measured - model: rms {:.3} {unit} before, {:.3} after, noise {:.3}",
+                before * factor,
+                after * factor,
+                noise_sd * factor
+            ),
+            &quantity,
+            Some(noise_sd),
+        )
+        .marks("", marks(trace))
+        .line("before", BEFORE, over_time(&trace.residual(&trace.before)))
+        .line("after", AFTER, over_time(&trace.residual(&trace.after)))
+        .outliers(
+            "left out as outliers",
+            Colour::PURPLE,
+            outliers.iter().map(|(t, v)| [*t, v * factor]).collect(),
+        ),
+    ];
+    let dof = CHANNELS.iter().position(|c| *c == channel);
+    if let (Some(dof), [first, .., last]) = (dof, &trace.times_s[..]) {
+        panels.extend(commands(&trace.edges, dof % 6, [*first, *last]));
+    }
     Figure::stack(
         format!(
-            "{}: {channel} measured and by both models, and their residuals",
+            "{}: {channel} measured and by both models, their residuals and the commanded load",
             trace.name
         ),
-        vec![
-            Panel::new(
-                format!("{}: {channel}", trace.name),
-                time(),
-                Axis::new(quantity.axis()),
-            )
-            .marks("commands", marks(trace))
-            .line("without", BEFORE, over_time(&trace.before))
-            .line("with what was left out", AFTER, over_time(&trace.after))
-            .line("measured", Colour::GREY, over_time(&trace.measured)),
-            residuals(
-                format!(
-                    "measured - model: rms {:.3} {unit} before, {:.3} after, noise {:.3}",
-                    before * factor,
-                    after * factor,
-                    noise_sd * factor
-                ),
-                &quantity,
-                noise_sd,
-            )
-            .marks("", marks(trace))
-            .line("before", BEFORE, over_time(&trace.residual(&trace.before)))
-            .line("after", AFTER, over_time(&trace.residual(&trace.after)))
-            .outliers(
-                "left out as outliers",
-                Colour::PURPLE,
-                outliers.iter().map(|(t, v)| [*t, v * factor]).collect(),
-            ),
-        ],
+        panels,
     )
     .shared_x()
+}
+
+/// Autocorrelation of what the model with effects leaves of every run; `None` where all are too short.
+pub(super) fn whiteness(shown: &Shown, traces: &[Trace]) -> Option<Figure> {
+    let residuals: Vec<Vec<f64>> = traces.iter().map(|t| t.residual(&t.after)).collect();
+    let runs: Vec<Left<'_>> = traces
+        .iter()
+        .zip(&residuals)
+        .map(|(trace, residual)| Left {
+            name: &trace.name,
+            interval_s: interval_s(&trace.times_s),
+            residual,
+        })
+        .collect();
+    let title = format!("{}: residuals with what was left out", shown.channel);
+    let panel = autocorrelation(title.clone(), &runs)?;
+    Some(Figure::stack(
+        format!("{title}, autocorrelation"),
+        vec![panel],
+    ))
 }
 
 /// What the model without effects leaves of a run: `more` = windows with more than noise,
@@ -88,7 +99,7 @@ pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figur
     let quantity = Quantity::of(channel);
     let title = format!("{}: {channel}, measured - model", trace.name);
     let residual = quantity.shown(&trace.residual(&trace.before));
-    let panel = residuals(title.clone(), &quantity, shown.noise_sd)
+    let panel = residuals(title.clone(), &quantity, Some(shown.noise_sd))
         .height(120.0)
         .windows("more than noise", BEFORE, more)
         .marks("commands", marks(trace))

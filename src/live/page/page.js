@@ -68,7 +68,7 @@
     if (n) { h.t.splice(0, n); h.rows.forEach((r) => r.splice(0, n)); }
   };
   const since = (h, now) => h.t.map((t) => t - now);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach(([, p]) => p.redraw(false, true)));
+  for (const other of ["(prefers-color-scheme: dark)", "print"]) matchMedia(other).addEventListener("change", () => plots.forEach(([, p]) => p.redraw(false, true)));
 
   // --- the state ---------------------------------------------------------------------------------------------------
   let stopping = false, lastPoseAt = 0;

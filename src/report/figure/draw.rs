@@ -1,5 +1,6 @@
 //! A placed panel as shapes: what lies behind first, what is read last.
 
+use super::form::Form;
 use super::layout::{LETTER_PX, LINE_PX, Placed, TO_NUMBERS_PX};
 use super::scale::Scale;
 use super::{Cell, Kind, Layer, legend, trace};
@@ -9,11 +10,6 @@ use crate::svg::{self, Anchor, Path};
 
 /// Opacity of areas: lines and the grid show through.
 pub(super) const SHADE: f64 = 0.18;
-const GRID: &str = "#e4e4e4";
-const ZERO: &str = "#aaa";
-const NO_CELL: &str = "#ececec";
-const FRAME: &str = "#999";
-const LINE_WIDTH_PX: f64 = 1.4;
 const DOT_PX: f64 = 3.2;
 /// Half width and height of the arrow that stands for a dot beyond the axis \[px\].
 const ARROW_PX: [f64; 2] = [3.5, 6.0];
@@ -28,7 +24,7 @@ pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
         // White is a value of zero: where there is no cell, there is no white. A grid would hide small cells.
         if layers.iter().any(cells) {
             let size = [right - left, bottom - top];
-            root.push_line(svg::rect([left, top], size).fill(NO_CELL));
+            root.push_line(svg::rect([left, top], size).filled(Colour::NO_CELL));
         }
         for layer in layers {
             areas(root, layer, placed, scales);
@@ -44,13 +40,13 @@ pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
         root.push_line(
             svg::text(middle, LETTER_PX, "no finite value to draw")
                 .anchor(Anchor::Middle)
-                .fill(Colour::GREY),
+                .filled(Colour::GREY),
         );
     }
     root.push_line(
         svg::rect([left, top], [right - left, bottom - top])
             .fill("none")
-            .stroke(FRAME, 1.0),
+            .stroked(Colour::FRAME, 1.0),
     );
     numbers(root, placed);
 }
@@ -64,7 +60,7 @@ fn areas(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scale
         let size = [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()];
         root.push_line(
             svg::rect(corner, size)
-                .fill(layer.colour)
+                .filled(layer.colour)
                 .with("fill-opacity", SHADE),
         );
     };
@@ -99,11 +95,12 @@ fn areas(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scale
             path.close();
             root.push_line(
                 path.element()
-                    .fill(layer.colour)
+                    .filled(layer.colour)
                     .with("fill-opacity", SHADE),
             );
         }
         Kind::Cells { cells, full, .. } => {
+            cell_paper(root, cells, x, y);
             for c in cells {
                 cell(root, c, *full, x, y);
             }
@@ -112,18 +109,39 @@ fn areas(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scale
     }
 }
 
-fn cell(root: &mut Element, cell: &Cell, full: f64, x: &Scale, y: &Scale) {
+/// Upper left corner and size of a cell \[px\]; `None` where it cannot be drawn.
+fn cell_px(cell: &Cell, x: &Scale, y: &Scale) -> Option<[[f64; 2]; 2]> {
     let a = [x.px(x.within(cell.from[0])), y.px(y.within(cell.from[1]))];
     let b = [x.px(x.within(cell.to[0])), y.px(y.within(cell.to[1]))];
     let corner = [a[0].min(b[0]), a[1].min(b[1])];
     let size = [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()];
-    if !cell.value.is_finite() || size.contains(&0.0) {
-        return;
+    (cell.value.is_finite() && !size.contains(&0.0)).then_some([corner, size])
+}
+
+/// The paper under all cells, on which their tints lie.
+fn cell_paper(root: &mut Element, cells: &[Cell], x: &Scale, y: &Scale) {
+    let mut path = Path::new();
+    for [[left, top], [width, height]] in cells.iter().filter_map(|c| cell_px(c, x, y)) {
+        let (right, bottom) = (left + width, top + height);
+        path.lift();
+        for corner in [[left, top], [right, top], [right, bottom], [left, bottom]] {
+            path.to(corner);
+        }
+        path.close();
     }
-    let share = if full > 0.0 { cell.value / full } else { 0.0 };
+    if !path.is_empty() {
+        root.push_line(path.element().filled(Colour::PAPER));
+    }
+}
+
+fn cell(root: &mut Element, cell: &Cell, full: f64, x: &Scale, y: &Scale) {
+    let Some([corner, size]) = cell_px(cell, x, y) else {
+        return;
+    };
+    let (tint, opacity) = Colour::diverging(if full > 0.0 { cell.value / full } else { 0.0 });
     let mut shape = svg::rect(corner, size)
-        .fill(Colour::diverging(share))
-        .stroke("#ccc", 0.4);
+        .filled(tint)
+        .number("fill-opacity", opacity);
     if !cell.hint.is_empty() {
         shape = shape.hint(&cell.hint);
     }
@@ -133,14 +151,20 @@ fn cell(root: &mut Element, cell: &Cell, full: f64, x: &Scale, y: &Scale) {
 /// Lines of the grid under the curves; zero stands out.
 fn grid(root: &mut Element, placed: &Placed<'_>, [x, y]: &[Scale; 2]) {
     let [[left, top], [right, bottom]] = placed.area;
-    let colour = |value: f64| if value == 0.0 { ZERO } else { GRID };
+    let colour = |value: f64| {
+        if value == 0.0 {
+            Colour::ZERO
+        } else {
+            Colour::GRID
+        }
+    };
     for tick in &placed.y_ticks {
         let at = y.px(tick.value);
-        root.push_line(svg::line([left, at], [right, at]).stroke(colour(tick.value), 1.0));
+        root.push_line(svg::line([left, at], [right, at]).stroked(colour(tick.value), 1.0));
     }
     for tick in &placed.x_ticks {
         let at = x.px(tick.value);
-        root.push_line(svg::line([at, top], [at, bottom]).stroke(GRID, 1.0));
+        root.push_line(svg::line([at, top], [at, bottom]).stroked(Colour::GRID, 1.0));
     }
 }
 
@@ -157,16 +181,11 @@ fn curves(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scal
             let placed_px = points.iter().map(|p| [x.px(p[0]), y.px(p[1])]);
             let path = trace::path(placed_px, placed.area);
             if !path.is_empty() {
-                root.push_line(
-                    path.element()
-                        .fill("none")
-                        .stroke(layer.colour, LINE_WIDTH_PX)
-                        .with("stroke-linejoin", "round")
-                        .with("stroke-linecap", "round"),
-                );
+                root.push_line(Form::of(layer.colour).line(path.element(), layer.colour));
             }
         }
         Kind::Dots { points, .. } => {
+            let form = Form::of(layer.colour);
             let (mut inside, mut beyond) = (Path::new(), Path::new());
             for [a, b] in points {
                 if !(a.is_finite() && b.is_finite()) {
@@ -174,17 +193,17 @@ fn curves(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scal
                 }
                 let at = [x.px(x.within(*a)), y.px(y.within(*b))];
                 if x.holds(*a) && y.holds(*b) {
-                    inside.dot(at);
+                    form.dot(&mut inside, at, DOT_PX);
                 } else {
                     let far = [x.px(*a), y.px(*b)];
                     arrow(&mut beyond, at, [far[0] - at[0], far[1] - at[1]]);
                 }
             }
             if !inside.is_empty() {
-                root.push_line(dots(inside, layer.colour, DOT_PX));
+                root.push_line(form.dots(inside, layer.colour, DOT_PX));
             }
             if !beyond.is_empty() {
-                root.push_line(beyond.element().fill(layer.colour));
+                root.push_line(beyond.element().filled(layer.colour));
             }
         }
         Kind::Ribbon(_) | Kind::Band(_) | Kind::Windows(_) | Kind::Cells { .. } => {}
@@ -207,18 +226,10 @@ fn arrow(path: &mut Path, tip: [f64; 2], out: [f64; 2]) {
     path.close();
 }
 
-/// Dots of one series: one path with round caps, a tenth of the size of as many circles.
-pub(super) fn dots(path: Path, colour: Colour, size_px: f64) -> Element {
-    path.element()
-        .fill("none")
-        .stroke(colour, size_px)
-        .with("stroke-linecap", "round")
-}
-
 /// A dashed upright line.
 pub(super) fn dashed(from: [f64; 2], to_y: f64) -> Element {
     svg::line(from, [from[0], to_y])
-        .stroke(Colour::GREY, 1.0)
+        .stroked(Colour::GREY, 1.0)
         .with("stroke-dasharray", "3 3")
 }
 
@@ -235,9 +246,9 @@ fn numbers(root: &mut Element, placed: &Placed<'_>) {
             root.push_line(svg::text(at, LETTER_PX, &tick.label).anchor(Anchor::Middle));
         }
     }
-    if placed.x_written && !placed.panel.x.label.is_empty() {
+    if placed.x_written && !placed.x_label.is_empty() {
         let at = [0.5 * (left + right), bottom + 2.0 * LINE_PX];
-        root.push_line(svg::text(at, LETTER_PX, &placed.panel.x.label).anchor(Anchor::Middle));
+        root.push_line(svg::text(at, LETTER_PX, &placed.x_label).anchor(Anchor::Middle));
     }
     let middle = 0.5 * (top + bottom);
     for (line, words) in (1..).zip(&placed.y_label) {

@@ -5,11 +5,14 @@ use super::scale::{self, Scale, Tick};
 use super::trace::Area;
 use super::words::{width_px, wrap};
 use super::{Figure, Kind, Panel, draw};
+use crate::colour::Colour;
 use crate::markup::Element;
 use crate::svg;
 
-/// Width of every figure \[px\]: that of a page's column.
-const WIDTH_PX: f64 = 860.0;
+/// Width of a figure \[px\]: that of a page's column.
+pub(super) const WIDTH_PX: f64 = 860.0;
+/// Width of a figure on a phone \[px\]: the commonest is 390 wide, less the page's margins.
+pub(super) const NARROW_PX: f64 = 358.0;
 /// Between two columns \[px\].
 const GAP_PX: f64 = 22.0;
 /// Size of all letters but titles \[px\].
@@ -40,6 +43,7 @@ pub(super) struct Placed<'a> {
     pub y_ticks: Vec<Tick>,
     /// Whether the abscissa's numbers and name stand below.
     pub x_written: bool,
+    pub x_label: String,
     pub y_label: Vec<String>,
     pub header: Header,
     /// Where the header's first line begins \[px\].
@@ -56,6 +60,8 @@ struct Measured<'a> {
     left_px: f64,
     right_px: f64,
     x_written: bool,
+    /// Name of the abscissa, and how much of its own unit one of the written unit is.
+    x_unit: (String, f64),
 }
 
 impl<'a> Measured<'a> {
@@ -85,10 +91,11 @@ impl<'a> Measured<'a> {
             wrap(&panel.y.label, LETTER_PX, height_px)
         };
         let left_px = widest(&numbers) + TO_NUMBERS_PX + 2.0 + LINE_PX * y_label.len() as f64;
+        let x_unit = panel.x.unit(x);
         // The last number of the abscissa may stand half beyond its end.
         let across = ranges.map_or(Vec::new(), |[x, _]| {
             let wanted = cell_px / PER_NUMBER_ACROSS_PX;
-            Scale::new(x, 0.0, cell_px, false).ticks(wanted, wanted)
+            Scale::new(x, 0.0, cell_px, false).ticks_in(x_unit.1, wanted, wanted)
         });
         Measured {
             panel,
@@ -98,6 +105,7 @@ impl<'a> Measured<'a> {
             left_px,
             right_px: (0.5 * widest(&across) + 2.0).max(RIGHT_PX),
             x_written,
+            x_unit,
         }
     }
 }
@@ -122,13 +130,14 @@ fn shared_range(column: &[Panel]) -> Option<[f64; 2]> {
 }
 
 /// The whole drawing.
-pub(super) fn drawing(figure: &Figure) -> Element {
-    let (placed, height_px) = place(figure);
-    let mut root = svg::root([WIDTH_PX, height_px], "")
+pub(super) fn drawing(figure: &Figure, width_px: f64) -> Element {
+    let (placed, height_px) = place(figure, width_px);
+    let mut root = svg::root([width_px, height_px], "")
         .with("role", "img")
         .with("aria-label", &figure.label)
         .with("font-family", "sans-serif")
-        .child_line(svg::rect([0.0; 2], [WIDTH_PX, height_px]).fill("#fff"));
+        .filled(Colour::BLACK)
+        .child_line(svg::rect([0.0; 2], [width_px, height_px]).filled(Colour::PAPER));
     for panel in &placed {
         draw::panel(&mut root, panel);
     }
@@ -136,16 +145,37 @@ pub(super) fn drawing(figure: &Figure) -> Element {
 }
 
 /// All panels, and the height of the figure \[px\].
-pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
-    let columns = figure.columns.len().max(1) as f64;
-    let cell_px = (WIDTH_PX - GAP_PX * (columns - 1.0)) / columns;
+pub(super) fn place(figure: &Figure, width_px: f64) -> (Vec<Placed<'_>>, f64) {
+    // Where columns do not fit beside each other, they stand one below the other.
+    let beside = if width_px < WIDTH_PX {
+        1
+    } else {
+        figure.columns.len().max(1)
+    };
+    let (mut placed, mut top_px) = (Vec::new(), 0.0);
+    for columns in figure.columns.chunks(beside) {
+        top_px = place_columns(&mut placed, columns, figure.shared_x, width_px, top_px);
+    }
+    (placed, top_px)
+}
+
+/// Places columns beside each other from `top_px` on; returns where they end \[px\].
+fn place_columns<'a>(
+    placed: &mut Vec<Placed<'a>>,
+    columns: &'a [Vec<Panel>],
+    shared_x: bool,
+    width_px: f64,
+    mut top_px: f64,
+) -> f64 {
+    let count = columns.len() as f64;
+    let cell_px = (width_px - GAP_PX * (count - 1.0)) / count;
     let mut grid: Vec<Vec<(Measured<'_>, Header, f64)>> = Vec::new();
-    for column in &figure.columns {
-        let shared = figure.shared_x.then(|| shared_range(column)).flatten();
+    for column in columns {
+        let shared = shared_x.then(|| shared_range(column)).flatten();
         let measured: Vec<Measured<'_>> = (0..)
             .zip(column)
             .map(|(row, panel)| {
-                let x_written = !figure.shared_x || row + 1 == column.len();
+                let x_written = !shared_x || row + 1 == column.len();
                 Measured::new(panel, shared, cell_px, x_written)
             })
             .collect();
@@ -161,8 +191,6 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
         grid.push(cells);
     }
     let rows = grid.iter().map(Vec::len).max().unwrap_or(0);
-    let mut placed = Vec::new();
-    let mut top_px = 0.0;
     for row in 0..rows {
         // Axes of one row of panels begin and end at the same height.
         let cells = || grid.iter().filter_map(|column| column.get(row));
@@ -171,7 +199,7 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
             .map(|(m, _, w)| height_px(m.panel, m.ranges, *w))
             .fold(0.0, f64::max);
         let footer_px = cells()
-            .map(|(m, ..)| match (m.x_written, m.panel.x.label.is_empty()) {
+            .map(|(m, ..)| match (m.x_written, m.x_unit.0.is_empty()) {
                 (false, _) => 0.0,
                 (true, true) => LINE_PX + TO_NUMBERS_PX,
                 (true, false) => 2.0 * LINE_PX + TO_NUMBERS_PX,
@@ -195,8 +223,10 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
                     Scale::new(y, area[1][1], area[0][1], m.panel.y.reversed),
                 ]
             });
-            let ticks = |axis: usize, [wanted, most]: [f64; 2]| {
-                scales.map_or(Vec::new(), |s: [Scale; 2]| s[axis].ticks(wanted, most))
+            let ticks = |axis: usize, unit: f64, [wanted, most]: [f64; 2]| {
+                scales.map_or(Vec::new(), |s: [Scale; 2]| {
+                    s[axis].ticks_in(unit, wanted, most)
+                })
             };
             let across = width_px / PER_NUMBER_ACROSS_PX;
             placed.push(Placed {
@@ -204,9 +234,10 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
                 area,
                 cell_left_px,
                 scales,
-                x_ticks: ticks(0, [across, across]),
-                y_ticks: ticks(1, m.wanted_up),
+                x_ticks: ticks(0, m.x_unit.1, [across, across]),
+                y_ticks: ticks(1, 1.0, m.wanted_up),
                 x_written: m.x_written,
+                x_label: m.x_unit.0.clone(),
                 y_label: m.y_label.clone(),
                 top_px: plot_top_px - header.height_px,
                 header: header.clone(),
@@ -214,5 +245,5 @@ pub(super) fn place(figure: &Figure) -> (Vec<Placed<'_>>, f64) {
         }
         top_px = plot_top_px + plot_px + footer_px + BELOW_PX;
     }
-    (placed, top_px)
+    top_px
 }

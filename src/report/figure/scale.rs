@@ -67,6 +67,26 @@ pub(super) fn range(
     Some([low - half, high + half])
 }
 
+/// From this span on a time axis is written in minutes \[s\]: ten of them, and numbers of four digits would crowd.
+const MINUTES_FROM_S: f64 = 600.0;
+const SECONDS_PER_MINUTE: f64 = 60.0;
+
+impl Axis {
+    /// Its name with the unit, and how much one of that unit is, for an axis that spans so much.
+    pub(super) fn unit(&self, range: Option<[f64; 2]>) -> (String, f64) {
+        if !self.time {
+            return (self.label.clone(), 1.0);
+        }
+        let long = range.is_some_and(|[low, high]| high - low >= MINUTES_FROM_S);
+        let (unit, size) = if long {
+            ("min", SECONDS_PER_MINUTE)
+        } else {
+            ("s", 1.0)
+        };
+        (format!("{} [{unit}]", self.label), size)
+    }
+}
+
 impl Scale {
     /// From `low` at `from_px` to `high` at `to_px`, the other way round for a reversed axis.
     pub fn new([low, high]: [f64; 2], from_px: f64, to_px: f64, reversed: bool) -> Self {
@@ -111,6 +131,20 @@ impl Scale {
             if more.len() as f64 <= most {
                 ticks = more;
             }
+        }
+        ticks
+    }
+
+    /// [`Scale::ticks`] that are round in another unit, `unit` of the axis' own.
+    pub fn ticks_in(&self, unit: f64, wanted: f64, most: f64) -> Vec<Tick> {
+        let scale = Scale {
+            low: self.low / unit,
+            high: self.high / unit,
+            ..*self
+        };
+        let mut ticks = scale.ticks(wanted, most);
+        for tick in &mut ticks {
+            tick.value *= unit;
         }
         ticks
     }
@@ -178,6 +212,26 @@ mod tests {
         };
         assert_eq!(labels(3.0), ["0"]);
         assert_eq!(labels(5.7), ["-5", "0", "5"]);
+    }
+
+    #[test]
+    fn a_long_time_is_written_in_minutes() {
+        let axis = Axis::time();
+        assert_eq!(axis.unit(Some([0.0, 599.0])), ("time [s]".to_owned(), 1.0));
+        assert_eq!(axis.unit(None).0, "time [s]");
+        let (name, unit) = axis.unit(Some([0.0, 1500.0]));
+        assert_eq!(name, "time [min]");
+        let ticks = Scale::new([0.0, 1500.0], 0.0, 700.0, false).ticks_in(unit, 6.0, 6.0);
+        let read: Vec<(f64, &str)> = ticks.iter().map(|t| (t.value, t.label.as_str())).collect();
+        let round = [
+            (0.0, "0"),
+            (300.0, "5"),
+            (600.0, "10"),
+            (900.0, "15"),
+            (1200.0, "20"),
+            (1500.0, "25"),
+        ];
+        assert_eq!(read, round);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use super::layout::place;
+use super::layout::{NARROW_PX, WIDTH_PX, place};
 use super::words::width_px;
 use super::*;
 use crate::markup::tests::any_text;
@@ -71,16 +71,91 @@ fn a_panel_draws_each_kind_of_layer_and_names_it() {
     );
     assert_eq!(count("line", "stroke-dasharray", "3 3"), 2 + 1);
     assert_eq!(
-        count("path", "stroke", &Colour::PURPLE.to_string()),
-        1 + 1,
-        "the dot inside"
-    );
-    assert_eq!(
         count("path", "fill", &Colour::PURPLE.to_string()),
-        1,
-        "the arrow to the one outside"
+        1 + 1 + 1,
+        "the dot inside, its sample, and the arrow to the one outside"
     );
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
+}
+
+/// Every kind of layer in every colour.
+fn of_all_kinds() -> Figure {
+    let cell = |value: f64| Cell {
+        from: [value, 0.0],
+        to: [value + 1.0, 1.0],
+        value,
+        hint: String::new(),
+    };
+    let series = (0..6).fold(panel("series"), |p, k| {
+        let colour = Colour::series(k);
+        p.line("line", colour, ramp())
+            .dots("dots", colour, vec![[1.0, 1.0]])
+    });
+    Figure::new("")
+        .column(vec![
+            series
+                .line("measured", Colour::GREY, ramp())
+                .marks("commands", vec![1.0])
+                .band("noise", Colour::GREY, [-1.0, 1.0])
+                .ribbon("sd", Colour::SKY, vec![[0.0, 0.0, 1.0], [9.0, 0.0, 1.0]]),
+            panel("empty"),
+        ])
+        .column(vec![panel("cells").cells(
+            vec![cell(-1.0), cell(0.0), cell(1.0)],
+            1.0,
+            "px",
+        )])
+}
+
+#[test]
+fn no_colour_of_a_figure_is_fixed() {
+    let figure = of_all_kinds();
+    let file = figure.file();
+    for svg in [
+        figure.element().to_string(),
+        figure.narrow().to_string(),
+        file.clone(),
+    ] {
+        let document = Document::parse(&svg).unwrap();
+        for node in document.descendants().filter(Node::is_element) {
+            for (attribute, kind) in [("fill", "f-"), ("stroke", "s-")] {
+                let Some(colour) = node.attribute(attribute).filter(|c| *c != "none") else {
+                    continue;
+                };
+                let class = node.attribute("class").unwrap_or_default();
+                assert!(colour.starts_with('#'), "viewers without CSS: {colour}");
+                assert!(class.starts_with(kind), "{attribute} {colour}: {node:?}");
+                assert!(crate::colour::dark_rules().contains(&format!(".{class}{{")));
+            }
+        }
+    }
+    assert!(file.contains("prefers-color-scheme:dark"));
+    assert!(!file.contains("var("), "viewers without variables");
+}
+
+#[test]
+fn on_a_phone_columns_stand_one_below_the_other() {
+    let figure = of_all_kinds();
+    let (broad, narrow) = (place(&figure, WIDTH_PX).0, place(&figure, NARROW_PX).0);
+    let titled = |placed: &[layout::Placed<'_>], title: &str| {
+        let found = placed.iter().find(|p| p.panel.title == title).unwrap();
+        (found.cell_left_px, found.top_px)
+    };
+    assert!(titled(&broad, "cells").0 > 0.5 * NARROW_PX);
+    let (left, top) = titled(&narrow, "cells");
+    assert!(left == 0.0 && top > titled(&narrow, "empty").1);
+}
+
+#[test]
+fn a_name_wider_than_a_phone_takes_two_lines() {
+    let name = "what a long vehicle alone, refitted to all runs, leaves of it";
+    let figure = Figure::stack("", vec![panel("a").line(name, Colour::BLUE, ramp())]);
+    assert!(figure.element().to_string().contains(name));
+    let narrow = figure.narrow().to_string();
+    assert!(!narrow.contains(name) && narrow.contains("what a long") && narrow.contains("of it"));
+    for (at, words) in boxes(&narrow) {
+        assert!(at[2] <= NARROW_PX, "{words}: {at:?}");
+    }
 }
 
 #[test]
@@ -96,7 +171,7 @@ fn a_value_stands_where_its_axis_says() {
             ),
         ],
     );
-    let (placed, _) = place(&figure);
+    let (placed, _) = place(&figure, WIDTH_PX);
     let [[left, top], [right, bottom]] = placed[0].area;
     let expected = format!(
         "M{:.1} {:.1}L{:.1} {:.1}L{:.1} {:.1}",
@@ -133,7 +208,7 @@ fn one_abscissa_is_written_once_and_spans_all() {
     let svg = figure.file();
     assert_eq!(svg.matches("time [s]").count(), 1);
     assert_eq!(svg.matches("x [mm]").count(), 2);
-    let (placed, _) = place(&figure);
+    let (placed, _) = place(&figure, WIDTH_PX);
     let at = |k: usize, v: f64| placed[k].scales.unwrap()[0].px(v);
     assert_eq!(at(0, -5.0), placed[0].area[0][0]);
     assert_eq!(at(0, 3.0), at(1, 3.0));
@@ -158,7 +233,7 @@ fn an_image_is_drawn_at_equal_scale_with_its_rows_downwards() {
         .cells(vec![cell], 0.5, "px"),
     ]);
     let svg = figure.file();
-    let (placed, _) = place(&figure);
+    let (placed, _) = place(&figure, WIDTH_PX);
     let [[left, top], [right, bottom]] = placed[0].area;
     assert!(((right - left) / (bottom - top) - 640.0 / 480.0).abs() < 1e-9);
     let document = Document::parse(&svg).unwrap();
@@ -168,8 +243,9 @@ fn an_image_is_drawn_at_equal_scale_with_its_rows_downwards() {
         .unwrap();
     assert_eq!(
         drawn.attribute("fill"),
-        Some(Colour::diverging(1.0).to_string().as_str())
+        Some(Colour::ABOVE.to_string().as_str())
     );
+    assert_eq!(drawn.attribute("fill-opacity"), Some("1"));
     assert!((number(drawn, "x") - left).abs() < 1e-3 && (number(drawn, "y") - top).abs() < 1e-3);
     assert!((number(drawn, "width") - 0.1 * (right - left)).abs() < 1e-3);
     assert!((number(drawn, "height") - 0.1 * (bottom - top)).abs() < 1e-3);
@@ -248,14 +324,15 @@ proptest! {
         for _ in 0..columns {
             figure = figure.column((0..rows).map(|_| one()).collect());
         }
-        let svg = figure.file();
-        let document = Document::parse(&svg).map_err(|e| TestCaseError::fail(e.to_string()))?;
-        let (width, height) = (number(document.root_element(), "width"), number(document.root_element(), "height"));
-        let all = boxes(&svg);
-        for (k, (a, words)) in all.iter().enumerate() {
-            prop_assert!(a[0] >= 0.0 && a[2] <= width && a[1] >= 0.0 && a[3] <= height, "{words}: {a:?}");
-            for (b, other) in &all[k + 1..] {
-                prop_assert!(!overlap(*a, *b), "{words:?} {a:?} and {other:?} {b:?}");
+        for svg in [figure.element().to_string(), figure.narrow().to_string()] {
+            let document = Document::parse(&svg).map_err(|e| TestCaseError::fail(e.to_string()))?;
+            let (width, height) = (number(document.root_element(), "width"), number(document.root_element(), "height"));
+            let all = boxes(&svg);
+            for (k, (a, words)) in all.iter().enumerate() {
+                prop_assert!(a[0] >= 0.0 && a[2] <= width && a[1] >= 0.0 && a[3] <= height, "{words}: {a:?}");
+                for (b, other) in &all[k + 1..] {
+                    prop_assert!(!overlap(*a, *b), "{words:?} {a:?} and {other:?} {b:?}");
+                }
             }
         }
     }

@@ -74,6 +74,13 @@ impl Inline {
         self
     }
 
+    /// Length of its longest line \[characters\].
+    pub(super) fn longest(&self) -> usize {
+        let lines = self.parts.split(|p| p.mark == Some(("br", "")));
+        let length = |line: &[Part]| line.iter().map(|p| p.words.chars().count()).sum();
+        lines.map(length).max().unwrap_or(0)
+    }
+
     /// The words in an element.
     pub(super) fn within(self, name: &'static str) -> Element {
         self.parts

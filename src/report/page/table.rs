@@ -4,8 +4,16 @@ use super::Inline;
 use crate::colour::Colour;
 use crate::markup::Element;
 
-/// Share of the full colour behind a number: black letters stay readable on it.
+/// Share of the full colour behind a number: letters stay readable on it, black ones and on a dark screen white ones.
 const BEHIND_LETTERS: f64 = 0.5;
+
+/// Longest words of a cell that stand on one line \[characters\]: an interval with both its ends. A number is not broken at
+/// its minus sign, nor a value from its unit.
+const ONE_LINE: usize = 32;
+
+/// From so many columns on a table is set smaller on paper: a sheet of A4 holds no more numbers of four digits beside
+/// their names, and a browser would shrink the whole page.
+const MANY_COLUMNS: usize = 12;
 
 /// A table.
 #[derive(Debug, Clone)]
@@ -27,7 +35,8 @@ pub struct Value {
     words: Inline,
     hint: String,
     columns: usize,
-    background: Option<Colour>,
+    /// Colour and opacity.
+    background: Option<(Colour, f64)>,
     class: &'static str,
 }
 
@@ -55,11 +64,17 @@ impl Table {
         if self.rows.is_empty() {
             return None;
         }
+        let columns = self.head.len();
         let mut head = Element::new("tr");
         for words in self.head {
             head.push(words.within("th"));
         }
-        let mut table = Element::new("table").child_line(head);
+        let table = Element::new("table");
+        let mut table = match columns {
+            ..MANY_COLUMNS => table,
+            _ => table.class("many"),
+        };
+        table.push_line(head);
         for row in self.rows {
             table.push_line(row.element());
         }
@@ -139,9 +154,12 @@ impl Value {
     }
 
     fn element(self) -> Element {
+        let long = self.words.longest() > ONE_LINE;
         let mut cell = self.words.within("td");
-        if !self.class.is_empty() {
-            cell = cell.class(self.class);
+        match self.class {
+            "" if long => cell = cell.class("long"),
+            "" => {}
+            class => cell = cell.class(class),
         }
         if self.columns > 1 {
             cell = cell.with("colspan", self.columns);
@@ -149,8 +167,9 @@ impl Value {
         if !self.hint.is_empty() {
             cell = cell.with("title", &self.hint);
         }
-        if let Some(colour) = self.background {
-            cell = cell.with("style", format_args!("background:{colour}"));
+        if let Some((Colour([red, green, blue]), opacity)) = self.background {
+            let rgb = format_args!("background:rgba({red},{green},{blue},{opacity:.3})");
+            cell = cell.with("style", rgb);
         }
         cell
     }

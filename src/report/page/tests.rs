@@ -101,6 +101,48 @@ fn the_style_reaches_the_browser_as_it_is_written() {
 }
 
 #[test]
+fn a_page_is_made_for_paper_phone_and_night() {
+    for query in [
+        "@media print{",
+        "@media screen and (max-width:760px){",
+        "@media screen and (prefers-color-scheme:dark){",
+    ] {
+        assert!(STYLE.contains(query), "{query}");
+    }
+    assert!(STYLE.contains(&format!("--paper:{}", Colour::DARK_PAPER)));
+    // Colours stand in the variables and, for paper, in black, white and grey alone.
+    let rules = STYLE.lines().skip(2);
+    for colour in rules.flat_map(|l| l.split('#').skip(1)) {
+        let digits: String = colour.chars().take(3).collect();
+        assert!(
+            ["000", "fff", "888"].contains(&digits.as_str()),
+            "#{digits}"
+        );
+    }
+    let html = page_of("text").html();
+    assert!(html.contains(&crate::colour::dark_rules()));
+    assert_eq!(html.matches("<svg").count(), 2, "one broad, one narrow");
+}
+
+#[test]
+fn numbers_are_not_broken_and_sentences_are() {
+    let mut page = Page::new("", "");
+    let mut table = Table::new(["", ""]);
+    let sentence = "one word after the other, far more than a cell of numbers ever holds";
+    table.row(["-250.06 .. -249.97 (profile)", sentence]);
+    page.body.table(table);
+    let html = page.html();
+    assert!(html.contains("<td>-250.06"));
+    assert!(html.contains("<td class=\"long\">one word"));
+    let mut page = Page::new("", "");
+    let mut table = Table::new([""; 19]);
+    table.row([""; 19]);
+    page.body.table(table);
+    assert!(page.html().contains("<table class=\"many\">"));
+    assert!(!html.contains("<table class"));
+}
+
+#[test]
 fn an_empty_list_and_an_empty_table_leave_nothing() {
     let mut body = Body::default();
     body.list(Vec::<String>::new());

@@ -149,6 +149,7 @@ const INPUTS: &[&str] = &[
     "predict --rig BAD --plan surge-4n",
     "predict --rig lshpi --plan BAD",
     "predict --rig lshpi --plan surge-4n --identified BAD",
+    "predict --rig lshpi --plan surge-4n --measured BAD --report OUTreport",
     "simulate --rig BAD --plan surge-4n --out OUTs.mcap",
     "simulate --rig lshpi --plan BAD --out OUTs.mcap",
     "simulate --rig lshpi --plan still --show-board BAD --out OUTs.mcap",
@@ -327,6 +328,14 @@ const VALUES: &[(&str, &[&str])] = &[
     (
         "predict --rig lshpi --plan surge-4n --rate 0",
         &["--rate", "10000"],
+    ),
+    (
+        "predict --rig lshpi --plan surge-4n --report LOG",
+        &["--report", "good.mcap", "not a folder"],
+    ),
+    (
+        "predict --rig lshpi --plan surge-4n --other-rig",
+        &["--measured"],
     ),
     (
         "simulate --rig lshpi --plan surge-4 --out OUTs.mcap",

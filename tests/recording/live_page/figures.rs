@@ -84,7 +84,7 @@ fn eight_viewers_one_deaf_one_hostile_cost_nothing() {
 }
 
 /// A Python with Playwright, and a Chromium; `None` where one is missing (the test is left out, aloud).
-fn browser() -> Option<(PathBuf, PathBuf)> {
+pub(crate) fn browser() -> Option<(PathBuf, PathBuf)> {
     let python: PathBuf = std::env::var_os("HYDROLINE_PYTHON")
         .unwrap_or_else(|| "python3".into())
         .into();
