@@ -181,6 +181,7 @@ fn one_run(
         calibrate: None,
         build,
         live: None,
+        tank: None,
     };
     let report = recording.record(&log)?;
     print_recording(&report);

@@ -30,7 +30,6 @@ before it. For every plan it is said what it excites; at the end, what all runs 
 Examples:
   hydroline plan design --rig my.toml --out plans
   hydroline plan design --rig my.toml --for diagnose --dof surge,yaw --length 20s --out plans
-  hydroline record --rig my.toml --plan plans/design-1.toml --out run-1.mcap
 
 Exit codes: 0 done; 2 there is no such rig, it is not sound, or no plan fits it.")]
 pub struct Args {

@@ -21,7 +21,7 @@ use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_daemon::record::{self, Job, Parts, Report, SessionInput, Status, keys::Keys};
 use hydroline_log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use hydroline_plan::preflight::{Preflight, Repeats, preflight_runs};
-use hydroline_rigs::{Plan, Rig};
+use hydroline_rigs::{CameraBackend, LinkPort, Plan, Rig};
 use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::service::check_set;
 use std::path::{Path, PathBuf};
@@ -107,6 +107,10 @@ pub struct Args {
     making: MakeArgs,
     #[command(flatten)]
     live: LiveArgs,
+    /// With a simulated camera or controller: the vehicle and [[physics]] of the tank are those of this rig, and no longer
+    /// those of --rig; to try whether a diagnosis finds what differs
+    #[arg(long, value_name = "RIG")]
+    tank: Option<String>,
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
@@ -140,6 +144,13 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         .as_deref()
         .map(|p| inputs::plan(p, &rig))
         .transpose()?;
+    let tank = args.tank.as_deref().map(inputs::rig).transpose()?;
+    if tank.is_some() && !simulates(&rig) {
+        return Err(CliError::Config(format!(
+            "--tank: neither camera nor controller of {} is simulated (backend = \"sim\", port = \"sim\"): leave it out",
+            args.rig
+        )));
+    }
     let conditions = Conditions {
         note: args.note.clone(),
         water_temperature_c: args.water_temp,
@@ -166,6 +177,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             conditions: &conditions,
             build,
             shown: shown.as_ref(),
+            tank: tank.as_ref(),
         };
         let calibration = match calibration {
             None => {
@@ -223,12 +235,18 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         conditions: &conditions,
         build,
         shown: shown.as_ref(),
+        tank: tank.as_ref(),
     };
     let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
     if args.json {
         outln!("{}", serde_json::json!({ "runs": reports }));
     }
     result
+}
+
+/// Whether any part of a rig is simulated.
+fn simulates(rig: &Rig) -> bool {
+    matches!(rig.camera.backend, CameraBackend::Sim) || rig.thrusters.link.port == LinkPort::Sim
 }
 
 /// The calibration in force and the one in the making.
@@ -259,6 +277,7 @@ struct Session<'a> {
     conditions: &'a Conditions,
     build: BuildInfo,
     shown: Option<&'a Shown>,
+    tank: Option<&'a Rig>,
 }
 
 impl Session<'_> {
@@ -313,6 +332,7 @@ fn record_all(
             calibrate: calibrating.calibrate.clone(),
             build,
             live: session.live(rig, out, run),
+            tank: session.tank,
         };
         let report = recording.record(out)?;
         if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
@@ -561,6 +581,8 @@ pub(super) struct Recording<'a> {
     pub build: BuildInfo,
     /// Where it shows itself.
     pub live: Option<hydroline_daemon::live::Live>,
+    /// The rig whose vehicle and physics simulated parts have; `None` = this one's.
+    pub tank: Option<&'a Rig>,
 }
 
 impl Recording<'_> {
@@ -620,6 +642,7 @@ impl Recording<'_> {
             &clock,
             self.with_thrusters,
             self.calibrate.as_ref().map(|setup| &setup.board),
+            self.tank,
         )?;
         let (calibration, warning) = self.in_force();
         let map: Arc<dyn PlaneMap> = Arc::from(calibration.to_map());

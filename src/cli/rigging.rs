@@ -27,20 +27,30 @@ pub struct Rigged {
 
 /// Opens what the rig names. `with_thrusters = false` leaves the line closed.
 pub fn open(rig: &Rig, clock: &Arc<dyn Clock>, with_thrusters: bool) -> Result<Rigged, CliError> {
-    open_with_board(rig, clock, with_thrusters, None)
+    open_with_board(rig, clock, with_thrusters, None, None)
 }
 
-/// The same with a calibration board in the sheet of a simulated camera; a real camera sees what is there.
+/// The same with a calibration board in the sheet of a simulated camera (a real camera sees what is there), and with
+/// the vehicle and `[[physics]]` of another rig behind simulated parts.
 pub fn open_with_board(
     rig: &Rig,
     clock: &Arc<dyn Clock>,
     with_thrusters: bool,
     board: Option<&Board>,
+    tank: Option<&Rig>,
 ) -> Result<Rigged, CliError> {
     let simulated_line = with_thrusters && rig.thrusters.link.port == LinkPort::Sim;
     let simulated_camera = matches!(rig.camera.backend, CameraBackend::Sim);
+    let simulated = match tank {
+        Some(tank) => Rig {
+            vehicle: tank.vehicle.clone(),
+            physics: tank.physics.clone(),
+            ..rig.clone()
+        },
+        None => rig.clone(),
+    };
     let vehicle = if simulated_camera || simulated_line {
-        Some(SimulatedVehicle::new(rig)?)
+        Some(SimulatedVehicle::new(&simulated)?)
     } else {
         None
     };
@@ -59,7 +69,7 @@ pub fn open_with_board(
                     CameraView::of_board(vehicle.clone(), shown)
                 }
                 None => {
-                    let renderer = Renderer::new(rig)?;
+                    let renderer = Renderer::new(&simulated)?;
                     CameraView::new(vehicle.clone(), renderer)
                 }
             };

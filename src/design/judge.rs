@@ -5,8 +5,6 @@ use hydroline_inference::fit::Problem;
 use hydroline_inference::planned::{Typical, without_last};
 use hydroline_inference::prior::PriorTable;
 use hydroline_inference::term::{Candidate, Kind};
-use hydroline_plan::preflight::Repeats;
-use hydroline_plan::size::refusal;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::Allocation;
 use hydroline_sim::effect::EffectError;
@@ -14,6 +12,7 @@ use nalgebra::{Cholesky, DMatrix};
 
 use super::library::{Watched, run_of};
 use super::options::{Instruments, Options, Purpose};
+use super::sized::admissible;
 
 /// An effect whose law holds this many words and more is a product of rates: there are a hundred of them, and what excites
 /// them is that both rates are there.
@@ -140,7 +139,7 @@ impl<'a> Judge<'a> {
 
     /// Whether the rig runs the plan.
     pub fn fits(&self, plan: &Plan) -> bool {
-        refusal(self.rig, plan, Repeats::ONCE).is_ok_and(|r| r.is_none())
+        admissible(self.rig, plan)
     }
 
     /// Names of the vehicle's own numbers.

@@ -21,4 +21,4 @@ mod told;
 pub use judge::{Judge, Separation};
 pub use options::{Instruments, Options, Purpose};
 pub use search::{DesignError, Designed, Set, design};
-pub use sized::{Reach, reach};
+pub use sized::{Reach, admissible, reach};

@@ -1,7 +1,6 @@
 //! The set of plans that says most: patterns drawn, sized to the rig, and improved one place at a time (coordinate exchange;
 //! Meyer and Nachtsheim 1995), each beside those before it.
 
-use hydroline_plan::preflight::PreflightError;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::EffectError;
 use hydroline_sim::{Allocation, ThrustError};
@@ -12,7 +11,7 @@ use rayon::prelude::*;
 use super::judge::{Judge, Separation};
 use super::options::Options;
 use super::pattern::{Pattern, Place};
-use super::sized::{Reach, reach};
+use super::sized::{Reach, admissible, reach};
 
 /// Shares of the reach at which a drawn pattern is tried, all DOFs together; the first that the rig runs is its size.
 const SHARES: [f64; 9] = [1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05];
@@ -24,9 +23,6 @@ const GAINED: f64 = 0.01;
 /// Why no plan was made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
-    /// The rig.
-    #[error(transparent)]
-    Preflight(#[from] PreflightError),
     /// Its thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
@@ -104,7 +100,7 @@ pub fn design(
 ) -> Result<Set, DesignError> {
     let allocation = Allocation::new(&rig.thrusters)?;
     progress("how far each DOF reaches");
-    let reach = reach(rig, &allocation, &options.dofs)?;
+    let reach = reach(rig, &allocation, &options.dofs);
     let dofs: Vec<usize> = (0..6).filter(|d| reach[*d] > 0.0).collect();
     if dofs.is_empty() {
         return Err(DesignError::NothingDriven {
@@ -174,14 +170,7 @@ fn sized(rig: &Rig, pattern: &Pattern) -> Option<Pattern> {
         sizes: pattern.sizes.map(|v| share * v),
         ..pattern.clone()
     };
-    let runs = |p: &Pattern| {
-        let refused = hydroline_plan::size::refusal(
-            rig,
-            &p.plan("drawn"),
-            hydroline_plan::preflight::Repeats::ONCE,
-        );
-        refused.is_ok_and(|r| r.is_none())
-    };
+    let runs = |p: &Pattern| admissible(rig, &p.plan("drawn"));
     SHARES.into_iter().map(at).find(runs)
 }
 

@@ -1,7 +1,7 @@
 //! How far a vehicle's DOFs reach: the largest loads that thrusters give and that tank, limits and target allow.
 
-use hydroline_plan::preflight::{PreflightError, Repeats};
-use hydroline_plan::size::{refusal, scaled};
+use hydroline_plan::preflight::preflight;
+use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
 
@@ -16,6 +16,14 @@ const HALVINGS: usize = 60;
 
 /// Largest loads per DOF \[N, N m\]; 0 = not driven.
 pub type Reach = [f64; 6];
+
+/// Whether a rig runs a plan, and sees both of its target's long edges all the while: with one an estimator that has lost
+/// the pose does not find it again.
+pub fn admissible(rig: &Rig, plan: &Plan) -> bool {
+    preflight(rig, plan).is_ok_and(|report| {
+        report.violations.is_empty() && report.least_edges.is_none_or(|edges| edges == 2)
+    })
+}
 
 /// One DOF there and back.
 fn there_and_back(dof: usize, load: f64) -> Plan {
@@ -60,10 +68,7 @@ fn saturates_at(allocation: &Allocation, dof: usize) -> Option<f64> {
 }
 
 /// How far each DOF reaches, all others at neutral.
-///
-/// # Errors
-/// [`PreflightError::Sim`] for a rig that cannot be simulated.
-pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Result<Reach, PreflightError> {
+pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Reach {
     let mut reach = [0.0_f64; 6];
     for (d, dof) in Dof::ALL.iter().enumerate() {
         if !asked.is_empty() && !asked.contains(dof) {
@@ -77,7 +82,7 @@ pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Result<Reach,
         for load in [most, -most] {
             let plan = there_and_back(d, load);
             let mut share: f64 = 1.0;
-            while share > LEAST && refusal(rig, &scaled(&plan, share), Repeats::ONCE)?.is_some() {
+            while share > LEAST && !admissible(rig, &scaled(&plan, share)) {
                 share *= FINER;
             }
             if share > LEAST {
@@ -85,5 +90,5 @@ pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Result<Reach,
             }
         }
     }
-    Ok(reach)
+    reach
 }

@@ -4,7 +4,6 @@
 //! session that was cut off goes on from its logs.
 
 use hydroline_design::{DesignError, Options as DesignOptions, Purpose, design};
-use hydroline_plan::preflight::PreflightError;
 use hydroline_rigs::Rig;
 
 use super::body::next::Offer;
@@ -69,9 +68,6 @@ pub enum UntilError {
     /// The first plan.
     #[error(transparent)]
     Design(#[from] DesignError),
-    /// The rig.
-    #[error(transparent)]
-    Preflight(#[from] PreflightError),
 }
 
 /// Effort of the first plan's design: it is made while somebody waits at the tank.

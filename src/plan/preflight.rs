@@ -1,8 +1,9 @@
 //! The plan, simulated before it runs: refused when it leaves the tank, the limits, the lit target,
 //! or the range and slew of the pulses. `--dry-run` shows the same report.
 
+use crate::seen::{Extent, edges};
 use crate::setpoint::{SetpointError, setpoint};
-use hydroline_rigs::{Plan, Rig, SlabOutline, Target};
+use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{SimError, World};
 use serde::Serialize;
 
@@ -52,6 +53,8 @@ pub struct Preflight {
     pub ranges: Vec<Range>,
     /// From when to when the stripe lies on the target \[s\]; `None` = no target, or never.
     pub on_target_s: Option<(f64, f64)>,
+    /// Fewest of the target's two long edges that the lit line crosses in the image while the plan runs; `None` = no target.
+    pub least_edges: Option<u8>,
     /// What must not be.
     pub violations: Vec<Violation>,
 }
@@ -153,6 +156,7 @@ struct Check<'a> {
     last_pulses_us: Vec<f64>,
     target: Option<Extent>,
     on_target_s: Option<(f64, f64)>,
+    least_edges: u8,
 }
 
 const CHANNELS: [&str; 12] = [
@@ -195,8 +199,9 @@ impl<'a> Check<'a> {
                 .collect(),
             violations: Vec::new(),
             last_pulses_us: vec![rig.thrusters.neutral_us; rig.thrusters.thrusters.len()],
-            target: rig.target.as_ref().and_then(extent),
+            target: rig.target.as_ref().and_then(Extent::of),
             on_target_s: None,
+            least_edges: 2,
         }
     }
 
@@ -331,6 +336,17 @@ impl<'a> Check<'a> {
         let lit = |edge_m: f64| ((edge_m - across) / yaw.cos()).abs() <= half_fan_m;
         let ends = (extent.x0_m..=extent.x1_m).contains(&along);
         let sides = lit(0.5 * extent.width_m) || lit(-0.5 * extent.width_m);
+        if self.in_plan_s(t_s) <= self.plan.duration_s() {
+            let seen = edges(self.rig, &extent, eta);
+            self.least_edges = self.least_edges.min(seen);
+            if seen == 0 && ends && sides {
+                self.violate(t_s, "target's long edges out of the image", || {
+                    let [x, y, z, phi, theta, psi] = *eta;
+                    let [phi, theta, psi] = [phi, theta, psi].map(f64::to_degrees);
+                    format!("at x {x:.3} m, y {y:.3} m, z {z:.3} m, roll {phi:.1}, pitch {theta:.1}, heading {psi:.1} deg the camera sees none, a pose needs one")
+                });
+            }
+        }
         if ends && sides {
             self.on_target_s = Some(self.on_target_s.map_or((t_s, t_s), |(from, _)| (from, t_s)));
         } else if self.in_plan_s(t_s) <= self.plan.duration_s() {
@@ -359,56 +375,10 @@ impl<'a> Check<'a> {
             starts: self.starts,
             ranges: self.ranges,
             on_target_s: self.on_target_s,
+            least_edges: self.target.map(|_| self.least_edges),
             violations: self.violations,
         }
     }
-}
-
-/// A target's extent in its own frame \[m\].
-#[derive(Debug, Clone, Copy)]
-struct Extent {
-    x0_m: f64,
-    x1_m: f64,
-    /// Full width of its widest slab.
-    width_m: f64,
-}
-
-fn extent(target: &Target) -> Option<Extent> {
-    let of = |outline: &SlabOutline| match outline {
-        SlabOutline::Rectangle {
-            x0_m,
-            x1_m,
-            width_m,
-        } => Extent {
-            x0_m: *x0_m,
-            x1_m: *x1_m,
-            width_m: *width_m,
-        },
-        // A regular hexagon with its joints across X is sqrt(3) sides long and two sides wide (geometry.md).
-        SlabOutline::HexagonChain {
-            x0_m,
-            side_m,
-            count,
-        } => Extent {
-            x0_m: *x0_m,
-            x1_m: x0_m + f64::from(*count) * 3f64.sqrt() * side_m,
-            width_m: 2.0 * side_m,
-        },
-        SlabOutline::Polygon { points_m } => Extent {
-            x0_m: points_m.iter().map(|p| p[0]).fold(f64::INFINITY, f64::min),
-            x1_m: points_m
-                .iter()
-                .map(|p| p[0])
-                .fold(f64::NEG_INFINITY, f64::max),
-            width_m: 2.0 * points_m.iter().map(|p| p[1].abs()).fold(0.0, f64::max),
-        },
-    };
-    let all = target.slabs.iter().map(|s| of(&s.outline));
-    all.reduce(|a, b| Extent {
-        x0_m: a.x0_m.min(b.x0_m),
-        x1_m: a.x1_m.max(b.x1_m),
-        width_m: a.width_m.max(b.width_m),
-    })
 }
 
 impl std::fmt::Display for Preflight {
@@ -458,6 +428,12 @@ impl std::fmt::Display for Preflight {
         }
         if let Some((from, to)) = self.on_target_s {
             writeln!(f, "  stripe on the target from {from:.2} to {to:.2} s")?;
+        }
+        if let Some(edges) = self.least_edges {
+            writeln!(
+                f,
+                "  the lit line crosses {edges} of the target's two long edges in the image at least"
+            )?;
         }
         for violation in &self.violations {
             writeln!(

@@ -161,6 +161,7 @@ pub(super) fn run(
             conditions: session.conditions,
             build: session.build,
             shown: session.shown,
+            tank: session.tank,
         };
         let calibrating = Calibrating {
             calibration: calibration.clone(),

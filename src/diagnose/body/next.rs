@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use hydroline_design::admissible;
 use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
-use hydroline_plan::preflight::Repeats;
-use hydroline_plan::size::{refusal, scaled, share_that_fits};
+use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::Allocation;
 use rayon::prelude::*;
@@ -15,6 +15,8 @@ use crate::verdict::NextExperiment;
 
 /// Shares of the largest load of the runs at hand.
 const SHARES: [f64; 2] = [1.0, 0.5];
+/// Shares of these at which a plan is tried until the rig runs it.
+const SMALLER: [f64; 8] = [1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1];
 /// Models looked at for a rival in which something else matters.
 const MODELS: usize = 40;
 /// Plans offered beside the best one.
@@ -172,11 +174,9 @@ impl Judged<'_> {
     }
 }
 
-/// A plan, smaller where the rig refuses it as it is, and its share of its loads.
+/// A plan at the largest share of its loads with which the rig runs it and sees its target, and that share.
 fn at_the_size_that_fits(rig: &Rig, plan: Plan) -> Option<(Plan, f64)> {
-    if refusal(rig, &plan, Repeats::ONCE).ok()?.is_none() {
-        return Some((plan, 1.0));
-    }
-    let share = share_that_fits(rig, &plan, Repeats::ONCE).ok()??;
-    Some((scaled(&plan, share), share))
+    let shares = SMALLER.into_iter();
+    let mut sized = shares.map(|share| (scaled(&plan, share), share));
+    sized.find(|(plan, _)| admissible(rig, plan))
 }

@@ -118,6 +118,7 @@ const INPUTS: &[&str] = &[
     "record --rig lshpi --plan BAD --out OUTr.mcap",
     "record --rig lshpi --for 1s --calibration BAD --out OUTr.mcap",
     "record --rig lshpi --for 1s --calibrate --board BAD --out OUTr.mcap",
+    "record --rig lshpi --tank BAD --for 1s --out OUTr.mcap",
     "info BAD",
     "doctor BAD",
     "recover BAD --out OUTm.mcap",
@@ -173,6 +174,18 @@ const VALUES: &[(&str, &[&str])] = &[
         &["--length", "5s to 10m"],
     ),
     ("plan design --rig lshpi --plans 0", &["--plans", "1..=20"]),
+    (
+        "record --rig lshpi --next --plan surge-4n --out OUTr.mcap",
+        &["--next", "--plan"],
+    ),
+    (
+        "record --rig lshpi --until-decided --max-runs 0 --out OUTr.mcap",
+        &["--max-runs", "1..=100"],
+    ),
+    (
+        "record --rig lshpi --plan surge-4n --yes --out OUTr.mcap",
+        &["--yes", "--until-decided"],
+    ),
     ("plan design --rig lshpi --dof surj", &["--dof", "surge"]),
     (
         "plan design --rig lshpi --for fun",
