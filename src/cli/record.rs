@@ -21,7 +21,7 @@ use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_daemon::record::{self, Job, Parts, Report, SessionInput, Status, keys::Keys};
 use hydroline_log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use hydroline_plan::preflight::{Preflight, Repeats, preflight_runs};
-use hydroline_rigs::{CameraBackend, LinkPort, Plan, Rig};
+use hydroline_rigs::{CameraBackend, Dof, LinkPort, Plan, Rig};
 use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::service::check_set;
 use std::path::{Path, PathBuf};
@@ -91,6 +91,9 @@ pub struct Args {
     /// Most runs of the series with --until-decided
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100), allow_negative_numbers = true, requires = "until_decided", value_name = "N")]
     max_runs: u32,
+    /// DOFs that the first plan of --next or --until-decided drives, with commas between; default: all that the thrusters can
+    #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = super::diagnose::dof)]
+    dof: Vec<Dof>,
     /// Starts what --next or --until-decided proposes without asking
     #[arg(long)]
     yes: bool,
@@ -187,10 +190,11 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         };
         return until::run(&rig, &session, args, calibration);
     }
-    if args.yes {
-        return Err(CliError::Config(
-            "--yes answers what --next and --until-decided ask: give one of them".to_owned(),
-        ));
+    if args.yes || !args.dof.is_empty() {
+        let flag = if args.yes { "--yes" } else { "--dof" };
+        return Err(CliError::Config(format!(
+            "{flag} is for what --next and --until-decided propose: give one of them"
+        )));
     }
     let check = plan
         .as_ref()

@@ -1,6 +1,6 @@
 //! What a run by a plan would say: of the vehicle's coefficients, and of what the rig may leave out.
 
-use hydroline_identify::data::CHANNELS;
+use hydroline_identify::data::{CHANNELS, Command};
 use hydroline_inference::fit::Problem;
 use hydroline_inference::planned::{Typical, without_last};
 use hydroline_inference::prior::PriorTable;
@@ -159,6 +159,15 @@ impl<'a> Judge<'a> {
             Purpose::Identify => self.of(plan, &[]),
             Purpose::Diagnose => self.of(plan, &self.leads),
         }
+    }
+
+    /// [`Judge::whole`] of a run that was made, by what was sent in it.
+    pub fn whole_of_run(&self, commands: &[Command], times_s: &[f64]) -> Option<DMatrix<f64>> {
+        let all = [&self.leads[..], &self.more].concat();
+        let planned = self
+            .base
+            .planned("made", commands.to_vec(), times_s, self.rig);
+        planned.ok()?.expected(&all)
     }
 
     fn of(&self, plan: &Plan, typical: &[Typical]) -> Option<DMatrix<f64>> {

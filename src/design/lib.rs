@@ -20,5 +20,5 @@ mod told;
 
 pub use judge::{Judge, Separation};
 pub use options::{Instruments, Options, Purpose};
-pub use search::{DesignError, Designed, Set, design};
+pub use search::{DesignError, Designed, Set, design, not_shown_yet};
 pub use sized::{Reach, admissible, reach};

@@ -1,6 +1,7 @@
 //! The set of plans that says most: patterns drawn, sized to the rig, and improved one place at a time (coordinate exchange;
 //! Meyer and Nachtsheim 1995), each beside those before it.
 
+use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::EffectError;
 use hydroline_sim::{Allocation, ThrustError};
@@ -162,6 +163,39 @@ pub fn design(
         reach,
         chosen.into_iter().map(|r| r.pattern).collect(),
     ))
+}
+
+/// Effects of typical size that runs would not have shown and a plan does.
+///
+/// `runs` = what was sent in each, and its stamps \[s\]. `None` where the plan shows nothing more.
+///
+/// # Errors
+/// As [`design`].
+pub fn not_shown_yet(
+    rig: &Rig,
+    options: &Options,
+    runs: &[(&[Command], Vec<f64>)],
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Option<(Designed, Vec<String>)>, DesignError> {
+    let set = design(rig, options, progress)?;
+    let Some(first) = set.plans.into_iter().next() else {
+        return Ok(None);
+    };
+    let allocation = Allocation::new(&rig.thrusters)?;
+    let dofs: Vec<usize> = (0..6).filter(|d| set.reach[*d] > 0.0).collect();
+    let judge = Judge::new(rig, &allocation, &dofs, &first.plan, options)?;
+    let each = runs
+        .par_iter()
+        .filter_map(|(commands, times_s)| judge.whole_of_run(commands, times_s));
+    let each: Vec<DMatrix<f64>> = each.collect();
+    let shown = each
+        .into_iter()
+        .reduce(|a, b| a + b)
+        .map_or_else(Vec::new, |whole| judge.shown(&whole));
+    let shows = judge.whole(&first.plan).map(|w| judge.shown(&w));
+    let mut missing = shows.unwrap_or_default();
+    missing.retain(|effect| !shown.contains(effect));
+    Ok((!missing.is_empty()).then_some((first, missing)))
 }
 
 /// A pattern at the largest share of its size that the rig runs.

@@ -3,8 +3,11 @@
 //! No I/O: runs go in, the next step comes out. Whoever asks records what is proposed and asks again with one run more; so a
 //! session that was cut off goes on from its logs.
 
-use hydroline_design::{DesignError, Options as DesignOptions, Purpose, design};
-use hydroline_rigs::Rig;
+use hydroline_design::{
+    DesignError, Designed, Options as DesignOptions, Purpose, design, not_shown_yet,
+};
+use hydroline_identify::data::Command;
+use hydroline_rigs::{Dof, Rig};
 
 use super::body::next::Offer;
 use super::conclude::{DiagnoseError, Diagnosis};
@@ -20,6 +23,8 @@ pub struct Options {
     pub runs_left: usize,
     /// Length of the first plan \[s\].
     pub length_s: f64,
+    /// DOFs that the first plan drives; empty = all that the thrusters can.
+    pub dofs: Vec<Dof>,
 }
 
 impl Default for Options {
@@ -28,6 +33,7 @@ impl Default for Options {
             probability: 0.95,
             runs_left: 8,
             length_s: 30.0,
+            dofs: Vec::new(),
         }
     }
 }
@@ -71,11 +77,12 @@ pub enum UntilError {
 }
 
 /// Effort of the first plan's design: it is made while somebody waits at the tank.
-fn first_plan(length_s: f64) -> DesignOptions {
+fn first_plan(options: &Options) -> DesignOptions {
     DesignOptions {
         purpose: Purpose::Diagnose,
         plans: 1,
-        length_s,
+        length_s: options.length_s,
+        dofs: options.dofs.clone(),
         drawn: 24,
         improved: 1,
         sweeps: 1,
@@ -97,7 +104,53 @@ pub fn step(
         return begin(rig, options, progress);
     }
     let found = super::diagnose(sources, &[], rig, progress)?;
-    Ok(judge(found, options))
+    match judge(found, options) {
+        Step::Decided(found) if options.runs_left > 0 => {
+            look_closer(sources, rig, options, *found, progress)
+        }
+        other => Ok(other),
+    }
+}
+
+/// What runs cannot show is in no verdict: before one stands, effects of typical size have to show in these runs as they would
+/// in a plan made for that.
+fn look_closer(
+    sources: &[Source],
+    rig: &Rig,
+    options: &Options,
+    found: Diagnosis,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Step, UntilError> {
+    progress("what these runs would have shown");
+    let runs: Vec<(&[Command], Vec<f64>)> = sources
+        .iter()
+        .map(|s| {
+            let times_s = s.run.samples.iter().map(|s| s.t_s);
+            (&s.run.commands[..], times_s.collect())
+        })
+        .collect();
+    let Some((plan, missing)) = not_shown_yet(rig, &first_plan(options), &runs, progress)? else {
+        return Ok(Step::Decided(Box::new(found)));
+    };
+    Ok(Step::Run(Box::new(Proposal {
+        reason: format!(
+            "these runs would not show {} of typical size, and this plan does",
+            missing.join(", ")
+        ),
+        offers: vec![offer(plan, "shows-more")],
+        diagnosis: Some(found),
+    })))
+}
+
+/// A designed plan under another name.
+fn offer(designed: Designed, name: &str) -> Offer {
+    let mut plan = designed.plan;
+    name.clone_into(&mut plan.name);
+    plan.source_toml = plan.to_toml();
+    Offer {
+        plan,
+        gain_nats: designed.gain_nats,
+    }
 }
 
 fn begin(
@@ -111,20 +164,8 @@ fn begin(
             diagnosis: None,
         });
     }
-    let set = design(rig, &first_plan(options.length_s), progress)?;
-    let offers: Vec<Offer> = set
-        .plans
-        .into_iter()
-        .map(|p| {
-            let mut plan = p.plan;
-            "first".clone_into(&mut plan.name);
-            plan.source_toml = plan.to_toml();
-            Offer {
-                plan,
-                gain_nats: p.gain_nats,
-            }
-        })
-        .collect();
+    let set = design(rig, &first_plan(options), progress)?;
+    let offers = set.plans.into_iter().map(|p| offer(p, "first")).collect();
     Ok(Step::Run(Box::new(Proposal {
         reason:
             "no run is there yet: this plan is expected to say most of what the rig may leave out"

@@ -98,6 +98,7 @@ pub(super) fn run(
         let sources: Vec<Source> = runs.iter().map(|r| r.source.clone()).collect();
         let options = Options {
             runs_left: (most + 1).saturating_sub(k) as usize,
+            dofs: args.dof.clone(),
             ..Options::default()
         };
         let bar = progress::bar(0, "what to run next");
