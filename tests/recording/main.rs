@@ -25,6 +25,7 @@ mod service_files;
 mod simulate_light;
 mod simulate_reproducible;
 mod third_party;
+mod until_decided;
 
 #[path = "../support/http.rs"]
 mod http;
