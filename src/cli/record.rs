@@ -24,6 +24,7 @@ use hydroline_plan::preflight::{Preflight, Repeats, preflight_runs};
 use hydroline_rigs::{CameraBackend, Dof, LinkPort, Plan, Rig};
 use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::service::check_set;
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -181,6 +182,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             build,
             shown: shown.as_ref(),
             tank: tank.as_ref(),
+            ended: Cell::new(false),
         };
         let calibration = match calibration {
             None => {
@@ -240,6 +242,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         build,
         shown: shown.as_ref(),
         tank: tank.as_ref(),
+        ended: Cell::new(false),
     };
     let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
     if args.json {
@@ -282,6 +285,8 @@ struct Session<'a> {
     build: BuildInfo,
     shown: Option<&'a Shown>,
     tank: Option<&'a Rig>,
+    /// A run was ended by a person: no other follows.
+    ended: Cell<bool>,
 }
 
 impl Session<'_> {
@@ -379,7 +384,10 @@ fn record_all(
             _ if unfinished.is_some() => {
                 return Err(CliError::Run(unfinished.unwrap_or_default()));
             }
-            StopReason::Asked(_) => return Ok(lossy(&report, outcome)),
+            StopReason::Asked(_) => {
+                session.ended.set(true);
+                return Ok(lossy(&report, outcome));
+            }
             StopReason::Finished | StopReason::PlanCut(_) | StopReason::SourceEnded => {
                 outcome = lossy(&report, outcome);
             }

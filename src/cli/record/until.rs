@@ -163,6 +163,7 @@ pub(super) fn run(
             build: session.build,
             shown: session.shown,
             tank: session.tank,
+            ended: Cell::new(false),
         };
         let calibrating = Calibrating {
             calibration: calibration.clone(),
@@ -178,8 +179,8 @@ pub(super) fn run(
         let source = poses(&log, rig, session.build)?;
         runs.push(Run { log, source });
         k += 1;
-        if session.stopped() {
-            errln!("hydroline: ended by STOP; the same command goes on from here");
+        if with_plan.ended.get() || session.stopped() {
+            errln!("hydroline: ended by you; the same command goes on from here");
             return Ok(outcome);
         }
     }
