@@ -150,7 +150,7 @@ impl<'a> Judge<'a> {
     /// Information of a run: about the vehicle's numbers, and behind them the effects' amplitudes. `None` where it cannot be
     /// commanded, or does not stay finite.
     pub fn whole(&self, plan: &Plan) -> Option<DMatrix<f64>> {
-        self.of(plan, &[&self.leads[..], &self.more].concat())
+        self.of(plan, &self.all())
     }
 
     /// The same as far as the purpose asks for it.
@@ -163,20 +163,28 @@ impl<'a> Judge<'a> {
 
     /// [`Judge::whole`] of a run that was made, by what was sent in it.
     pub fn whole_of_run(&self, commands: &[Command], times_s: &[f64]) -> Option<DMatrix<f64>> {
-        let all = [&self.leads[..], &self.more].concat();
-        let planned = self
-            .base
-            .planned("made", commands.to_vec(), times_s, self.rig);
-        planned.ok()?.expected(&all)
+        self.of_run("made", commands.to_vec(), times_s, &self.all())
+    }
+
+    /// Every response that is asked.
+    fn all(&self) -> Vec<Typical> {
+        [&self.leads[..], &self.more].concat()
     }
 
     fn of(&self, plan: &Plan, typical: &[Typical]) -> Option<DMatrix<f64>> {
         let (commands, times_s) = run_of(self.rig, self.allocation, plan, self.watched)?;
-        let planned = self
-            .base
-            .planned(&plan.name, commands, &times_s, self.rig)
-            .ok()?;
-        planned.expected(typical)
+        self.of_run(&plan.name, commands, &times_s, typical)
+    }
+
+    fn of_run(
+        &self,
+        name: &str,
+        commands: Vec<Command>,
+        times_s: &[f64],
+        typical: &[Typical],
+    ) -> Option<DMatrix<f64>> {
+        let planned = self.base.planned(name, commands, times_s, self.rig);
+        planned.ok()?.expected(typical)
     }
 
     /// Precision of the numbers before any run: coefficients of similar hulls, an effect's amplitude as large as typical.

@@ -11,7 +11,7 @@ const THERE_S: f64 = 3.0;
 const FINER: f64 = 0.8;
 /// Least one: a thousandth of a thruster's force is lost in its deadband.
 const LEAST: f64 = 1e-3;
-/// Halvings by which the load is found at which a thruster saturates: to a thousandth of it.
+/// Halvings by which the load is found at which a thruster saturates: to the last bit, which costs nothing here.
 const HALVINGS: usize = 60;
 
 /// Largest loads per DOF \[N, N m\]; 0 = not driven.

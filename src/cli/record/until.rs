@@ -107,32 +107,14 @@ pub(super) fn run(
         });
         bar.finish_and_clear();
         let proposal = match next.map_err(CliError::run)? {
-            Step::Run(proposal) if k <= most => proposal,
-            Step::Run(proposal) => {
-                // --next has made its run; what the runs say now is said.
-                tell_end(
-                    args,
-                    &runs,
-                    &reports,
-                    false,
-                    None,
-                    proposal.diagnosis.as_ref(),
-                )?;
-                return Ok(outcome);
-            }
+            // Never behind the last run: none is left then.
+            Step::Run(proposal) => proposal,
             Step::Decided(found) => {
-                tell_end(args, &runs, &reports, true, None, Some(&found))?;
+                tell_end(args, &runs, &reports, None, Some(&found));
                 return Ok(outcome);
             }
             Step::Undecided { why, diagnosis } => {
-                tell_end(
-                    args,
-                    &runs,
-                    &reports,
-                    false,
-                    Some(&why),
-                    diagnosis.as_deref(),
-                )?;
+                tell_end(args, &runs, &reports, Some(&why), diagnosis.as_deref());
                 return Ok(outcome);
             }
         };
@@ -256,36 +238,34 @@ fn answer(line: &str, offers: usize) -> Option<Answer> {
     }
 }
 
-/// What the series says at its end.
+/// What the series says at its end; `why` = why it is not decided.
 fn tell_end(
     args: &Args,
     runs: &[Run],
     reports: &[serde_json::Value],
-    decided: bool,
     why: Option<&str>,
     found: Option<&Diagnosis>,
-) -> Result<(), CliError> {
+) {
     if args.json {
         outln!(
             "{}",
             serde_json::json!({
                 "runs": reports,
                 "logs": runs.iter().map(|r| &r.log).collect::<Vec<_>>(),
-                "decided": decided,
+                "decided": why.is_none(),
                 "why": why,
                 "probability": found.map(|f| f.probability),
                 "verdict": found.map(|f| &f.verdict),
             })
         );
-        return Ok(());
+        return;
     }
     if let Some(found) = found {
         diagnose::print(&found.verdict);
     }
-    match (decided, why) {
-        (true, _) => outln!("decided after {} run(s)", runs.len()),
-        (false, Some(why)) => outln!("not decided after {} run(s): {why}", runs.len()),
-        (false, None) => outln!("not decided yet: --next again, or --until-decided, goes on"),
+    match why {
+        None => outln!("decided after {} run(s)", runs.len()),
+        Some(why) => outln!("not decided after {} run(s): {why}", runs.len()),
     }
     let logs: Vec<String> = runs
         .iter()
@@ -298,7 +278,6 @@ fn tell_end(
             args.rig
         );
     }
-    Ok(())
 }
 
 #[cfg(test)]
