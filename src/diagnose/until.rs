@@ -105,9 +105,7 @@ pub fn step(
     }
     let found = super::diagnose(sources, &[], rig, progress)?;
     match judge(found, options) {
-        Step::Decided(found) if options.runs_left > 0 => {
-            look_closer(sources, rig, options, *found, progress)
-        }
+        Step::Decided(found) => look_closer(sources, rig, options, *found, progress),
         other => Ok(other),
     }
 }
@@ -132,11 +130,15 @@ fn look_closer(
     let Some((plan, missing)) = not_shown_yet(rig, &first_plan(options), &runs, progress)? else {
         return Ok(Step::Decided(Box::new(found)));
     };
+    let missing = missing.join(", ");
+    if options.runs_left == 0 {
+        return Ok(Step::Undecided {
+            why: format!("no run is left, and these would not show {missing} of typical size"),
+            diagnosis: Some(Box::new(found)),
+        });
+    }
     Ok(Step::Run(Box::new(Proposal {
-        reason: format!(
-            "these runs would not show {} of typical size, and this plan does",
-            missing.join(", ")
-        ),
+        reason: format!("these runs would not show {missing} of typical size, and this plan does"),
         offers: vec![offer(plan, "shows-more")],
         diagnosis: Some(found),
     })))
