@@ -165,21 +165,20 @@ pub fn design(
     ))
 }
 
-/// Effects of typical size that runs would not have shown and a plan does.
+/// Effects of typical size that runs would not have shown and the first plan of a set designed with these options does.
 ///
-/// `runs` = what was sent in each, and its stamps \[s\]. `None` where the plan shows nothing more.
+/// `runs` = what was sent in each, and its stamps \[s\].
 ///
 /// # Errors
 /// As [`design`].
 pub fn not_shown_yet(
     rig: &Rig,
     options: &Options,
+    set: &Set,
     runs: &[(&[Command], Vec<f64>)],
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Option<(Designed, Vec<String>)>, DesignError> {
-    let set = design(rig, options, progress)?;
-    let Some(first) = set.plans.into_iter().next() else {
-        return Ok(None);
+) -> Result<Vec<String>, DesignError> {
+    let Some(first) = set.plans.first() else {
+        return Ok(Vec::new());
     };
     let allocation = Allocation::new(&rig.thrusters)?;
     let dofs: Vec<usize> = (0..6).filter(|d| set.reach[*d] > 0.0).collect();
@@ -192,10 +191,9 @@ pub fn not_shown_yet(
         .into_iter()
         .reduce(|a, b| a + b)
         .map_or_else(Vec::new, |whole| judge.shown(&whole));
-    let shows = judge.whole(&first.plan).map(|w| judge.shown(&w));
-    let mut missing = shows.unwrap_or_default();
+    let mut missing = first.shows.clone();
     missing.retain(|effect| !shown.contains(effect));
-    Ok((!missing.is_empty()).then_some((first, missing)))
+    Ok(missing)
 }
 
 /// A pattern at the largest share of its size that the rig runs.

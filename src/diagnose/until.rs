@@ -3,8 +3,10 @@
 //! No I/O: runs go in, the next step comes out. Whoever asks records what is proposed and asks again with one run more; so a
 //! session that was cut off goes on from its logs.
 
+use std::cell::OnceCell;
+
 use hydroline_design::{
-    DesignError, Designed, Options as DesignOptions, Purpose, design, not_shown_yet,
+    DesignError, Designed, Options as DesignOptions, Purpose, Set, design, not_shown_yet,
 };
 use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Rig};
@@ -19,8 +21,6 @@ use super::verdict::Word;
 pub struct Options {
     /// Probability of what matters together from which it is decided: odds of 19 to 1, as is usual.
     pub probability: f64,
-    /// Runs that may still be made.
-    pub runs_left: usize,
     /// Length of the first plan \[s\].
     pub length_s: f64,
     /// DOFs that the first plan drives; empty = all that the thrusters can.
@@ -31,7 +31,6 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             probability: 0.95,
-            runs_left: 8,
             length_s: 30.0,
             dofs: Vec::new(),
         }
@@ -90,63 +89,116 @@ fn first_plan(options: &Options) -> DesignOptions {
     }
 }
 
-/// What to do behind these runs.
-///
-/// # Errors
-/// [`UntilError`].
-pub fn step(
-    sources: &[Source],
-    rig: &Rig,
-    options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Step, UntilError> {
-    if sources.is_empty() {
-        return begin(rig, options, progress);
-    }
-    let found = super::diagnose(sources, &[], rig, progress)?;
-    match judge(found, options) {
-        Step::Decided(found) => look_closer(sources, rig, options, *found, progress),
-        other => Ok(other),
-    }
+/// A series of runs on one rig.
+#[derive(Debug)]
+pub struct Series<'a> {
+    rig: &'a Rig,
+    options: Options,
+    /// The plan that shows most before any run: designed once, whether a series begins with it or goes on from its logs.
+    designed: OnceCell<Set>,
 }
 
-/// What runs cannot show is in no verdict: before one stands, effects of typical size have to show in these runs as they would
-/// in a plan made for that.
-fn look_closer(
-    sources: &[Source],
-    rig: &Rig,
-    options: &Options,
-    found: Diagnosis,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Step, UntilError> {
-    progress("what these runs would have shown");
-    let runs: Vec<(&[Command], Vec<f64>)> = sources
-        .iter()
-        .map(|s| {
-            let times_s = s.run.samples.iter().map(|s| s.t_s);
-            (&s.run.commands[..], times_s.collect())
-        })
-        .collect();
-    let Some((plan, missing)) = not_shown_yet(rig, &first_plan(options), &runs, progress)? else {
-        return Ok(Step::Decided(Box::new(found)));
-    };
-    let missing = missing.join(", ");
-    if options.runs_left == 0 {
-        return Ok(Step::Undecided {
-            why: format!("no run is left, and these would not show {missing} of typical size"),
-            diagnosis: Some(Box::new(found)),
-        });
+impl<'a> Series<'a> {
+    /// Before its first step.
+    pub fn new(rig: &'a Rig, options: Options) -> Series<'a> {
+        Series {
+            rig,
+            options,
+            designed: OnceCell::new(),
+        }
     }
-    Ok(Step::Run(Box::new(Proposal {
-        reason: format!("these runs would not show {missing} of typical size, and this plan does"),
-        offers: vec![offer(plan, "shows-more")],
-        diagnosis: Some(found),
-    })))
+
+    /// What to do behind these runs, when so many more may be made.
+    ///
+    /// # Errors
+    /// [`UntilError`].
+    pub fn step(
+        &self,
+        sources: &[Source],
+        runs_left: usize,
+        progress: &(dyn Fn(&str) + Sync),
+    ) -> Result<Step, UntilError> {
+        if sources.is_empty() {
+            return self.begin(runs_left, progress);
+        }
+        let found = super::diagnose(sources, &[], self.rig, progress)?;
+        match judge(found, &self.options, runs_left) {
+            Step::Decided(found) => self.look_closer(sources, runs_left, *found, progress),
+            other => Ok(other),
+        }
+    }
+
+    fn designed(&self, progress: &(dyn Fn(&str) + Sync)) -> Result<&Set, DesignError> {
+        if let Some(set) = self.designed.get() {
+            return Ok(set);
+        }
+        let set = design(self.rig, &first_plan(&self.options), progress)?;
+        Ok(self.designed.get_or_init(|| set))
+    }
+
+    /// What runs cannot show is in no verdict: before one stands, effects of typical size have to show in these runs as they
+    /// would in a plan made for that.
+    fn look_closer(
+        &self,
+        sources: &[Source],
+        runs_left: usize,
+        found: Diagnosis,
+        progress: &(dyn Fn(&str) + Sync),
+    ) -> Result<Step, UntilError> {
+        let set = self.designed(progress)?;
+        progress("what these runs would have shown");
+        let runs: Vec<(&[Command], Vec<f64>)> = sources
+            .iter()
+            .map(|s| {
+                let times_s = s.run.samples.iter().map(|s| s.t_s);
+                (&s.run.commands[..], times_s.collect())
+            })
+            .collect();
+        let missing = not_shown_yet(self.rig, &first_plan(&self.options), set, &runs)?;
+        let Some(plan) = set.plans.first().filter(|_| !missing.is_empty()) else {
+            return Ok(Step::Decided(Box::new(found)));
+        };
+        let missing = missing.join(", ");
+        if runs_left == 0 {
+            return Ok(Step::Undecided {
+                why: format!("no run is left, and these would not show {missing} of typical size"),
+                diagnosis: Some(Box::new(found)),
+            });
+        }
+        Ok(Step::Run(Box::new(Proposal {
+            reason: format!(
+                "these runs would not show {missing} of typical size, and this plan does"
+            ),
+            offers: vec![offer(plan, "shows-more")],
+            diagnosis: Some(found),
+        })))
+    }
+
+    fn begin(
+        &self,
+        runs_left: usize,
+        progress: &(dyn Fn(&str) + Sync),
+    ) -> Result<Step, UntilError> {
+        if runs_left == 0 {
+            return Ok(Step::Undecided {
+                why: "no run is there, and none may be made".to_owned(),
+                diagnosis: None,
+            });
+        }
+        let set = self.designed(progress)?;
+        Ok(Step::Run(Box::new(Proposal {
+            reason:
+                "no run is there yet: this plan is expected to say most of what the rig may leave out"
+                    .to_owned(),
+            offers: set.plans.iter().map(|p| offer(p, "first")).collect(),
+            diagnosis: None,
+        })))
+    }
 }
 
 /// A designed plan under another name.
-fn offer(designed: Designed, name: &str) -> Offer {
-    let mut plan = designed.plan;
+fn offer(designed: &Designed, name: &str) -> Offer {
+    let mut plan = designed.plan.clone();
     name.clone_into(&mut plan.name);
     plan.source_toml = plan.to_toml();
     Offer {
@@ -155,30 +207,8 @@ fn offer(designed: Designed, name: &str) -> Offer {
     }
 }
 
-fn begin(
-    rig: &Rig,
-    options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Step, UntilError> {
-    if options.runs_left == 0 {
-        return Ok(Step::Undecided {
-            why: "no run is there, and none may be made".to_owned(),
-            diagnosis: None,
-        });
-    }
-    let set = design(rig, &first_plan(options), progress)?;
-    let offers = set.plans.into_iter().map(|p| offer(p, "first")).collect();
-    Ok(Step::Run(Box::new(Proposal {
-        reason:
-            "no run is there yet: this plan is expected to say most of what the rig may leave out"
-                .to_owned(),
-        offers,
-        diagnosis: None,
-    })))
-}
-
 /// What a diagnosis asks for.
-fn judge(found: Diagnosis, options: &Options) -> Step {
+fn judge(found: Diagnosis, options: &Options, runs_left: usize) -> Step {
     let word = found.verdict.verdict;
     let undecided = |why: String, found: Diagnosis| Step::Undecided {
         why,
@@ -191,7 +221,7 @@ fn judge(found: Diagnosis, options: &Options) -> Step {
     if matches!(word, Word::None | Word::Named) && found.probability >= options.probability {
         return Step::Decided(Box::new(found));
     }
-    if options.runs_left == 0 {
+    if runs_left == 0 {
         let why = format!("no run is left; {}", open(&found, options));
         return undecided(why, found);
     }
@@ -203,13 +233,13 @@ fn judge(found: Diagnosis, options: &Options) -> Step {
         return undecided(why, found);
     };
     let wanted = wanted_nats(&found, options);
-    let most = best.gain_nats * options.runs_left as f64;
+    let most = best.gain_nats * runs_left as f64;
     if most < wanted {
         let why = format!(
             "the best plan that the rig runs ({}) is expected to gain {:.1} nats a run, {} run(s) may still be made, and {wanted:.1} nats are wanted; {}",
             best.plan.name,
             best.gain_nats,
-            options.runs_left,
+            runs_left,
             open(&found, options)
         );
         return undecided(why, found);
@@ -266,7 +296,7 @@ mod tests {
     #[test]
     fn a_verdict_is_decided_by_its_probability_not_by_its_word() {
         let options = Options::default();
-        let step = |f| judge(f, &options);
+        let step = |f| judge(f, &options, 8);
         assert!(matches!(
             step(found(Word::Named, 0.97, &[1.0])),
             Step::Decided(_)
@@ -292,23 +322,19 @@ mod tests {
 
     #[test]
     fn it_ends_where_the_runs_that_are_left_cannot_decide() {
-        let mut options = Options {
-            runs_left: 2,
-            ..Options::default()
-        };
+        let options = Options::default();
         // From even odds to 19 to 1 are 2.9 nats.
-        let step = |gain, options: &Options| judge(found(Word::Ambiguous, 0.5, &[gain]), options);
-        assert!(matches!(step(1.5, &options), Step::Run(_)));
-        let Step::Undecided { why, .. } = step(1.0, &options) else {
+        let step = |gain, left| judge(found(Word::Ambiguous, 0.5, &[gain]), &options, left);
+        assert!(matches!(step(1.5, 2), Step::Run(_)));
+        let Step::Undecided { why, .. } = step(1.0, 2) else {
             panic!("goes on for nothing");
         };
         assert!(
             why.contains("1.0 nats") && why.contains("2.9 nats"),
             "{why}"
         );
-        options.runs_left = 0;
-        assert!(matches!(step(9.0, &options), Step::Undecided { .. }));
-        let none = judge(found(Word::Ambiguous, 0.5, &[]), &Options::default());
+        assert!(matches!(step(9.0, 0), Step::Undecided { .. }));
+        let none = judge(found(Word::Ambiguous, 0.5, &[]), &options, 8);
         assert!(matches!(none, Step::Undecided { .. }));
     }
 }

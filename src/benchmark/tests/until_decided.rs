@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use hydroline_diagnose::until::{Options, Step, step};
+use hydroline_diagnose::until::{Options, Series, Step};
 use hydroline_diagnose::{Diagnosis, Source};
 use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_plan::setpoint::setpoint;
@@ -130,16 +130,21 @@ fn named(found: &Diagnosis) -> BTreeSet<String> {
     heavy.map(|e| e.effect.clone()).collect()
 }
 
+fn series(tank: &Tank) -> Series<'_> {
+    let options = Options {
+        dofs: vec![Dof::Surge],
+        ..Options::default()
+    };
+    Series::new(&tank.rig, options)
+}
+
 /// Runs made, and the verdict where it was decided.
 fn until_decided(tank: &Tank) -> (usize, Option<Diagnosis>) {
+    let series = series(tank);
     let mut sources = Vec::new();
     loop {
-        let options = Options {
-            runs_left: RUNS - sources.len(),
-            dofs: vec![Dof::Surge],
-            ..Options::default()
-        };
-        match step(&sources, &tank.rig, &options, &|_| ()).unwrap() {
+        let left = RUNS - sources.len();
+        match series.step(&sources, left, &|_| ()).unwrap() {
             Step::Run(proposal) => {
                 sources.push(tank.run(&proposal.offers[0].plan, sources.len()));
             }
@@ -153,15 +158,13 @@ fn until_decided(tank: &Tank) -> (usize, Option<Diagnosis>) {
 }
 
 fn by_the_list(tank: &Tank) -> (usize, Option<Diagnosis>) {
+    let series = series(tank);
     let mut sources = Vec::new();
     for k in 0..RUNS {
         let plan = Plan::builtin(FIXED[k % FIXED.len()]).unwrap();
         sources.push(tank.run(&plan, k));
-        let options = Options {
-            runs_left: RUNS - sources.len(),
-            ..Options::default()
-        };
-        if let Step::Decided(found) = step(&sources, &tank.rig, &options, &|_| ()).unwrap() {
+        let left = RUNS - sources.len();
+        if let Step::Decided(found) = series.step(&sources, left, &|_| ()).unwrap() {
             return (sources.len(), Some(*found));
         }
     }

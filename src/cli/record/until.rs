@@ -7,7 +7,7 @@
 use super::super::{diagnose, plan, replay};
 use super::*;
 use hydroline_diagnose::body::next::Offer;
-use hydroline_diagnose::until::{Options, Proposal, Step, step};
+use hydroline_diagnose::until::{Options, Proposal, Series, Step};
 use hydroline_diagnose::{Diagnosis, Source, read};
 use hydroline_identify::data::check_vehicle;
 
@@ -47,7 +47,7 @@ fn poses(log: &Path, rig: &Rig, build: BuildInfo) -> Result<Source, CliError> {
 }
 
 /// The series as far as it is there, and the number of the next run.
-fn series(out: &Path, rig: &Rig, build: BuildInfo) -> Result<(Vec<Run>, u32), CliError> {
+fn recorded(out: &Path, rig: &Rig, build: BuildInfo) -> Result<(Vec<Run>, u32), CliError> {
     let mut runs = Vec::new();
     let mut k = 1;
     loop {
@@ -84,7 +84,7 @@ pub(super) fn run(
             "--out is missing: it names the series, LOG-1.mcap, LOG-2.mcap, ...".to_owned(),
         ));
     };
-    let (mut runs, mut k) = series(out, rig, session.build)?;
+    let (mut runs, mut k) = recorded(out, rig, session.build)?;
     if !runs.is_empty() {
         errln!(
             "hydroline: goes on from {} run(s) of this series",
@@ -94,15 +94,16 @@ pub(super) fn run(
     let most = if args.next { k } else { args.max_runs };
     let mut reports = Vec::new();
     let mut outcome = Outcome::Done;
+    let options = Options {
+        dofs: args.dof.clone(),
+        ..Options::default()
+    };
+    let series = Series::new(rig, options);
     loop {
         let sources: Vec<Source> = runs.iter().map(|r| r.source.clone()).collect();
-        let options = Options {
-            runs_left: (most + 1).saturating_sub(k) as usize,
-            dofs: args.dof.clone(),
-            ..Options::default()
-        };
+        let left = (most + 1).saturating_sub(k) as usize;
         let bar = progress::bar(0, "what to run next");
-        let next = step(&sources, rig, &options, &|stage| {
+        let next = series.step(&sources, left, &|stage| {
             bar.set_prefix(stage.to_owned());
         });
         bar.finish_and_clear();
