@@ -123,12 +123,9 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
 /// What that model left out.
 fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError> {
     let sources: Result<Vec<Source>, _> = stripes.iter().map(|p| read(p, rig)).collect();
-    let bar = progress::bar(0, "diagnosing");
-    let found = diagnose(&sources?, &[], rig, &|what: &str| {
-        bar.set_prefix(what.to_owned());
-        bar.inc(1);
-    });
-    bar.finish_and_clear();
+    let stages = progress::Stages::begin("diagnosing");
+    let found = diagnose(&sources?, &[], rig, &|what: &str| stages.tell(what));
+    drop(stages);
     let found = found?;
     let page =
         super::diagnose::write_report(Output::default(), out, &found, None, "hydroline demo")?;

@@ -3,7 +3,9 @@
 use super::output::Output;
 use super::plan::loads;
 use super::print::{errln, outln};
-use super::{CliError, inputs, progress};
+use super::progress::Stages;
+use super::remembered::SeenArgs;
+use super::{CliError, inputs};
 use clap::ValueEnum;
 use hydroline_design::{Designed, Options, Purpose, Set, design};
 use hydroline_rigs::Dof;
@@ -53,6 +55,8 @@ pub struct Args {
     /// DOFs to drive, with commas between; default: all that the thrusters can
     #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = super::diagnose::dof)]
     dof: Vec<Dof>,
+    #[command(flatten)]
+    seen: SeenArgs,
     /// Writes DIR/design-1.toml, ...
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -100,12 +104,13 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         plans: usize::from(args.plans),
         length_s: args.length.as_secs_f64(),
         dofs: args.dof.clone(),
+        calibration: args.seen.load(&rig)?,
         seed: args.seed,
         ..Options::default()
     };
-    let bar = progress::bar(0, "designing");
-    let set = design(&rig, &options, &|stage| bar.set_prefix(stage.to_owned()));
-    bar.finish_and_clear();
+    let stages = Stages::begin("designing");
+    let set = design(&rig, &options, &|stage| stages.tell(stage));
+    drop(stages);
     let set = set.map_err(CliError::config)?;
     if let Some(dir) = &args.out {
         std::fs::create_dir_all(dir).map_err(|e| CliError::writing(dir, &e))?;

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::output::Output;
 use super::print::{errln, outln};
-use super::{CliError, Outcome, inputs, progress};
+use super::progress::Stages;
+use super::{CliError, Outcome, inputs};
 use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Verdict, Word};
-use hydroline_diagnose::{Diagnosis, Part, Source, diagnose_beside, read, report};
+use hydroline_diagnose::{Beside, Diagnosis, Part, Source, diagnose_beside, read, report};
 use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
 use hydroline_rigs::Dof;
@@ -102,11 +103,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             }
         }
     }
-    let bar = progress::bar(0, "diagnosing");
-    let tell = |what: &str| {
-        bar.set_prefix(what.to_owned());
-        bar.inc(1);
-    };
+    let stages = Stages::begin("diagnosing");
+    let tell = |what: &str| stages.tell(what);
     // What the images show comes first: it needs no pose.
     let mut logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
     logs.dedup();
@@ -132,7 +130,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let found = match &images {
         Some(images) if sources.is_empty() => images.alone(&rig),
         _ => {
-            let mut found = diagnose_beside(&sources, &held, &rig, &args.given, &tell)?;
+            let beside = Beside {
+                given: &args.given,
+                calibration: None,
+            };
+            let mut found = diagnose_beside(&sources, &held, &rig, &beside, &tell)?;
             if let Some(images) = &images {
                 images.join(&mut found.verdict);
                 found.rig.physics.extend(images.entries.iter().cloned());
@@ -140,7 +142,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             found
         }
     };
-    bar.finish_and_clear();
+    drop(stages);
     let json = serde_json::to_string_pretty(&found.verdict)?;
     if let Some(dir) = &args.report {
         let page = write_report(args.output, dir, &found, images.as_ref(), &command())?;

@@ -8,7 +8,8 @@ use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
 use super::output::Output;
 use super::print::{errln, out, outln};
-use super::{CliError, Outcome, inputs, progress};
+use super::progress::Stages;
+use super::{CliError, Outcome, inputs};
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::cmaes::Cmaes;
@@ -270,12 +271,13 @@ fn fitted(
         Cmaes::default(),
         Genetic::default(),
     );
-    let (cmaes, ga) = (Watched(&cmaes), Watched(&ga));
     let method: &dyn Method = match args.method {
         Search::Lm => &lm,
         Search::Cmaes => &cmaes,
         Search::Ga => &ga,
     };
+    let stages = Stages::begin("identifying");
+    let method = &Watched(method, &stages);
     let options = Options {
         model,
         method,
@@ -487,8 +489,8 @@ impl Drop for End<'_> {
     }
 }
 
-/// A slow search that shows its evaluations on a terminal.
-struct Watched<'a>(&'a dyn Method);
+/// A search that shows its evaluations: one for the fit, and one for each run that is left out.
+struct Watched<'a>(&'a dyn Method, &'a Stages);
 
 impl Method for Watched<'_> {
     fn name(&self) -> &'static str {
@@ -501,12 +503,12 @@ impl Method for Watched<'_> {
         objective: Objective,
         seed: u64,
     ) -> Result<Solution, MethodError> {
-        let bar = progress::bar(0, "evaluations");
+        self.1.tell("");
         let done = AtomicBool::new(false);
         let found = std::thread::scope(|scope| {
             let watcher = scope.spawn(|| {
                 while !done.load(Ordering::Relaxed) {
-                    bar.set_position(problem.evaluations());
+                    self.1.at(&format!("{} evaluations", problem.evaluations()));
                     std::thread::park_timeout(Duration::from_millis(100));
                 }
             });
@@ -514,7 +516,6 @@ impl Method for Watched<'_> {
             let _end = End(&done, watcher.thread().clone());
             self.0.minimise(problem, objective, seed)
         });
-        bar.finish_and_clear();
         found
     }
 }

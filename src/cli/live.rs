@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// The page's flags.
 #[derive(Debug, clap::Args)]
 pub struct LiveArgs {
-    /// Shows the run on a page in the browser, image to STOP button; on this computer alone unless there is a token
+    /// Shows the run on a page in the browser, image to STOP button, and to Foxglove; on this computer alone unless there is a token
     #[arg(long, value_parser = address, num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS, value_name = "ADDR")]
     live: Option<SocketAddr>,
     /// Opens the page to other computers; without it --live stays on this one (also HYDROLINE_LIVE_TOKEN)
@@ -79,6 +79,7 @@ impl LiveArgs {
         let feed = Arc::new(Feed::new(stops));
         let server = Server::start(address, self.token()?, feed.clone())?;
         errln!("hydroline: live page: {}", server.url());
+        errln!("hydroline: for Foxglove: {}", server.foxglove_url());
         Ok(Some(Shown {
             feed,
             _server: server,

@@ -1,9 +1,12 @@
 //! `hydroline plan`: what is built in, what of it runs on a rig, and a plan at the size that fits.
 
 use super::print::{out, outln};
+use super::remembered::SeenArgs;
 use super::{CliError, Outcome, design, inputs};
 use clap::Subcommand;
-use hydroline_plan::preflight::{PreflightError, Repeats, preflight};
+use hydroline_calib::Calibration;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_plan::preflight::{PreflightError, Repeats, preflight_runs};
 use hydroline_plan::size::{largest, refusal, scaled, share_that_fits};
 use hydroline_rigs::{Plan, Rig, Wrench};
 use serde::Serialize;
@@ -25,6 +28,8 @@ Exit codes: 0 done; 2 there is no such rig, or it is not sound.")]
         /// Rig file or built-in name to try them on
         #[arg(long, value_name = "RIG")]
         rig: Option<String>,
+        #[command(flatten)]
+        seen: SeenArgs,
         /// Prints one JSON array
         #[arg(long)]
         json: bool,
@@ -46,6 +51,8 @@ Exit codes: 0 done, also for a plan that the rig refuses; 2 there is no such pla
         /// Rig file or built-in name to try it on
         #[arg(long, value_name = "RIG")]
         rig: Option<String>,
+        #[command(flatten)]
+        seen: SeenArgs,
         /// All loads times this (above 0)
         #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = share)]
         scale: f64,
@@ -81,22 +88,24 @@ struct Listed {
 pub fn run(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::Design(args) => design::run(args)?,
-        Command::List { rig, json } => list(rig.as_deref(), *json)?,
+        Command::List { rig, seen, json } => list(rig.as_deref(), seen, *json)?,
         Command::Show {
             plan,
             rig,
+            seen,
             scale,
             toml,
-        } => show(plan, rig.as_deref(), *scale, *toml)?,
+        } => show(plan, rig.as_deref(), seen, *scale, *toml)?,
     }
     Ok(Outcome::Done)
 }
 
-fn list(rig: Option<&str>, json: bool) -> Result<(), CliError> {
-    let rig = rig.map(inputs::rig).transpose()?;
+fn list(named: Option<&str>, seen: &SeenArgs, json: bool) -> Result<(), CliError> {
+    let rig = named.map(inputs::rig).transpose()?;
+    let map = map(seen, rig.as_ref())?;
     let mut all = Vec::new();
     for name in Plan::builtin_names() {
-        all.push(listed(name, rig.as_ref())?);
+        all.push(listed(name, rig.as_ref(), map.as_deref())?);
     }
     if json {
         outln!("{}", serde_json::json!(all));
@@ -119,10 +128,23 @@ fn list(rig: Option<&str>, json: bool) -> Result<(), CliError> {
             _ => {}
         }
     }
+    if let Some(named) = named.filter(|_| all.iter().any(|p| p.refused.is_some())) {
+        outln!("plans made for this vehicle: hydroline plan design --rig {named} --out plans");
+    }
     Ok(())
 }
 
-fn listed(name: &'static str, rig: Option<&Rig>) -> Result<Listed, CliError> {
+/// The map by which a rig's runs will be seen.
+fn map(seen: &SeenArgs, rig: Option<&Rig>) -> Result<Option<Box<dyn PlaneMap>>, CliError> {
+    let Some(rig) = rig else { return Ok(None) };
+    Ok(seen.load(rig)?.as_ref().map(Calibration::to_map))
+}
+
+fn listed(
+    name: &'static str,
+    rig: Option<&Rig>,
+    map: Option<&dyn PlaneMap>,
+) -> Result<Listed, CliError> {
     let plan = Plan::load_or_builtin(name)?;
     let mut made = Listed {
         plan: name,
@@ -138,17 +160,23 @@ fn listed(name: &'static str, rig: Option<&Rig>) -> Result<Listed, CliError> {
         made.refused = Some(format!("({error})"));
         return Ok(made);
     }
-    made.refused = refusal(rig, &plan, Repeats::ONCE)?;
+    made.refused = refusal(rig, &plan, Repeats::ONCE, map)?;
     made.runs = Some(made.refused.is_none());
     if made.refused.is_some() {
-        made.share_that_fits = share_that_fits(rig, &plan, Repeats::ONCE)?;
+        made.share_that_fits = share_that_fits(rig, &plan, Repeats::ONCE, map)?;
     }
     Ok(made)
 }
 
 /// What to add to a refusal: the size that fits, and how to get it.
-pub fn size_that_fits(rig: &Rig, plan: &Plan, named: &str, repeats: Repeats) -> String {
-    match share_that_fits(rig, plan, repeats) {
+pub fn size_that_fits(
+    rig: &Rig,
+    plan: &Plan,
+    named: &str,
+    repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
+) -> String {
+    match share_that_fits(rig, plan, repeats, map) {
         Ok(Some(share)) => {
             let most = largest(plan).map(|l| loads(l.map(|v| share * v)));
             let most = most.map_or(String::new(), |m| format!(" ({m})"));
@@ -173,7 +201,13 @@ pub(super) fn loads(largest: [f64; 6]) -> String {
     }
 }
 
-fn show(plan: &str, rig: Option<&str>, scale: f64, toml: bool) -> Result<(), CliError> {
+fn show(
+    plan: &str,
+    rig: Option<&str>,
+    seen: &SeenArgs,
+    scale: f64,
+    toml: bool,
+) -> Result<(), CliError> {
     let rig = rig.map(inputs::rig).transpose()?;
     let made = match &rig {
         Some(rig) => inputs::plan(plan, rig)?,
@@ -187,7 +221,8 @@ fn show(plan: &str, rig: Option<&str>, scale: f64, toml: bool) -> Result<(), Cli
         out!("{}", made.source_toml);
         return Ok(());
     };
-    match preflight(&rig, &made) {
+    let map = map(seen, Some(&rig))?;
+    match preflight_runs(&rig, &made, Repeats::ONCE, map.as_deref()) {
         Ok(report) => {
             out!("{report}");
             if report.violations.is_empty() {
@@ -198,6 +233,9 @@ fn show(plan: &str, rig: Option<&str>, scale: f64, toml: bool) -> Result<(), Cli
         Err(PreflightError::Setpoint(error)) => outln!("  REFUSED: {error}"),
         Err(other) => return Err(other.into()),
     }
-    outln!("  {}", size_that_fits(&rig, &made, plan, Repeats::ONCE));
+    outln!(
+        "  {}",
+        size_that_fits(&rig, &made, plan, Repeats::ONCE, map.as_deref())
+    );
     Ok(())
 }

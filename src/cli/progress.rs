@@ -1,7 +1,11 @@
-//! Progress bars: on a terminal, never in a pipe.
+//! Progress: bars on a terminal, never in a pipe; of long work a line now and then there.
 
+use super::print::errln;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// A bar over `length` steps of `what`, drawn on stderr when that is a terminal.
 pub fn bar(length: u64, what: &'static str) -> ProgressBar {
@@ -30,4 +34,109 @@ pub fn line() -> ProgressBar {
         line.set_style(style);
     }
     line
+}
+
+/// Where nothing refreshes: first line after so long, and between two of them.
+const FIRST_LINE: Duration = Duration::from_secs(10);
+const NEXT_LINE: Duration = Duration::from_secs(30);
+
+/// Work of which nobody knows how long it takes, stage after stage: what it is at, how many stages are done, and for how
+/// long. On a terminal one line that refreshes; elsewhere a line now and then, so that nobody takes it for dead.
+#[derive(Debug)]
+pub struct Stages {
+    bar: ProgressBar,
+    told: Arc<Told>,
+    teller: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug, Default)]
+struct Told {
+    now: Mutex<Now>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct Now {
+    stage: String,
+    stages: u64,
+    ended: bool,
+}
+
+impl Told {
+    fn lock(&self) -> MutexGuard<'_, Now> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says where the work is until it ends.
+    fn tell(&self, what: &str, began: Instant) {
+        let mut wait = FIRST_LINE;
+        let mut now = self.lock();
+        loop {
+            let ended = |now: &mut Now| !now.ended;
+            let (got, _) = self
+                .changed
+                .wait_timeout_while(now, wait, ended)
+                .unwrap_or_else(PoisonError::into_inner);
+            now = got;
+            if now.ended {
+                return;
+            }
+            let (elapsed_s, Now { stage, stages, .. }) = (began.elapsed().as_secs(), &*now);
+            let count = match stages {
+                0 => String::new(),
+                n => format!("stage {n}, "),
+            };
+            errln!("hydroline: {what} for {elapsed_s} s: {count}{stage}");
+            wait = NEXT_LINE;
+        }
+    }
+}
+
+impl Stages {
+    /// Begins `what`, e.g. `diagnosing`.
+    pub fn begin(what: &'static str) -> Self {
+        let bar = bar(0, what);
+        let told = Arc::new(Told::default());
+        let teller = if bar.is_hidden() {
+            let (told, began) = (told.clone(), Instant::now());
+            let tell = move || told.tell(what, began);
+            std::thread::Builder::new().spawn(tell).ok()
+        } else {
+            if let Ok(style) =
+                ProgressStyle::with_template("{spinner} {msg} {elapsed} {pos} {prefix}")
+            {
+                bar.set_style(style);
+            }
+            bar.enable_steady_tick(Duration::from_millis(200));
+            None
+        };
+        Self { bar, told, teller }
+    }
+
+    /// How far a stage is.
+    pub fn at(&self, stage: &str) {
+        stage.clone_into(&mut self.told.lock().stage);
+        self.bar.set_prefix(stage.to_owned());
+    }
+
+    /// The next stage.
+    pub fn tell(&self, stage: &str) {
+        let mut now = self.told.lock();
+        now.stages += 1;
+        stage.clone_into(&mut now.stage);
+        drop(now);
+        self.bar.inc(1);
+        self.bar.set_prefix(stage.to_owned());
+    }
+}
+
+impl Drop for Stages {
+    fn drop(&mut self) {
+        self.told.lock().ended = true;
+        self.told.changed.notify_all();
+        if let Some(teller) = self.teller.take() {
+            let _ = teller.join();
+        }
+        self.bar.finish_and_clear();
+    }
 }

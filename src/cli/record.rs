@@ -198,9 +198,17 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             "{flag} is for what --next and --until-decided propose: give one of them"
         )));
     }
+    let calibration = match calibration {
+        // While a board is searched for, it is the rig's camera that is asked.
+        None if calibrate.is_none() => {
+            let medium = medium::of_run(&rig, &conditions);
+            Memory::of_user().for_run(args.remember, &rig, medium)?
+        }
+        given => given,
+    };
     let check = plan
         .as_ref()
-        .map(|plan| check_plan(&rig, plan, args))
+        .map(|plan| check_plan(&rig, plan, args, calibration.as_ref()))
         .transpose()?;
     if args.dry_run {
         if plan.is_none() {
@@ -223,13 +231,8 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         Some(_) => Some(args.making.file(out)?),
         None => None,
     };
-    let remembered = |medium| Memory::of_user().for_run(args.remember, &rig, medium);
     let calibrating = Calibrating {
-        calibration: match calibration {
-            // While a board is searched for, it is the rig's camera that is asked.
-            None if calibrate.is_none() => remembered(medium::of_run(&rig, &conditions))?,
-            given => given,
-        },
+        calibration,
         calibrate,
         out: calibration_out,
     };
@@ -492,8 +495,14 @@ fn repeats(plan: &Plan, args: &Args) -> Repeats {
 }
 
 /// Simulates the plan, all runs of it; shows it on --dry-run, refuses a bad one always.
-fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError> {
-    let report = preflight_runs(rig, plan, repeats(plan, args))?;
+fn check_plan(
+    rig: &Rig,
+    plan: &Plan,
+    args: &Args,
+    calibration: Option<&Calibration>,
+) -> Result<Preflight, CliError> {
+    let map = calibration.map(Calibration::to_map);
+    let report = preflight_runs(rig, plan, repeats(plan, args), map.as_deref())?;
     if args.dry_run {
         if args.json {
             outln!("{}", serde_json::json!(report));
@@ -522,7 +531,8 @@ fn check_plan(rig: &Rig, plan: &Plan, args: &Args) -> Result<Preflight, CliError
                 rig,
                 plan,
                 args.plan.as_deref().unwrap_or(&plan.name),
-                repeats(plan, args)
+                repeats(plan, args),
+                map.as_deref()
             ),
             if report.runs > 1 {
                 ", or bring the vehicle back between the runs (--return-to-start)"

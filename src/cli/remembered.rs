@@ -1,7 +1,7 @@
 //! Accepted calibrations, remembered for the runs that follow: files under $XDG_DATA_HOME/hydroline/calibrations.
 //!
 //! Each is a calibration file like any other, with one line more that names its camera. A run finds the latest for its
-//! camera, image size, medium and board, and says which it took.
+//! camera, image size and medium, of its board before any other, and says which it took.
 
 mod words;
 
@@ -12,6 +12,8 @@ use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{CalibError, Calibration, ImageSize, Medium};
 use hydroline_core::clock::{Clock, SystemClock};
+use hydroline_core::session::Conditions;
+use hydroline_daemon::calibrate::medium;
 use hydroline_rigs::{CameraBackend, DeviceIdentity, Rig};
 use std::ffi::OsString;
 use std::io::Write;
@@ -24,11 +26,34 @@ const CAMERA_LINE: &str = "# camera: ";
 /// Characters of a camera or board in a file's name: three parts and a time fit the 255 bytes of a name.
 const NAME_CHARACTERS: usize = 60;
 
+/// By which calibration runs will be seen, for what is checked before them.
+#[derive(Debug, clap::Args)]
+pub struct SeenArgs {
+    /// Calibration of the runs: the stripe has to stay where it holds
+    #[arg(long, value_name = "CALIB.toml")]
+    calibration: Option<PathBuf>,
+    #[command(flatten)]
+    remember: RememberArgs,
+}
+
+impl SeenArgs {
+    /// The calibration for runs of this rig; `None` = the rig's ideal camera.
+    pub fn load(&self, rig: &Rig) -> Result<Option<Calibration>, CliError> {
+        match &self.calibration {
+            Some(path) => Ok(Some(Calibration::load(path)?)),
+            None => {
+                let medium = medium::of_run(rig, &Conditions::default());
+                Memory::of_user().for_run(self.remember, rig, medium)
+            }
+        }
+    }
+}
+
 /// Whether remembered calibrations are looked for.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct RememberArgs {
     /// Without --calibration: uses the rig's ideal camera, not the latest accepted calibration that is remembered for
-    /// this camera, medium and board
+    /// this camera and medium
     #[arg(long, conflicts_with = "calibration")]
     no_remembered: bool,
 }
@@ -42,7 +67,7 @@ pub struct Wanted {
     pub image: ImageSize,
     /// What the light goes through.
     pub medium: Medium,
-    /// The rig's board; `None` = any.
+    /// The rig's board, whose calibrations come first.
     pub board: Option<String>,
 }
 
@@ -105,18 +130,19 @@ pub fn camera(rig: &Rig) -> Option<String> {
     }
 }
 
-/// The latest that fits.
+/// The latest that fits, of the rig's board before any other: a map holds for a camera and what is before it, whichever
+/// board has made it.
 fn latest(all: Vec<Remembered>, wanted: &Wanted) -> Option<Remembered> {
     let fits = |r: &Remembered| {
         let c = &r.calibration;
         r.camera == wanted.camera
             && c.medium == wanted.medium
             && c.image.is_none_or(|image| image == wanted.image)
-            && (wanted.board.is_none() || c.board == wanted.board)
     };
+    let of_board = |r: &Remembered| wanted.board.is_some() && r.calibration.board == wanted.board;
     all.into_iter()
         .filter(fits)
-        .max_by(|a, b| key(a).cmp(&key(b)))
+        .max_by(|a, b| (of_board(a), key(a)).cmp(&(of_board(b), key(b))))
 }
 
 /// By time, then by name.
@@ -232,12 +258,11 @@ impl Memory {
                 r.path.display()
             )),
             None if !same_camera.is_empty() => words.push(format!(
-                "no --calibration, and none of the {} remembered for this camera is for {}, {} x {} px and board {}; there is: {}",
+                "no --calibration, and none of the {} remembered for this camera is for {} and {} x {} px; there is: {}",
                 same_camera.len(),
                 wanted.medium.name(),
                 wanted.image.width_px,
                 wanted.image.height_px,
-                wanted.board.as_deref().unwrap_or("of any kind"),
                 same_camera.join("; ")
             )),
             None => {}

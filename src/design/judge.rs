@@ -12,7 +12,6 @@ use nalgebra::{Cholesky, DMatrix};
 
 use super::library::{Watched, run_of};
 use super::options::{Instruments, Options, Purpose};
-use super::sized::admissible;
 
 /// An effect whose law holds this many words and more is a product of rates: there are a hundred of them, and what excites
 /// them is that both rates are there.
@@ -135,11 +134,6 @@ impl<'a> Judge<'a> {
             purpose: options.purpose,
             watched,
         })
-    }
-
-    /// Whether the rig runs the plan.
-    pub fn fits(&self, plan: &Plan) -> bool {
-        admissible(self.rig, plan)
     }
 
     /// Names of the vehicle's own numbers.

@@ -21,4 +21,4 @@ mod told;
 pub use judge::{Judge, Separation};
 pub use options::{Instruments, Options, Purpose};
 pub use search::{DesignError, Designed, Set, design, not_shown_yet};
-pub use sized::{Reach, admissible, reach};
+pub use sized::{Admission, Reach, reach};

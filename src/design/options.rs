@@ -1,5 +1,6 @@
 //! What a set of plans is asked to be.
 
+use hydroline_calib::calibration::Calibration;
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Dof;
 
@@ -54,6 +55,8 @@ pub struct Options {
     pub length_s: f64,
     /// What is watched behind each plan \[s\]: a vehicle's coasting says as much as its drive.
     pub tail_s: f64,
+    /// By which the run will be seen; `None` = the rig's ideal camera.
+    pub calibration: Option<Calibration>,
     /// DOFs to drive; empty = all that the thrusters can.
     pub dofs: Vec<Dof>,
     /// Instruments.
@@ -75,6 +78,7 @@ impl Default for Options {
             plans: 5,
             length_s: 30.0,
             tail_s: 5.0,
+            calibration: None,
             dofs: Vec::new(),
             instruments: Instruments::default(),
             drawn: 48,

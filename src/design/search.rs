@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::judge::{Judge, Separation};
 use super::options::Options;
 use super::pattern::{Pattern, Place};
-use super::sized::{Reach, admissible, reach};
+use super::sized::{Admission, Reach, reach};
 
 /// Shares of the reach at which a drawn pattern is tried, all DOFs together; the first that the rig runs is its size.
 const SHARES: [f64; 9] = [1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05];
@@ -101,7 +101,8 @@ pub fn design(
 ) -> Result<Set, DesignError> {
     let allocation = Allocation::new(&rig.thrusters)?;
     progress("how far each DOF reaches");
-    let reach = reach(rig, &allocation, &options.dofs);
+    let admission = Admission::new(rig, options.calibration.as_ref());
+    let reach = reach(&admission, &allocation, &options.dofs);
     let dofs: Vec<usize> = (0..6).filter(|d| reach[*d] > 0.0).collect();
     if dofs.is_empty() {
         return Err(DesignError::NothingDriven {
@@ -115,7 +116,7 @@ pub fn design(
     progress("patterns that fit");
     let sized: Vec<Pattern> = drawn
         .into_par_iter()
-        .filter_map(|pattern| sized(rig, &pattern))
+        .filter_map(|pattern| sized(&admission, &pattern))
         .collect();
     let Some(first) = sized.first() else {
         return Err(DesignError::NothingFits {
@@ -147,7 +148,7 @@ pub fn design(
         let improved = pool
             .iter()
             .take(options.improved.max(1))
-            .map(|r| improve(&judge, r, &sum, options, &mut rng));
+            .map(|r| improve(&judge, &admission, r, &sum, options, &mut rng));
         let best = improved.max_by(|a, b| {
             let of = |r: &Rated| judge.value(&(&sum + &r.information));
             of(a).total_cmp(&of(b))
@@ -197,18 +198,19 @@ pub fn not_shown_yet(
 }
 
 /// A pattern at the largest share of its size that the rig runs.
-fn sized(rig: &Rig, pattern: &Pattern) -> Option<Pattern> {
+fn sized(admission: &Admission, pattern: &Pattern) -> Option<Pattern> {
     let at = |share: f64| Pattern {
         sizes: pattern.sizes.map(|v| share * v),
         ..pattern.clone()
     };
-    let runs = |p: &Pattern| admissible(rig, &p.plan("drawn"));
+    let runs = |p: &Pattern| admission.admits(&p.plan("drawn"));
     SHARES.into_iter().map(at).find(runs)
 }
 
 /// Goes through the places of a pattern in any order and keeps what says more.
 fn improve(
     judge: &Judge<'_>,
+    admission: &Admission,
     from: &Rated,
     sum: &DMatrix<f64>,
     options: &Options,
@@ -231,7 +233,7 @@ fn improve(
                 .into_par_iter()
                 .filter_map(|pattern| {
                     let plan = pattern.plan("tried");
-                    if !judge.fits(&plan) {
+                    if !admission.admits(&plan) {
                         return None;
                     }
                     let information = judge.information(&plan)?;

@@ -1,6 +1,9 @@
 //! How far a vehicle's DOFs reach: the largest loads that thrusters give and that tank, limits and target allow.
 
-use hydroline_plan::preflight::preflight;
+use hydroline_calib::calibration::Calibration;
+use hydroline_calib::plane::PlaneMap;
+use hydroline_inference::prior::PriorTable;
+use hydroline_plan::preflight::passes;
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
@@ -17,12 +20,65 @@ const HALVINGS: usize = 60;
 /// Largest loads per DOF \[N, N m\]; 0 = not driven.
 pub type Reach = [f64; 6];
 
-/// Whether a rig runs a plan, and sees both of its target's long edges all the while: with one an estimator that has lost
-/// the pose does not find it again.
-pub fn admissible(rig: &Rig, plan: &Plan) -> bool {
-    preflight(rig, plan).is_ok_and(|report| {
-        report.violations.is_empty() && report.least_edges.is_none_or(|edges| edges == 2)
-    })
+/// Long edges of the target that have to be in sight all the while: with one an estimator that has lost the pose does not find
+/// it again.
+const EDGES: u8 = 2;
+
+/// Which plans may be run.
+pub struct Admission {
+    /// The vehicle as the rig has it, and one that goes further.
+    rigs: Vec<Rig>,
+    map: Option<Box<dyn PlaneMap>>,
+}
+
+impl std::fmt::Debug for Admission {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Admission").finish_non_exhaustive()
+    }
+}
+
+impl Admission {
+    /// For this rig, seen through this calibration or the ideal camera.
+    ///
+    /// Where its coefficients were identified it moves as they say. Where they are a data sheet's, a plan has to run as well
+    /// on a vehicle that is lighter and less damped by one standard deviation of what is known of such coefficients.
+    pub fn new(rig: &Rig, calibration: Option<&Calibration>) -> Admission {
+        let mut made = Admission::of_known(rig, calibration);
+        if rig.identified.is_none() {
+            let share = (-PriorTable::default().coefficient_ln).exp();
+            // First: what it refuses need not be simulated again.
+            made.rigs.insert(0, lighter(rig, share));
+        }
+        made
+    }
+
+    /// The same for a rig whose vehicle was fitted to runs at hand.
+    pub fn of_known(rig: &Rig, calibration: Option<&Calibration>) -> Admission {
+        Admission {
+            rigs: vec![rig.clone()],
+            map: calibration.map(Calibration::to_map),
+        }
+    }
+
+    /// Whether the rig runs a plan, and sees both of its target's long edges all the while.
+    pub fn admits(&self, plan: &Plan) -> bool {
+        let passes = |rig: &Rig| passes(rig, plan, self.map.as_deref(), EDGES);
+        self.rigs.iter().all(|rig| passes(rig).unwrap_or(false))
+    }
+}
+
+/// The same vehicle with all masses and damping times `share`.
+fn lighter(rig: &Rig, share: f64) -> Rig {
+    let mut made = rig.clone();
+    let v = &mut made.vehicle;
+    v.mass_kg *= share;
+    v.inertia_kgm2 = v.inertia_kgm2.map(|i| share * i);
+    for c in &mut v.coefficients {
+        c.added *= share;
+        c.linear *= share;
+        c.quadratic *= share;
+    }
+    made
 }
 
 /// One DOF there and back.
@@ -68,7 +124,7 @@ fn saturates_at(allocation: &Allocation, dof: usize) -> Option<f64> {
 }
 
 /// How far each DOF reaches, all others at neutral.
-pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Reach {
+pub fn reach(admission: &Admission, allocation: &Allocation, asked: &[Dof]) -> Reach {
     let mut reach = [0.0_f64; 6];
     for (d, dof) in Dof::ALL.iter().enumerate() {
         if !asked.is_empty() && !asked.contains(dof) {
@@ -82,7 +138,7 @@ pub fn reach(rig: &Rig, allocation: &Allocation, asked: &[Dof]) -> Reach {
         for load in [most, -most] {
             let plan = there_and_back(d, load);
             let mut share: f64 = 1.0;
-            while share > LEAST && !admissible(rig, &scaled(&plan, share)) {
+            while share > LEAST && !admission.admits(&scaled(&plan, share)) {
                 share *= FINER;
             }
             if share > LEAST {

@@ -21,6 +21,7 @@ use std::ops::ControlFlow;
 
 use hydroline_rigs::{Dof, Rig};
 
+use super::Beside;
 use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::joined;
@@ -36,7 +37,7 @@ use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
 use inputs::Inputs;
 
-/// Diagnoses logs against a rig; `held` are predicted only, and the measured motion of `asked` DOFs is an input.
+/// Diagnoses logs against a rig; `held` are predicted only.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -44,7 +45,7 @@ pub fn diagnose(
     sources: &[Source],
     held: &[Source],
     rig: &Rig,
-    asked: &[Dof],
+    beside: &Beside<'_>,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
@@ -64,7 +65,7 @@ pub fn diagnose(
     let recording = Recording::new(&runs, rig.tank.start_pose[5]);
     let measured = |d: &usize| recording.channels[*d] || recording.channels[6 + d];
     let asked: Vec<usize> = (0..6)
-        .filter(|d| asked.contains(&Dof::ALL[*d]) && measured(d))
+        .filter(|d| beside.given.contains(&Dof::ALL[*d]) && measured(d))
         .collect();
     let mut dofs = recording.moving(&rig.tolerance.channels());
     // A fault in a channel that nothing is asked of stops nothing.
@@ -103,7 +104,7 @@ pub fn diagnose(
     tell(verdict, &judged, &dofs);
     made.shown = judged.shown();
     progress("next run");
-    if let Some((next, offers)) = judged.next(rig) {
+    if let Some((next, offers)) = judged.next(rig, beside.calibration) {
         verdict.next_experiment = Some(next);
         made.offers = offers;
     }

@@ -20,7 +20,17 @@ pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
 
+use hydroline_calib::Calibration;
 use hydroline_rigs::{Dof, Rig};
+
+/// What is known beside logs and rig.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Beside<'a> {
+    /// DOFs whose measured motion is an input.
+    pub given: &'a [Dof],
+    /// By which the next run will be seen; `None` = the rig's ideal camera.
+    pub calibration: Option<&'a Calibration>,
+}
 
 /// Diagnoses logs against a rig; `held` are predicted only.
 ///
@@ -32,10 +42,10 @@ pub fn diagnose(
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    diagnose_beside(sources, held, rig, &[], progress)
+    diagnose_beside(sources, held, rig, &Beside::default(), progress)
 }
 
-/// The same where the measured motion of some DOFs is an input.
+/// The same with what is known beside them.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -43,8 +53,8 @@ pub fn diagnose_beside(
     sources: &[Source],
     held: &[Source],
     rig: &Rig,
-    given: &[Dof],
+    beside: &Beside<'_>,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    body::diagnose(sources, held, rig, given, progress)
+    body::diagnose(sources, held, rig, beside, progress)
 }

@@ -5,12 +5,14 @@
 
 use std::cell::OnceCell;
 
+use hydroline_calib::Calibration;
 use hydroline_design::{
     DesignError, Designed, Options as DesignOptions, Purpose, Set, design, not_shown_yet,
 };
 use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Rig};
 
+use super::Beside;
 use super::body::next::Offer;
 use super::conclude::{DiagnoseError, Diagnosis};
 use super::source::Source;
@@ -25,6 +27,8 @@ pub struct Options {
     pub length_s: f64,
     /// DOFs that the first plan drives; empty = all that the thrusters can.
     pub dofs: Vec<Dof>,
+    /// By which the runs will be seen; `None` = the rig's ideal camera.
+    pub calibration: Option<Calibration>,
 }
 
 impl Default for Options {
@@ -33,6 +37,7 @@ impl Default for Options {
             probability: 0.95,
             length_s: 30.0,
             dofs: Vec::new(),
+            calibration: None,
         }
     }
 }
@@ -82,6 +87,7 @@ fn first_plan(options: &Options) -> DesignOptions {
         plans: 1,
         length_s: options.length_s,
         dofs: options.dofs.clone(),
+        calibration: options.calibration.clone(),
         drawn: 24,
         improved: 1,
         sweeps: 1,
@@ -121,7 +127,11 @@ impl<'a> Series<'a> {
         if sources.is_empty() {
             return self.begin(runs_left, progress);
         }
-        let found = super::diagnose(sources, &[], self.rig, progress)?;
+        let beside = Beside {
+            calibration: self.options.calibration.as_ref(),
+            ..Beside::default()
+        };
+        let found = super::diagnose_beside(sources, &[], self.rig, &beside, progress)?;
         match judge(found, &self.options, runs_left) {
             Step::Decided(found) => self.look_closer(sources, runs_left, *found, progress),
             other => Ok(other),

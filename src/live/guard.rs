@@ -4,6 +4,7 @@
 //! |---|---|
 //! | another computer | the address that is listened on; off loopback, the token |
 //! | another site in the same browser | `Sec-Fetch-Site`, `Origin`; for STOP the session's key in a header of its own, which makes a browser ask first, and it is told no |
+//! | another site as a Foxglove viewer | the token, or where there is none the list of those that are viewers |
 //! | another site under a name that it points at us (DNS rebinding) | `Host` has to be this computer |
 //!
 //! A browser without `Sec-Fetch-Site` (before 2020-2023) still reads nothing across sites: no answer of ours says that
@@ -64,6 +65,10 @@ pub struct Asked<'a> {
     pub has_body: bool,
 }
 
+/// Sites whose scripts may connect as a viewer without a token: Foxglove's app in the browser, and what was opened from this
+/// computer's own disk, as desktop apps are.
+const VIEWERS: [&str; 2] = ["https://app.foxglove.dev", "file://"];
+
 /// The header in which the page sends its session's key with STOP.
 pub const SESSION_HEADER: &str = "x-hydroline-session";
 
@@ -84,6 +89,10 @@ pub enum Route {
     },
     /// The state for Prometheus.
     Metrics,
+    /// A Foxglove viewer.
+    Foxglove,
+    /// The layout for it.
+    FoxgloveLayout,
     /// Thrusters to neutral.
     Stop,
 }
@@ -110,7 +119,9 @@ pub enum Refusal {
     #[error("no request here has a body")]
     Body,
     /// There is no such path.
-    #[error("there is /, /state, /picture, /metrics and POST /stop")]
+    #[error(
+        "there is /, /state, /picture, /metrics, /foxglove, /foxglove-layout.json and POST /stop"
+    )]
     Unknown,
 }
 
@@ -171,10 +182,12 @@ impl Guard {
         if !self.opens(asked) {
             return Err(Refusal::Token);
         }
-        if !same_site(asked, host) {
+        let route = route(asked);
+        let from_viewer = route == Ok(Route::Foxglove) && self.is_viewer(asked);
+        if !from_viewer && !same_site(asked, host) {
             return Err(Refusal::OtherSite);
         }
-        let route = route(asked)?;
+        let route = route?;
         if asked.has_body {
             return Err(Refusal::Body);
         }
@@ -208,6 +221,12 @@ impl Guard {
 
     fn is_address(&self, address: Option<std::net::IpAddr>) -> bool {
         address.is_some_and(|a| a.is_loopback() || self.token.is_some())
+    }
+
+    /// Whether a site that connects is a viewer: it has the token, or is one that shows what it is given to nobody else.
+    fn is_viewer(&self, asked: &Asked<'_>) -> bool {
+        let known = |origin: &str| VIEWERS.contains(&origin);
+        self.token.is_some() || asked.origin.text().is_some_and(known)
     }
 
     fn opens(&self, asked: &Asked<'_>) -> bool {
@@ -249,10 +268,14 @@ fn route(asked: &Asked<'_>) -> Result<Route, Refusal> {
         ("GET", "/state") => Ok(Route::State { after: after() }),
         ("GET", "/picture") => Ok(Route::Picture { after: after() }),
         ("GET", "/metrics") => Ok(Route::Metrics),
+        ("GET", "/foxglove") => Ok(Route::Foxglove),
+        ("GET", "/foxglove-layout.json") => Ok(Route::FoxgloveLayout),
         ("POST", "/stop") => Ok(Route::Stop),
-        ("GET", "/stop") | ("POST", "/" | "/state" | "/picture" | "/metrics") => {
-            Err(Refusal::Method)
-        }
+        ("GET", "/stop")
+        | (
+            "POST",
+            "/" | "/state" | "/picture" | "/metrics" | "/foxglove" | "/foxglove-layout.json",
+        ) => Err(Refusal::Method),
         ("GET" | "POST", _) => Err(Refusal::Unknown),
         _ => Err(Refusal::Method),
     }

@@ -5,11 +5,12 @@
 //! state     what a run says of itself           server         accepts, limits, ends
 //! picture   one frame with what is drawn on it  server/routes  axum: request -> guard -> answer
 //! feed      latest values, who looks, STOP      server/encoder images to JPEG, while somebody looks
+//! address   `--live [ADDR]`                     server/foxglove a viewer's WebSocket
 //! guard     may this request be answered?       server/stalled a viewer that stops reading
 //! token     secrets and their comparison
-//! address   `--live [ADDR]`
 //! metrics   the state for Prometheus
 //! page      one HTML file, everything in it
+//! foxglove  the run as the log's topics, for Foxglove viewers (feature `server`)
 //! ```
 //!
 //! Whoever publishes ([`Feed`]) never waits for whoever looks: there is one place for the newest state and one for the
@@ -18,6 +19,8 @@
 
 pub mod address;
 pub mod feed;
+#[cfg(feature = "server")]
+pub mod foxglove;
 pub mod guard;
 pub mod metrics;
 pub mod page;

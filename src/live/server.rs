@@ -4,6 +4,7 @@
 //! an answer, one encoded picture at a time. Beyond that it is refused or cut off.
 
 mod encoder;
+mod foxglove;
 mod routes;
 mod stalled;
 
@@ -101,6 +102,15 @@ impl Server {
 
     /// What to type into a browser, token and all.
     pub fn url(&self) -> String {
+        self.url_of("http", "/")
+    }
+
+    /// What to type into Foxglove's *Open connection*.
+    pub fn foxglove_url(&self) -> String {
+        self.url_of("ws", super::foxglove::PATH)
+    }
+
+    fn url_of(&self, scheme: &str, path: &str) -> String {
         let address = match self.address {
             any if any.ip().is_unspecified() => {
                 let name = std::fs::read_to_string("/proc/sys/kernel/hostname");
@@ -110,8 +120,8 @@ impl Server {
             one => one.to_string(),
         };
         match &self.token {
-            Some(token) => format!("http://{address}/?token={}", token.text()),
-            None => format!("http://{address}/"),
+            Some(token) => format!("{scheme}://{address}{path}?token={}", token.text()),
+            None => format!("{scheme}://{address}{path}"),
         }
     }
 }
@@ -130,9 +140,17 @@ impl Drop for Server {
 pub(super) struct Peers(Arc<Mutex<HashMap<IpAddr, usize>>>);
 
 /// One of them; dropping it gives its place back.
+#[derive(Debug)]
 struct Place {
     peers: Peers,
     ip: IpAddr,
+}
+
+/// A connection, for what outlives its request: its place is kept until the last of it is gone.
+#[derive(Debug, Clone)]
+struct Connection {
+    _place: Arc<Place>,
+    ending: watch::Receiver<bool>,
 }
 
 impl Peers {
@@ -207,13 +225,19 @@ async fn accept(
 }
 
 async fn serve(stream: TcpStream, app: Router, place: Place, mut ending: watch::Receiver<bool>) {
+    let held = Connection {
+        _place: Arc::new(place),
+        ending: ending.clone(),
+    };
+    let app = app.layer(axum::Extension(held));
     let _ = stream.set_nodelay(true);
     let io = TokioIo::new(Stalled::new(stream, TAKEN_WITHIN));
     let connection = hyper::server::conn::http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_WITHIN)
         .max_buf_size(HEAD_MAX)
-        .serve_connection(io, TowerToHyperService::new(app));
+        .serve_connection(io, TowerToHyperService::new(app))
+        .with_upgrades();
     let mut connection = pin!(connection);
     tokio::select! {
         // Garbage, a viewer that stalls or goes away: its own affair.
@@ -223,7 +247,6 @@ async fn serve(stream: TcpStream, app: Router, place: Place, mut ending: watch::
             let _ = tokio::time::timeout(FAREWELL, connection).await;
         }
     }
-    drop(place);
 }
 
 #[cfg(test)]

@@ -3,12 +3,16 @@
 
 use crate::seen::{Extent, edges};
 use crate::setpoint::{SetpointError, setpoint};
+use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{SimError, World};
 use serde::Serialize;
 
 /// Grid of the check \[s\]: at 0.3 m/s the vehicle goes 6 mm from point to point.
 const STEP_S: f64 = 0.02;
+/// What the violation of a target that is left begins with.
+const OFF: &str = "stripe off the lit target";
 /// Coasting after the plan's last step that is still watched \[s\].
 const COAST_S: f64 = 5.0;
 
@@ -102,15 +106,17 @@ pub enum PreflightError {
     Setpoint(#[from] SetpointError),
 }
 
-/// Runs the plan through the rig's model from the rig's start pose.
+/// Runs the plan through the rig's model from the rig's start pose, seen by the rig's ideal camera.
 ///
 /// # Errors
 /// [`PreflightError`]; what the plan does wrong is in [`Preflight::violations`].
 pub fn preflight(rig: &Rig, plan: &Plan) -> Result<Preflight, PreflightError> {
-    preflight_runs(rig, plan, Repeats::ONCE)
+    preflight_runs(rig, plan, Repeats::ONCE, None)
 }
 
 /// Runs the plan `repeats.runs` times, each run from where the one before has left the vehicle.
+///
+/// `map` = the map from image to laser plane that poses will come from; `None` = the rig's ideal camera.
 ///
 /// # Errors
 /// As [`preflight`].
@@ -118,9 +124,40 @@ pub fn preflight_runs(
     rig: &Rig,
     plan: &Plan,
     repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
+) -> Result<Preflight, PreflightError> {
+    checked(rig, plan, repeats, map, &|_| true)
+}
+
+/// Whether a rig runs a plan and sees so many of its target's long edges all the while: the simulation ends where it does not.
+///
+/// # Errors
+/// As [`preflight`].
+pub fn passes(
+    rig: &Rig,
+    plan: &Plan,
+    map: Option<&dyn PlaneMap>,
+    least_edges: u8,
+) -> Result<bool, PreflightError> {
+    let goes_on = |check: &Check<'_>| {
+        check.violations.is_empty() && (check.target.is_none() || check.least_edges >= least_edges)
+    };
+    let report = checked(rig, plan, Repeats::ONCE, map, &goes_on)?;
+    let seen = report.least_edges.is_none_or(|edges| edges >= least_edges);
+    Ok(report.violations.is_empty() && seen)
+}
+
+/// The simulation, as long as `goes_on` says so.
+fn checked(
+    rig: &Rig,
+    plan: &Plan,
+    repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
+    goes_on: &dyn Fn(&Check<'_>) -> bool,
 ) -> Result<Preflight, PreflightError> {
     let mut world = World::new(rig, rig.tank.start_pose)?;
-    let mut check = Check::new(rig, plan, repeats);
+    let ideal = IdealMap::of(rig);
+    let mut check = Check::new(rig, plan, repeats, map.unwrap_or(&ideal));
     let period_s = 1.0 / rig.thrusters.link.rate_hz;
     let mut next_command = 0u64;
     let last_start_s = repeats.cycle_s * f64::from(repeats.runs.saturating_sub(1));
@@ -142,12 +179,16 @@ pub fn preflight_runs(
         }
         let state = world.state_at(t_s)?;
         check.state(t_s, &state.eta, &state.nu);
+        if !goes_on(&check) {
+            break;
+        }
     }
     Ok(check.done())
 }
 
 struct Check<'a> {
     rig: &'a Rig,
+    map: &'a dyn PlaneMap,
     plan: &'a Plan,
     repeats: Repeats,
     starts: Vec<RunStart>,
@@ -175,7 +216,7 @@ const CHANNELS: [&str; 12] = [
 ];
 
 impl<'a> Check<'a> {
-    fn new(rig: &'a Rig, plan: &'a Plan, repeats: Repeats) -> Self {
+    fn new(rig: &'a Rig, plan: &'a Plan, repeats: Repeats, map: &'a dyn PlaneMap) -> Self {
         let empty = |name: String| Range {
             name,
             min: f64::INFINITY,
@@ -188,6 +229,7 @@ impl<'a> Check<'a> {
             .map(|t| format!("{}.pulse_us", t.name));
         Self {
             rig,
+            map,
             plan,
             repeats,
             starts: Vec::new(),
@@ -337,13 +379,13 @@ impl<'a> Check<'a> {
         let ends = (extent.x0_m..=extent.x1_m).contains(&along);
         let sides = lit(0.5 * extent.width_m) || lit(-0.5 * extent.width_m);
         if self.in_plan_s(t_s) <= self.plan.duration_s() {
-            let seen = edges(self.rig, &extent, eta);
+            let seen = edges(self.rig, self.map, &extent, eta);
             self.least_edges = self.least_edges.min(seen);
             if seen == 0 && ends && sides {
-                self.violate(t_s, "target's long edges out of the image", || {
+                self.violate(t_s, "target's long edges out of sight", || {
                     let [x, y, z, phi, theta, psi] = *eta;
                     let [phi, theta, psi] = [phi, theta, psi].map(f64::to_degrees);
-                    format!("at x {x:.3} m, y {y:.3} m, z {z:.3} m, roll {phi:.1}, pitch {theta:.1}, heading {psi:.1} deg the camera sees none, a pose needs one")
+                    format!("at x {x:.3} m, y {y:.3} m, z {z:.3} m, roll {phi:.1}, pitch {theta:.1}, heading {psi:.1} deg none is inside image, fan and calibrated region, a pose needs one")
                 });
             }
         }
@@ -353,7 +395,7 @@ impl<'a> Check<'a> {
             let kind = if ends {
                 "stripe off the lit target sideways"
             } else {
-                "stripe off the lit target"
+                OFF
             };
             self.violate(t_s, kind, || {
                 if ends {
@@ -427,12 +469,14 @@ impl std::fmt::Display for Preflight {
             )?;
         }
         if let Some((from, to)) = self.on_target_s {
+            let off = self.violations.iter().find(|v| v.what.starts_with(OFF));
+            let to = off.map_or(to, |v| v.at_s);
             writeln!(f, "  stripe on the target from {from:.2} to {to:.2} s")?;
         }
         if let Some(edges) = self.least_edges {
             writeln!(
                 f,
-                "  the lit line crosses {edges} of the target's two long edges in the image at least"
+                "  at least {edges} of the target's two long edges in sight (image, fan, calibrated region) while the plan runs"
             )?;
         }
         for violation in &self.violations {
@@ -514,7 +558,7 @@ mod tests {
                 cycle_s: plan.duration_s() + 1.5 + settle_s,
                 active_s: plan.duration_s() + 1.0,
             };
-            preflight_runs(&rig(), &plan, repeats).unwrap()
+            preflight_runs(&rig(), &plan, repeats, None).unwrap()
         };
         let report = twice(60.0);
         let [first, second] = report.starts[..] else {

@@ -1,5 +1,6 @@
 //! A plan at another size: what of a refused one fits into tank, limits and target.
 
+use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Plan, PlanStep, Rig, StepLoad, Wrench};
 
 use crate::preflight::{PreflightError, Repeats, preflight_runs};
@@ -48,12 +49,18 @@ pub fn largest(plan: &Plan) -> Option<[f64; 6]> {
         })
 }
 
-/// Why a rig refuses a plan: the first violation, or more than the thrusters give; `None` where it runs.
+/// Why a rig refuses a plan: the first violation, or more than the thrusters give; `None` where it runs. `map` as for
+/// [`preflight_runs`].
 ///
 /// # Errors
 /// [`PreflightError::Sim`] for a rig that cannot be simulated.
-pub fn refusal(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<Option<String>, PreflightError> {
-    match preflight_runs(rig, plan, repeats) {
+pub fn refusal(
+    rig: &Rig,
+    plan: &Plan,
+    repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
+) -> Result<Option<String>, PreflightError> {
+    match preflight_runs(rig, plan, repeats, map) {
         Ok(report) => Ok(report.violations.first().map(ToString::to_string)),
         Err(PreflightError::Setpoint(error)) => Ok(Some(error.to_string())),
         Err(other) => Err(other),
@@ -61,8 +68,13 @@ pub fn refusal(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<Option<String
 }
 
 /// Whether a plan runs on a rig.
-fn fits(rig: &Rig, plan: &Plan, repeats: Repeats) -> Result<bool, PreflightError> {
-    Ok(refusal(rig, plan, repeats)?.is_none())
+fn fits(
+    rig: &Rig,
+    plan: &Plan,
+    repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
+) -> Result<bool, PreflightError> {
+    Ok(refusal(rig, plan, repeats, map)?.is_none())
 }
 
 /// Largest share of a refused plan's loads with which it runs on this rig, to two digits; `None` where it is not the size
@@ -74,8 +86,9 @@ pub fn share_that_fits(
     rig: &Rig,
     plan: &Plan,
     repeats: Repeats,
+    map: Option<&dyn PlaneMap>,
 ) -> Result<Option<f64>, PreflightError> {
-    let at = |share: f64| fits(rig, &scaled(plan, share), repeats);
+    let at = |share: f64| fits(rig, &scaled(plan, share), repeats, map);
     let mut refused = 1.0;
     for share in TRIED {
         if !at(share)? {
@@ -112,13 +125,13 @@ mod tests {
     fn what_is_refused_for_its_size_fits_at_the_share_that_is_said_and_not_at_a_tenth_more() {
         let (rig, plan) = rig_and("surge-8n");
         let large = scaled(&plan, 6.0);
-        assert!(!fits(&rig, &large, Repeats::ONCE).unwrap());
-        let share = share_that_fits(&rig, &large, Repeats::ONCE)
+        assert!(!fits(&rig, &large, Repeats::ONCE, None).unwrap());
+        let share = share_that_fits(&rig, &large, Repeats::ONCE, None)
             .unwrap()
             .unwrap();
-        assert!(fits(&rig, &scaled(&large, share), Repeats::ONCE).unwrap());
+        assert!(fits(&rig, &scaled(&large, share), Repeats::ONCE, None).unwrap());
         assert!(
-            !fits(&rig, &scaled(&large, 1.1 * share), Repeats::ONCE).unwrap(),
+            !fits(&rig, &scaled(&large, 1.1 * share), Repeats::ONCE, None).unwrap(),
             "{share}"
         );
     }
@@ -126,10 +139,10 @@ mod tests {
     #[test]
     fn more_than_the_thrusters_give_is_a_question_of_size_as_well() {
         let (rig, plan) = rig_and("surge-4n");
-        let share = share_that_fits(&rig, &scaled(&plan, 1e4), Repeats::ONCE);
+        let share = share_that_fits(&rig, &scaled(&plan, 1e4), Repeats::ONCE, None);
         // A ten-thousandth is less than the least that is tried.
         assert_eq!(share.unwrap(), None);
-        let share = share_that_fits(&rig, &scaled(&plan, 20.0), Repeats::ONCE);
+        let share = share_that_fits(&rig, &scaled(&plan, 20.0), Repeats::ONCE, None);
         assert!(share.unwrap().is_some_and(|s| s > 0.02 && s < 0.5));
     }
 
@@ -137,7 +150,10 @@ mod tests {
     fn a_start_outside_of_the_limits_is_no_question_of_size() {
         let (mut rig, plan) = rig_and("surge-4n");
         rig.tank.start_pose[0] = rig.limits.x_m[1] + 1.0;
-        assert_eq!(share_that_fits(&rig, &plan, Repeats::ONCE).unwrap(), None);
+        assert_eq!(
+            share_that_fits(&rig, &plan, Repeats::ONCE, None).unwrap(),
+            None
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::diagnose_real::ship;
 use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
-use hydroline::diagnose::{Source, diagnose, diagnose_beside};
+use hydroline::diagnose::{Beside, Source, diagnose, diagnose_beside};
 use hydroline::identify::data::{Command, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
@@ -26,6 +26,13 @@ fn with(mut rig: Rig, effect: &str, number: (&str, f64), dof: &str) -> Rig {
         ],
     });
     rig
+}
+
+fn given(dofs: &[Dof]) -> Beside<'_> {
+    Beside {
+        given: dofs,
+        ..Beside::default()
+    }
 }
 
 fn clean(run: Run) -> Source {
@@ -132,7 +139,7 @@ fn yaw_that_nobody_commanded_is_said_and_surge_is_explained_beside_it() {
         .unwrap();
     assert!((lag.parameters["lag_s"].value - 0.3).abs() < 0.03);
     // Said to be an input, nothing is left to explain.
-    let v = diagnose_beside(&runs, &[], &rig, &[Dof::Yaw, Dof::Sway], &|_| {});
+    let v = diagnose_beside(&runs, &[], &rig, &given(&[Dof::Yaw, Dof::Sway]), &|_| {});
     let v = v.unwrap().verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
     assert_eq!(v.given, ["sway", "yaw"]);
@@ -293,7 +300,7 @@ fn zigzags(model: VehicleModel, every: usize, asked: &[Dof]) -> Option<Verdict> 
     let held = [of("Z_15_05")?, of("Z_20_10_S")?];
     let rig = tanker(model);
     let begun = std::time::Instant::now();
-    let found = diagnose_beside(&fitted, &held, &rig, asked, &|what| {
+    let found = diagnose_beside(&fitted, &held, &rig, &given(asked), &|what| {
         println!("  {:.0} s {what}", begun.elapsed().as_secs_f64());
     });
     let v = found.unwrap().verdict;

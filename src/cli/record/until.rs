@@ -96,17 +96,16 @@ pub(super) fn run(
     let mut outcome = Outcome::Done;
     let options = Options {
         dofs: args.dof.clone(),
+        calibration: calibration.clone(),
         ..Options::default()
     };
     let series = Series::new(rig, options);
     loop {
         let sources: Vec<Source> = runs.iter().map(|r| r.source.clone()).collect();
         let left = (most + 1).saturating_sub(k) as usize;
-        let bar = progress::bar(0, "what to run next");
-        let next = series.step(&sources, left, &|stage| {
-            bar.set_prefix(stage.to_owned());
-        });
-        bar.finish_and_clear();
+        let stages = progress::Stages::begin("choosing what to run next");
+        let next = series.step(&sources, left, &|stage| stages.tell(stage));
+        drop(stages);
         let proposal = match next.map_err(CliError::run)? {
             // Never behind the last run: none is left then.
             Step::Run(proposal) => proposal,

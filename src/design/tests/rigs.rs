@@ -1,7 +1,7 @@
 //! Plans for vehicles of different kinds.
 #![allow(clippy::unwrap_used)]
 
-use hydroline_design::{Judge, Options, Purpose, Set, admissible, design, reach};
+use hydroline_design::{Admission, Judge, Options, Purpose, Set, design, reach};
 use hydroline_plan::preflight::preflight;
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
@@ -89,7 +89,12 @@ fn a_dof_that_no_thruster_drives_is_said() {
 }
 
 /// A plan drawn by another rule than the design's: any number of steps of any length and load, at the largest share that runs.
-fn random_plan(rng: &mut StdRng, rig: &Rig, reach: &[f64; 6], length_s: f64) -> Option<Plan> {
+fn random_plan(
+    rng: &mut StdRng,
+    admission: &Admission,
+    reach: &[f64; 6],
+    length_s: f64,
+) -> Option<Plan> {
     let n = rng.random_range(3..=15);
     let mut cuts: Vec<f64> = (1..n).map(|_| length_s * rng.random::<f64>()).collect();
     cuts.extend([0.0, length_s]);
@@ -112,7 +117,7 @@ fn random_plan(rng: &mut StdRng, rig: &Rig, reach: &[f64; 6], length_s: f64) -> 
     let shares = (0..40).map(|k| 0.9f64.powi(k));
     shares
         .map(|share| scaled(&plan, share))
-        .find(|plan| admissible(rig, plan))
+        .find(|plan| admission.admits(plan))
 }
 
 /// Log determinant of the information about the coefficients, over their number.
@@ -142,7 +147,8 @@ fn designs_of_three_rigs_against_random_plans() {
         let took_s = begin.elapsed().as_secs_f64();
         check(&rig, &options, &set);
         let allocation = Allocation::new(&rig.thrusters).unwrap();
-        let reach = reach(&rig, &allocation, &[]);
+        let admission = Admission::new(&rig, None);
+        let reach = reach(&admission, &allocation, &[]);
         let dofs: Vec<usize> = (0..6).filter(|d| reach[*d] > 0.0).collect();
         let judge = Judge::new(&rig, &allocation, &dofs, &set.plans[0].plan, &options).unwrap();
         let own = set.own.len();
@@ -158,7 +164,7 @@ fn designs_of_three_rigs_against_random_plans() {
             .into_par_iter()
             .filter_map(|seed| {
                 let mut rng = StdRng::seed_from_u64(0xd0e5 + seed);
-                let plan = random_plan(&mut rng, &rig, &reach, options.length_s)?;
+                let plan = random_plan(&mut rng, &admission, &reach, options.length_s)?;
                 Some(per_number(&judge.information(&plan)?, own))
             })
             .collect();

@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hydroline_design::admissible;
+use hydroline_calib::calibration::Calibration;
+use hydroline_design::Admission;
 use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
 use hydroline_plan::size::scaled;
@@ -36,20 +37,28 @@ pub struct Offer {
 impl Judged<'_> {
     /// The plan, with its reason, and the best of the others, it first; nothing where nothing else was found possible, or no
     /// plan fits into the tank.
-    pub fn next(&self, rig: &Rig) -> Option<(NextExperiment, Vec<Offer>)> {
+    pub fn next(
+        &self,
+        rig: &Rig,
+        calibration: Option<&Calibration>,
+    ) -> Option<(NextExperiment, Vec<Offer>)> {
         let (set, rivals) = self.rivals();
         let verdict = self.of_set(&set)?;
         if rivals.is_empty() {
             return None;
         }
         let allocation = Allocation::new(&rig.thrusters).ok()?;
+        // As these runs have it move.
+        let mut fitted = rig.clone();
+        self.adopt(&mut fitted);
+        let admission = &Admission::of_known(&fitted, calibration);
         let plans: Vec<Plan> = self
             .driven(&set, &rivals)
             .into_iter()
             .flat_map(|(d, size)| SHARES.into_iter().map(move |share| (d, size, share)))
             .flat_map(|(d, size, share)| {
                 library(d, size * share).into_iter().filter_map(move |p| {
-                    let fits = at_the_size_that_fits(rig, p)?;
+                    let fits = at_the_size_that_fits(admission, p)?;
                     let (mut plan, fits) = fits;
                     let dof = Dof::ALL[d].name();
                     plan.name = format!("{}-{dof}-{:.0}", plan.name, 100.0 * share * fits);
@@ -175,8 +184,8 @@ impl Judged<'_> {
 }
 
 /// A plan at the largest share of its loads with which the rig runs it and sees its target, and that share.
-fn at_the_size_that_fits(rig: &Rig, plan: Plan) -> Option<(Plan, f64)> {
+fn at_the_size_that_fits(admission: &Admission, plan: Plan) -> Option<(Plan, f64)> {
     let shares = SMALLER.into_iter();
     let mut sized = shares.map(|share| (scaled(&plan, share), share));
-    sized.find(|(plan, _)| admissible(rig, plan))
+    sized.find(|(plan, _)| admission.admits(plan))
 }

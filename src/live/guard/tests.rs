@@ -320,3 +320,52 @@ proptest! {
         }
     }
 }
+
+/// What a browser sends when a script of a site opens a WebSocket.
+fn viewer(origin: &'static str, query: &'static str) -> Asked<'static> {
+    Asked {
+        origin: Header::Once(origin),
+        fetch_site: Header::Once("cross-site"),
+        fetch_mode: Header::Once("websocket"),
+        ..get("/foxglove", query)
+    }
+}
+
+#[test]
+fn a_foxglove_viewer_is_a_known_one_or_has_the_token() {
+    let look = Ok(Route::Foxglove);
+    assert_eq!(loopback().check(&get("/foxglove", "")), look, "no browser");
+    assert_eq!(
+        loopback().check(&viewer("https://app.foxglove.dev", "")),
+        look
+    );
+    assert_eq!(loopback().check(&viewer("file://", "")), look);
+    for other in [
+        "https://evil.example",
+        "https://app.foxglove.dev.evil.example",
+        "http://app.foxglove.dev",
+        "null",
+        "",
+    ] {
+        assert_eq!(
+            loopback().check(&viewer(other, "")),
+            Err(Refusal::OtherSite),
+            "{other}"
+        );
+        let with = viewer(other, "token=a-token-for-tests-0123");
+        assert_eq!(closed().check(&with), look, "{other} with the token");
+        assert_eq!(
+            closed().check(&viewer(other, "token=another-token-0123456")),
+            Err(Refusal::Token)
+        );
+    }
+    // A viewer looks; nothing else opens to its site.
+    for path in ["/", "/state", "/picture", "/foxglove-layout.json", "/stop"] {
+        let asked = Asked {
+            path,
+            ..viewer("https://app.foxglove.dev", "")
+        };
+        let answer = loopback().check(&asked);
+        assert!(answer.is_err(), "{path}: {answer:?}");
+    }
+}

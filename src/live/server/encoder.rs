@@ -25,6 +25,28 @@ const QUALITY: u8 = 75;
 pub(super) struct Encoded {
     pub(super) number: u64,
     pub(super) bytes: Bytes,
+    /// What it was made of.
+    pub(super) picture: Arc<Picture>,
+}
+
+impl Encoded {
+    /// The image alone.
+    pub(super) fn jpeg(&self) -> Bytes {
+        let head = self.bytes.first_chunk::<4>();
+        let overlay = head.map_or(0, |h| u32::from_le_bytes(*h) as usize);
+        let from = (4 + overlay).min(self.bytes.len());
+        self.bytes.slice(from..)
+    }
+
+    /// Its size over the frame's.
+    pub(super) fn scale(&self) -> f32 {
+        let mut width_px = self.picture.frame.width_px as usize;
+        let mut scale = 1.0;
+        while width_px > WIDTH_MAX_PX {
+            (width_px, scale) = (width_px / 2, 0.5 * scale);
+        }
+        scale
+    }
 }
 
 #[derive(Debug, Default)]
@@ -48,13 +70,15 @@ impl Encoder {
         // Newer still, after the wait.
         let Numbered { number, value } = pictures.borrow().clone();
         let picture: Arc<Picture> = value?;
+        let encoding = picture.clone();
         let bytes = tokio::task::spawn_blocking(move || {
             step_back(19);
-            encode(&picture)
+            encode(&encoding)
         });
         let encoded = Encoded {
             number,
             bytes: bytes.await.ok()?,
+            picture,
         };
         *last = Some((encoded.clone(), Instant::now()));
         Some(encoded)

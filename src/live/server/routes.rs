@@ -1,15 +1,16 @@
 //! The axum adapter: a request's head to the guard, its answer to the wire.
 
 use super::super::feed::{Feed, Numbered};
+use super::super::foxglove::layout;
 use super::super::guard::{Asked, Guard, Header, Refusal, Route, SESSION_HEADER};
 use super::super::{metrics, page};
-use super::Peers;
 use super::encoder::Encoder;
-use axum::Router;
+use super::{Connection, Peers, foxglove};
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use axum::{Extension, Router};
 use bytes::Bytes;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -18,11 +19,11 @@ use tokio::sync::watch;
 /// Longest wait for something newer; then the viewer asks again.
 const NEWER_WITHIN: Duration = Duration::from_secs(1);
 
-struct Shared {
-    feed: Arc<Feed>,
+pub(super) struct Shared {
+    pub(super) feed: Arc<Feed>,
     guard: Guard,
     peers: Peers,
-    encoder: Encoder,
+    pub(super) encoder: Encoder,
     /// The newest state as JSON, written once for all viewers.
     json: Mutex<Option<(u64, Bytes)>>,
 }
@@ -39,15 +40,20 @@ pub(super) fn router(feed: Arc<Feed>, guard: Guard, peers: Peers) -> Router {
     Router::new().fallback(answer).with_state(shared)
 }
 
-async fn answer(State(shared): State<Arc<Shared>>, request: Request) -> Response {
+async fn answer(
+    State(shared): State<Arc<Shared>>,
+    Extension(connection): Extension<Connection>,
+    request: Request,
+) -> Response {
     let checked = shared.guard.check(&asked(&request));
     // Nothing below reads a body.
-    drop(request);
     let mut response = match checked {
+        Ok(Route::Foxglove) => foxglove::answer(&shared, connection, request),
         Ok(Route::Page) => shared.page(),
         Ok(Route::State { after }) => shared.state(after).await,
         Ok(Route::Picture { after }) => shared.picture(after).await,
         Ok(Route::Metrics) => shared.metrics(),
+        Ok(Route::FoxgloveLayout) => shared.layout(),
         Ok(Route::Stop) => shared.stop(),
         Err(refusal) => refuse(refusal),
     };
@@ -182,6 +188,13 @@ impl Shared {
         let newest = self.feed.states().borrow().value.clone();
         let text = metrics::text(&newest.unwrap_or_default(), self.peers.count());
         typed(metrics::CONTENT_TYPE, text)
+    }
+
+    fn layout(&self) -> Response {
+        let newest = self.feed.states().borrow().value.clone();
+        let newest = newest.unwrap_or_default();
+        let names: Vec<&str> = newest.thrusters.iter().map(|t| t.name.as_str()).collect();
+        typed("application/json", layout(&names))
     }
 
     fn stop(&self) -> Response {

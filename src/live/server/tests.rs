@@ -325,3 +325,125 @@ fn the_end_of_the_server_is_no_wait() {
     assert_eq!(waiting.join().unwrap(), 200, "the last state arrives");
     assert!(TcpStream::connect(address).is_err());
 }
+
+mod foxglove {
+    use super::*;
+    use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+    use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
+
+    type Socket = WebSocket<TcpStream>;
+
+    fn open(address: SocketAddr, origin: Option<&str>) -> Result<Socket, String> {
+        let mut request = format!("ws://{address}/foxglove")
+            .into_client_request()
+            .unwrap();
+        let headers = request.headers_mut();
+        let protocols = "foxglove.sdk.v1.1, foxglove.sdk.v1";
+        headers.insert("sec-websocket-protocol", protocols.parse().unwrap());
+        if let Some(origin) = origin {
+            headers.insert("origin", origin.parse().unwrap());
+        }
+        let opened = client(request, connect(address)).map_err(|e| e.to_string())?;
+        assert_eq!(
+            opened.1.headers()["sec-websocket-protocol"],
+            "foxglove.sdk.v1"
+        );
+        Ok(opened.0)
+    }
+
+    fn json(socket: &mut Socket) -> serde_json::Value {
+        serde_json::from_str(socket.read().unwrap().to_text().unwrap()).unwrap()
+    }
+
+    fn subscribe(socket: &mut Socket, channels: &[u64]) {
+        let wanted: Vec<_> = channels
+            .iter()
+            .map(|c| serde_json::json!({"id": c + 10, "channelId": c}))
+            .collect();
+        let text = serde_json::json!({"op": "subscribe", "subscriptions": wanted});
+        socket.send(Message::text(text.to_string())).unwrap();
+    }
+
+    #[test]
+    fn a_viewer_sees_state_and_picture_and_the_end() {
+        let (server, feed, stops) = started(None);
+        let mut socket = open(server.address(), None).unwrap();
+        assert_eq!(json(&mut socket)["name"], "secret-rig");
+        let advertised = json(&mut socket);
+        let number = |topic: &str| {
+            let channels = advertised["channels"].as_array().unwrap();
+            let of = channels.iter().find(|c| c["topic"] == topic).unwrap();
+            of["id"].as_u64().unwrap()
+        };
+        let (image, state) = (number("/camera/image"), number("/live/state"));
+        subscribe(&mut socket, &[image, state]);
+        let (mut images, mut titles) = (0, Vec::new());
+        feed.publish(State {
+            title: "newer".to_owned(),
+            ..State::default()
+        });
+        while images == 0 || titles.last().is_none_or(|t| t != "newer") {
+            let message = socket.read().unwrap().into_data();
+            assert_eq!(message[0], 1);
+            let id = u64::from(u32::from_le_bytes(message[1..5].try_into().unwrap()));
+            if id == image + 10 {
+                // SOI of the JPEG is somewhere in the message.
+                assert!(message.windows(2).any(|w| w == [0xff, 0xd8]));
+                images += 1;
+            } else {
+                assert_eq!(id, state + 10);
+                let told: serde_json::Value = serde_json::from_slice(&message[13..]).unwrap();
+                titles.push(told["title"].as_str().unwrap().to_owned());
+            }
+        }
+        assert!(feed.is_watched());
+        // Nothing that it says stops anything.
+        socket.send(Message::text(r#"{"op":"stop"}"#)).unwrap();
+        socket.send(Message::binary(vec![1, 2, 3])).unwrap();
+        drop(server);
+        let closed = std::iter::from_fn(|| Some(socket.read()))
+            .find(|m| m.as_ref().map_or(true, Message::is_close));
+        assert!(closed.is_some());
+        assert_eq!(stops.load(Ordering::SeqCst), 0);
+    }
+
+    #[test]
+    fn another_site_is_no_viewer() {
+        let (server, _feed, _) = started(None);
+        assert!(open(server.address(), Some("https://evil.example")).is_err());
+        assert!(open(server.address(), Some("https://app.foxglove.dev")).is_ok());
+        let (closed, _feed, _) = started(Some(TOKEN));
+        assert!(open(closed.address(), None).is_err());
+        let plain = ask(server.address(), "GET /foxglove", "");
+        assert_eq!(plain.status, 426);
+        assert!(plain.text().contains("ws://"));
+    }
+
+    #[test]
+    fn viewers_have_places_like_everyone_until_they_go() {
+        let (server, _feed, _) = started(None);
+        let open_all = || -> Vec<Socket> {
+            let opened = (0..CONNECTIONS_PER_PEER).map(|_| open(server.address(), None));
+            opened.map(Result::unwrap).collect()
+        };
+        let sockets = open_all();
+        assert!(
+            open(server.address(), None).is_err(),
+            "all places are taken"
+        );
+        drop(sockets);
+        let end = Instant::now() + Duration::from_secs(10);
+        while open(server.address(), None).is_err() {
+            assert!(Instant::now() < end, "their places are free again");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    #[test]
+    fn the_layout_is_there_to_be_imported() {
+        let (server, _feed, _) = started(None);
+        let layout = ask(server.address(), "GET /foxglove-layout.json", "");
+        let layout: serde_json::Value = serde_json::from_slice(&layout.body).unwrap();
+        assert!(layout["configById"]["Image!camera"].is_object());
+    }
+}
