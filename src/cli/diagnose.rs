@@ -207,6 +207,16 @@ fn command() -> String {
     format!("hydroline {}", words.join(" "))
 }
 
+/// Effects that the runs cannot show, with their DOFs where several move.
+fn blind(v: &Verdict) -> Vec<String> {
+    let several = v.unnamed.len() > 1;
+    let named = |id: &String| match v.blind_dofs.get(id) {
+        Some(dofs) if several => format!("{id} ({})", dofs.join(", ")),
+        _ => id.clone(),
+    };
+    v.blind_spots.iter().map(named).collect()
+}
+
 pub(super) fn print(v: &Verdict) {
     outln!("{}", v.sentence);
     for e in &v.effects {
@@ -252,7 +262,9 @@ pub(super) fn print(v: &Verdict) {
     for set in &v.equivalent {
         outln!("  possible: {}", set.join(" + "));
     }
-    outln!("  where: {}", v.place.regime);
+    if v.verdict != Word::None {
+        outln!("  where: {}", v.place.regime);
+    }
     for (channel, before) in &v.fit.held_out.before {
         outln!(
             "  {channel} predicted ({}): {before:.3e} before, {:.3e} after, noise {:.3e}",
@@ -290,7 +302,7 @@ pub(super) fn print(v: &Verdict) {
         );
     }
     if !v.blind_spots.is_empty() {
-        outln!("  these runs cannot show: {}", v.blind_spots.join(", "));
+        outln!("  these runs cannot show: {}", blind(v).join(", "));
     }
     if let Some(next) = &v.next_experiment {
         let reason = match next.reason.as_str() {

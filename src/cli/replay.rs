@@ -13,6 +13,7 @@ use hydroline_capture::ImageFolder;
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::frame::GreyRule;
 use hydroline_daemon::calibrate::medium;
+use hydroline_daemon::replay::gaps::Gap;
 use hydroline_daemon::replay::{Options, RefineReport, Report, replay};
 use hydroline_daemon::response::ResponseReport;
 use hydroline_log::LogReader;
@@ -157,7 +158,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         if matches!(made, Outcome::Lossy) {
             outcome = made;
         }
-        reports.push(report);
+        reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
     }
     if args.json {
         outln!("{}", serde_json::json!({ "replays": reports }));
@@ -165,7 +166,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
-/// One log into its new one: what is printed as JSON of it.
+/// One log into its new one.
 fn each(
     args: &Args,
     (log, out): (&Path, &Path),
@@ -173,7 +174,7 @@ fn each(
     calibration: Option<&Calibration>,
     shown: Option<&Shown>,
     build: BuildInfo,
-) -> Result<(serde_json::Value, Outcome), CliError> {
+) -> Result<(Report, Outcome), CliError> {
     let mut outcome = Outcome::Done;
     let (mut options, comparable) = options(args, log, rig, calibration)?;
     options.build = build;
@@ -192,7 +193,7 @@ fn each(
     bar.finish_and_clear();
     let (report, _) = result?;
     if !args.json {
-        print_report(log, out, &report);
+        print_report(log, out, &report, comparable);
     }
     if comparable && report.live_different > 0 {
         errln!(
@@ -221,11 +222,10 @@ fn each(
         errln!("hydroline: {}: {words}", log.display());
         outcome = Outcome::Lossy;
     }
-    let report = serde_json::json!({ "log": log, "out": out, "report": report });
     Ok((report, outcome))
 }
 
-/// One log with all of `replay`'s defaults, in silence but for what was lost.
+/// One log with all of `replay`'s defaults, in silence but for what was lost: stretches without a pose, and worse.
 pub(super) fn one(log: &Path, out: &Path, build: BuildInfo) -> Result<Outcome, CliError> {
     let words = [
         "replay".as_ref(),
@@ -239,7 +239,11 @@ pub(super) fn one(log: &Path, out: &Path, build: BuildInfo) -> Result<Outcome, C
         .map_err(CliError::config)?;
     let args = Args::from_arg_matches(&matches).map_err(CliError::config)?;
     inputs::new_file("--out", out)?;
-    Ok(each(&args, (log, out), None, None, None, build)?.1)
+    let (report, outcome) = each(&args, (log, out), None, None, None, build)?;
+    for line in gaps(&report.gaps) {
+        errln!("hydroline: {}: {line}", log.display());
+    }
+    Ok(outcome)
 }
 
 /// The rig in a log's head, for the live page.
@@ -495,7 +499,7 @@ fn camera(response: &ResponseReport) -> Option<String> {
     })
 }
 
-fn print_report(log: &Path, out: &Path, report: &Report) {
+fn print_report(log: &Path, out: &Path, report: &Report, comparable: bool) {
     outln!("{} -> {}", log.display(), out.display());
     outln!(
         "  {} frames, {} with a stripe, {} points, {} commands",
@@ -542,14 +546,59 @@ fn print_report(log: &Path, out: &Path, report: &Report) {
     if let Some(words) = report.response.as_ref().and_then(camera) {
         outln!("  {words}");
     }
-    for (reason, n) in &report.without_pose {
-        outln!("  {n} frames without a pose: {reason}");
+    for line in gaps(&report.gaps) {
+        outln!("  {line}");
+    }
+    let mut reasons: Vec<(&String, &u64)> = report.without_pose.iter().collect();
+    reasons.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
+    for (reason, n) in reasons.iter().take(REASONS) {
+        outln!("  {n} frame(s) without a pose: {reason}");
+    }
+    let rest: u64 = reasons.iter().skip(REASONS).map(|r| r.1).sum();
+    if rest > 0 {
+        outln!("  {rest} frame(s) without a pose for other reasons (--json lists them)");
     }
     if report.live > 0 {
         outln!(
-            "  {} of {} frames extracted live came out bit for bit the same",
+            "  {} of {} frames extracted live came out bit for bit the same{}",
             report.live_identical,
-            report.live
+            report.live,
+            match comparable {
+                true => "",
+                false => ": another rig, calibration or setting than the recording's was given",
+            }
         );
     }
+}
+
+/// Reasons for a missing pose that are printed, the most frequent first.
+const REASONS: usize = 3;
+/// Stretches without a pose that are printed, the longest.
+const GAPS: usize = 5;
+
+/// From when to when there is no pose, a line each.
+fn gaps(gaps: &[Gap]) -> Vec<String> {
+    let length_s = |g: &Gap| g.to_s - g.from_s;
+    let mut longest: Vec<&Gap> = gaps.iter().collect();
+    longest.sort_by(|a, b| length_s(b).total_cmp(&length_s(a)));
+    longest.truncate(GAPS);
+    longest.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    let told = longest.into_iter().map(|gap| {
+        let to = match gap.to_the_end {
+            true => "to the end".to_owned(),
+            false => format!("to {:.1} s", gap.to_s),
+        };
+        format!(
+            "no pose from {:.1} s {to} ({} frames), first because: {}",
+            gap.from_s, gap.frames, gap.first_reason
+        )
+    });
+    let mut lines: Vec<String> = told.collect();
+    if gaps.len() > GAPS {
+        lines.push(format!(
+            "{} shorter stretches without a pose",
+            gaps.len() - GAPS
+        ));
+    }
+    lines
 }

@@ -38,12 +38,14 @@ use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+pub mod gaps;
 mod input;
 mod opening;
 mod refined;
 mod screen;
 mod smoothed;
 
+use gaps::Gaps;
 use input::Input;
 pub use refined::RefineReport;
 pub use smoothed::SmoothReport;
@@ -117,6 +119,8 @@ pub struct Report {
     pub poses: u64,
     /// Frames whose pose was left out, by reason; the numbers in it are those of the first of its kind.
     pub without_pose: BTreeMap<String, u64>,
+    /// Stretches of half a second and more without one.
+    pub gaps: Vec<gaps::Gap>,
     /// A calibration was made while it was recorded: a board stands where the target would.
     pub calibrates: bool,
     /// The camera's response that the poses were fitted with.
@@ -268,6 +272,7 @@ pub fn replay(
         bound: HashMap::new(),
         posed: HashSet::new(),
         kinds: Kinds::default(),
+        gaps: Gaps::default(),
         clipping: ClippingWatch::default(),
         still: StillWatch::default(),
         screen,
@@ -311,6 +316,7 @@ pub fn replay(
     summary
         .more
         .extend(state.still.metadata(options.tolerance()));
+    state.report.gaps = state.gaps.done();
     if let Some(screen) = state.screen.take() {
         screen.end("replayed to the end");
     }
@@ -393,6 +399,7 @@ struct Replay<'a> {
     /// Stamps of frames whose pose was computed here: the recording's own pose of them is replaced.
     posed: HashSet<u64>,
     kinds: Kinds,
+    gaps: Gaps,
     clipping: ClippingWatch,
 }
 
@@ -619,6 +626,7 @@ impl Replay<'_> {
         let why = match run.pose_ahead(stamp_ns, &image, &profile, ahead) {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
+                self.gaps.pose(stamp_ns);
                 let motion = motion_message(stamp_ns, &fit);
                 self.still.motion(&motion);
                 return self.write_motion(log_ns, &motion);
@@ -626,6 +634,7 @@ impl Replay<'_> {
             RunPose::Doubtful(fit) => fit.reasons(),
             RunPose::None(fault) => fault.to_string(),
         };
+        self.gaps.none(stamp_ns, &why);
         self.kinds.count(&mut self.report.without_pose, &why);
         Ok(())
     }

@@ -18,6 +18,9 @@ use super::options::{Instruments, Options, Purpose};
 const WORDS: usize = 2;
 /// A log Bayes factor to expect from which two effects are told apart: odds of 20 to 1.
 const TOLD: f64 = 3.0;
+/// Share of that below which a run has missed what its plan was to show: a few poses less, or a command a few milliseconds
+/// later, are no reason for another run.
+const BY_FAR: f64 = 0.5;
 /// Share of a typical number at which an effect is looked at once more: what a delay or a threshold does at another size is
 /// not what it does at this one, times a factor.
 const NEAR: f64 = 0.7;
@@ -246,17 +249,22 @@ impl<'a> Judge<'a> {
 
     /// Effects of which runs tell a typical size from nothing, the coefficients unknown.
     pub fn shown(&self, whole: &DMatrix<f64>) -> Vec<String> {
-        self.seen(whole, true)
+        self.seen(|a| self.apart(whole, a, None) >= TOLD)
     }
 
     /// Those of which they do not.
     pub fn unseen(&self, whole: &DMatrix<f64>) -> Vec<String> {
-        self.seen(whole, false)
+        self.seen(|a| self.apart(whole, a, None) < TOLD)
     }
 
-    fn seen(&self, whole: &DMatrix<f64>, told: bool) -> Vec<String> {
-        let asked = self.asked.iter();
-        let of = asked.filter(|a| (self.apart(whole, a, None) >= TOLD) == told);
+    /// Effects of which a plan tells a typical size from nothing, and runs that were made do not by far.
+    pub fn missing(&self, planned: &DMatrix<f64>, made: &DMatrix<f64>) -> Vec<String> {
+        let by = |whole: &DMatrix<f64>, a: &Asked| self.apart(whole, a, None);
+        self.seen(|a| by(planned, a) >= TOLD && by(made, a) < BY_FAR * TOLD)
+    }
+
+    fn seen(&self, which: impl Fn(&Asked) -> bool) -> Vec<String> {
+        let of = self.asked.iter().filter(|a| which(a));
         of.map(|a| a.name.clone()).collect()
     }
 

@@ -188,13 +188,12 @@ pub fn not_shown_yet(
         .par_iter()
         .filter_map(|(commands, times_s)| judge.whole_of_run(commands, times_s));
     let each: Vec<DMatrix<f64>> = each.collect();
-    let shown = each
-        .into_iter()
-        .reduce(|a, b| a + b)
-        .map_or_else(Vec::new, |whole| judge.shown(&whole));
-    let mut missing = first.shows.clone();
-    missing.retain(|effect| !shown.contains(effect));
-    Ok(missing)
+    let Some(planned) = judge.whole(&first.plan) else {
+        return Ok(Vec::new());
+    };
+    let nothing = DMatrix::zeros(planned.nrows(), planned.ncols());
+    let made = each.into_iter().fold(nothing, |a, b| a + b);
+    Ok(judge.missing(&planned, &made))
 }
 
 /// A pattern at the largest share of its size that the rig runs.

@@ -140,6 +140,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();
     verdict.blind_spots = judged.blind_spots();
+    verdict.blind_dofs = judged.blind_dofs();
     verdict.notes.extend(judged.notes());
 }
 

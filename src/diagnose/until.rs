@@ -175,6 +175,15 @@ impl<'a> Series<'a> {
                 diagnosis: Some(Box::new(found)),
             });
         }
+        if let Some(run) = sources.iter().find(|s| was_run(plan, s)) {
+            return Ok(Step::Undecided {
+                why: format!(
+                    "{} was made to show {missing}, and its poses do not: see where they are missing (`hydroline replay`), keep the vehicle where target and calibration hold, or drive fewer DOFs (--dof)",
+                    run.run.name
+                ),
+                diagnosis: Some(Box::new(found)),
+            });
+        }
         Ok(Step::Run(Box::new(Proposal {
             reason: format!(
                 "these runs would not show {missing} of typical size, and this plan does"
@@ -204,6 +213,23 @@ impl<'a> Series<'a> {
             diagnosis: None,
         })))
     }
+}
+
+/// Loads of a run are those of its plan to this share: each thruster's pulse is rounded to the wire's grid.
+const SAME_LOAD: f64 = 0.05;
+
+/// Whether a run was made by a plan, as far as its largest loads tell.
+fn was_run(plan: &Designed, source: &Source) -> bool {
+    let mut largest = [0.0_f64; 6];
+    for command in &source.run.commands {
+        largest = std::array::from_fn(|d| largest[d].max(command.wrench[d].abs()));
+    }
+    let pairs = plan.largest.iter().zip(largest);
+    let driven: Vec<(f64, f64)> = pairs
+        .filter(|(p, _)| **p > 0.0)
+        .map(|(p, l)| (*p, l))
+        .collect();
+    driven.iter().all(|(p, l)| (l - p).abs() <= SAME_LOAD * p)
 }
 
 /// A designed plan under another name.

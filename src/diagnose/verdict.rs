@@ -352,6 +352,9 @@ pub struct Verdict {
     pub leave_one_run_out: Option<BeforeAfter>,
     /// What no data of this kind can show.
     pub blind_spots: Vec<String>,
+    /// DOFs in which these runs do not show them, where an effect acts in one by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub blind_dofs: BTreeMap<String, Vec<String>>,
     /// Next run.
     pub next_experiment: Option<NextExperiment>,
     /// Noise per channel.

@@ -72,6 +72,21 @@ pub struct Outline {
 }
 
 impl Outline {
+    /// Its least width \[m\]: between two parallels along one of its edges.
+    pub fn width_m(&self) -> f64 {
+        let across = |of: &Edge| {
+            let away = |e: &Edge| {
+                of.inward[0] * (e.from_m[0] - of.from_m[0])
+                    + of.inward[1] * (e.from_m[1] - of.from_m[1])
+            };
+            let each = self.edges.iter().map(away);
+            let (low, high) = each.fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
+            high - low
+        };
+        let widths = self.edges.iter().map(across);
+        widths.fold(f64::INFINITY, f64::min)
+    }
+
     /// From corners in either order. Fewer than three corners, or none enclosed, give no edges.
     pub fn new(mut corners_m: Vec<[f64; 2]>) -> Self {
         let n = corners_m.len();

@@ -110,11 +110,11 @@ pub(super) fn run(
             // Never behind the last run: none is left then.
             Step::Run(proposal) => proposal,
             Step::Decided(found) => {
-                tell_end(args, &runs, &reports, None, Some(&found));
+                tell_end(args, rig, &runs, &reports, None, Some(&found));
                 return Ok(outcome);
             }
             Step::Undecided { why, diagnosis } => {
-                tell_end(args, &runs, &reports, Some(&why), diagnosis.as_deref());
+                tell_end(args, rig, &runs, &reports, Some(&why), diagnosis.as_deref());
                 return Ok(outcome);
             }
         };
@@ -238,9 +238,43 @@ fn answer(line: &str, offers: usize) -> Option<Answer> {
     }
 }
 
+/// Of which DOFs that is: what was never driven has shown nothing.
+fn scope(rig: &Rig, runs: &[Run]) -> String {
+    let mut driven = [false; 6];
+    let commands = runs.iter().flat_map(|r| &r.source.run.commands);
+    for command in commands {
+        for (d, load) in driven.iter_mut().zip(command.wrench) {
+            // A thousandth of a newton is the wire's grid, not a drive.
+            *d |= load.abs() > 1e-2;
+        }
+    }
+    let Ok(allocation) = hydroline_sim::Allocation::new(&rig.thrusters) else {
+        return String::new();
+    };
+    let made = |d: usize| {
+        let one = std::array::from_fn(|i| if i == d { 1.0 } else { 0.0 });
+        let whole = hydroline_rigs::Wrench::from_array(one);
+        allocation.allocate(&whole).is_ok()
+    };
+    let of = |wanted: bool| -> Vec<&str> {
+        let dofs = (0..6).filter(|d| driven[*d] == wanted && made(*d));
+        dofs.map(|d| hydroline_rigs::Dof::ALL[d].name()).collect()
+    };
+    let (said, open) = (of(true).join(", "), of(false));
+    match open.is_empty() {
+        true => format!(", for {said}"),
+        false => format!(
+            ", for {said}; {} never driven: another series with --dof {} says of them",
+            open.join(", "),
+            open.join(",")
+        ),
+    }
+}
+
 /// What the series says at its end; `why` = why it is not decided.
 fn tell_end(
     args: &Args,
+    rig: &Rig,
     runs: &[Run],
     reports: &[serde_json::Value],
     why: Option<&str>,
@@ -264,7 +298,7 @@ fn tell_end(
         diagnose::print(&found.verdict);
     }
     match why {
-        None => outln!("decided after {} run(s)", runs.len()),
+        None => outln!("decided after {} run(s){}", runs.len(), scope(rig, runs)),
         Some(why) => outln!("not decided after {} run(s): {why}", runs.len()),
     }
     let logs: Vec<String> = runs

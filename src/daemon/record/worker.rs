@@ -276,6 +276,7 @@ fn word(fault: &PoseFault) -> &'static str {
         PoseFault::Segments(_) => "segments",
         PoseFault::Size { .. } => "size",
         PoseFault::Nowhere { .. } => "nowhere_on_target",
+        PoseFault::FloorOrTop { .. } => "floor_or_top",
         PoseFault::FarFromHint { .. } => "far_from_expected",
         PoseFault::Unexplained { .. } => "unexplained",
         PoseFault::Unsettled => "unsettled",

@@ -101,6 +101,19 @@ impl Judged<'_> {
         }
         spots
     }
+
+    /// DOFs of the effects that these runs would not show, by effect.
+    pub fn blind_dofs(&self) -> BTreeMap<String, Vec<String>> {
+        let mut found: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        let candidates = &self.found.problem.body.candidates;
+        for c in self.found.problem.unseen(self.best) {
+            if let Some(d) = candidates[c].dof() {
+                let dofs = found.entry(self.id(c)).or_default();
+                dofs.push(Dof::ALL[d].name().to_owned());
+            }
+        }
+        found
+    }
 }
 
 /// Windows in which innovations are larger than noise.

@@ -139,6 +139,16 @@ pub enum PoseFault {
         /// Steps.
         steps: usize,
     },
+    /// A flat line that may lie on the floor, or on one of the target's tops.
+    #[error(
+        "a flat line of {line_m:.2} m without an edge: floor, or one of the target's tops, on which up to {top_m:.2} m may lie; z is not known"
+    )]
+    FloorOrTop {
+        /// Its length \[m\].
+        line_m: f64,
+        /// Longest line on a top \[m\].
+        top_m: f64,
+    },
     /// None near the hint.
     #[error(
         "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"

@@ -18,6 +18,8 @@ const GUESSES_NEAR: usize = 10;
 const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
+/// Farthest that a vehicle is taken to head from the target's line: a line on a top is then no longer than this makes it.
+const AWRY_RAD: f64 = 0.25 * std::f64::consts::PI;
 /// Tops this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
@@ -49,6 +51,7 @@ impl PoseFitter {
             .collect();
         let theta_rad = hint.held.theta_rad.unwrap_or(0.0);
         if levels.steps.is_empty() {
+            self.is_floor(levels)?;
             caveats.retain(|c| *c != PoseCaveat::Stripe(Caveat::EdgeMissing));
             caveats.push(PoseCaveat::BareFloor);
             let state = State {
@@ -85,6 +88,23 @@ impl PoseFitter {
             bare: false,
             caveats,
         })
+    }
+
+    /// Whether a line without a step is longer than any on a top of the target.
+    fn is_floor(&self, levels: &Levels) -> Result<(), PoseFault> {
+        let tops = self.model.surfaces.tops.iter();
+        let widest_m = tops.fold(0.0_f64, |w, top| w.max(top.outline.width_m()));
+        let top_m = widest_m / AWRY_RAD.cos();
+        let ends = levels.segments.iter().flat_map(|s| s.xi_m);
+        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(v), h.max(v))
+        });
+        let line_m = (high - low).max(0.0);
+        if line_m > top_m {
+            Ok(())
+        } else {
+            Err(PoseFault::FloorOrTop { line_m, top_m })
+        }
     }
 
     /// Brightness, thickness and background to start from.
