@@ -26,7 +26,9 @@ pub enum For {
 #[command(after_help = "\
 Plans are sized to the thrusters, the tank, [limits] and the lit target, and chosen by the information to expect from \
 their runs: of the vehicle's coefficients (--for identify), or of the effects that the rig may leave out, the \
-coefficients unknown beside them (--for diagnose). The first one says most; each further one is the best beside those \
+coefficients unknown beside them (--for diagnose; a minute or two per plan). The vehicle may be lighter and less damped than its \
+data sheet says: plans leave room for that. Information counts in nats: one nat is a factor of e in odds or in the volume of \
+what is open. The first one says most; each further one is the best beside those \
 before it. For every plan it is said what it excites; at the end, what all runs together do not tell apart.
 
 Examples:
@@ -158,34 +160,50 @@ fn share(of: f64) -> String {
     }
 }
 
+/// Pairs that are printed, the least told apart first.
+const ALIKE: usize = 12;
+
 fn print(set: &Set, rig: &str, out: Option<&Path>) {
     outln!("reach of each DOF by itself: {}", loads(set.reach));
     for p in &set.plans {
         outln!(
-            "{:<10} {:>5.1} s  {}",
+            "{:<10} {:>5.1} s  largest loads {}",
             p.plan.name,
             p.plan.duration_s(),
             loads(p.largest)
         );
-        outln!("           coefficients: {}", known(set, p).join(", "));
         outln!(
-            "           says {:.1} nats more than those before it; shows {} effects of typical size by itself",
+            "           expected sd of each DOF's least known coefficient, by this run alone: {}",
+            known(set, p).join(", ")
+        );
+        outln!(
+            "           expected information, beside the plans before it: {:.1} nats; shows {} of {} effects (DOFs counted one by one) by itself",
             p.gain_nats,
-            p.shows.len()
+            p.shows.len(),
+            set.asked
         );
     }
     if !set.unseen.is_empty() {
         outln!("not shown by all of them: {}", set.unseen.join(", "));
     }
-    let alike: Vec<String> = set
-        .separations
-        .iter()
-        .filter(|s| !s.told() && !set.unseen.contains(&s.of) && !set.unseen.contains(&s.from))
-        .map(|s| format!("{} and {} ({:.1} nats)", s.of, s.from, s.nats))
+    let seen = |name: &String| !set.unseen.contains(name);
+    let separations = set.separations.iter();
+    let mut alike: Vec<_> = separations
+        .filter(|s| !s.told() && seen(&s.of) && seen(&s.from))
         .collect();
+    alike.sort_by(|a, b| a.nats.total_cmp(&b.nats));
     match alike.is_empty() {
-        true => outln!("all others are told apart (3 nats and more)"),
-        false => outln!("not told apart: {}", alike.join("; ")),
+        true => outln!("all others are told apart (3 nats, odds of 20, and more)"),
+        false => outln!("not told apart (less than 3 nats, odds of 20):"),
+    }
+    for s in alike.iter().take(ALIKE) {
+        outln!("  {} and {} ({:.1} nats)", s.of, s.from, s.nats);
+    }
+    if alike.len() > ALIKE {
+        outln!(
+            "  and {} pairs more (--json lists them)",
+            alike.len() - ALIKE
+        );
     }
     match out {
         Some(dir) => outln!(
@@ -218,6 +236,7 @@ fn as_json(set: &Set) -> serde_json::Value {
     json!({
         "reach": set.reach,
         "plans": plans.collect::<Vec<_>>(),
+        "effects_asked": set.asked,
         "unseen": set.unseen,
         "separations": separations
             .map(|s| json!({ "of": s.of, "from": s.from, "nats": s.nats, "told": s.told() }))

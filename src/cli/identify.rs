@@ -505,7 +505,7 @@ impl Method for Watched<'_> {
     ) -> Result<Solution, MethodError> {
         self.1.tell("");
         let done = AtomicBool::new(false);
-        let found = std::thread::scope(|scope| {
+        std::thread::scope(|scope| {
             let watcher = scope.spawn(|| {
                 while !done.load(Ordering::Relaxed) {
                     self.1.at(&format!("{} evaluations", problem.evaluations()));
@@ -515,8 +515,7 @@ impl Method for Watched<'_> {
             // Also when the search panics: a panic must not become a wait without end.
             let _end = End(&done, watcher.thread().clone());
             self.0.minimise(problem, objective, seed)
-        });
-        found
+        })
     }
 }
 
@@ -535,6 +534,9 @@ fn model(word: &str) -> Result<ModelChoice, CliError> {
             }),
     }
 }
+
+/// Misfits that are printed: one of each kind says what there is to do.
+const MISFITS: usize = 3;
 
 fn print(result: &Identification) {
     outln!(
@@ -570,6 +572,11 @@ fn print(result: &Identification) {
             number(p.sd),
             significant(p.rig),
             p.unit
+        );
+    }
+    if !result.misfit.is_empty() {
+        outln!(
+            "  THE MODEL DOES NOT EXPLAIN THESE RUNS: values and intervals hold for one that does; `hydroline diagnose` finds what is missing"
         );
     }
     for (slot, n) in &result.noise {
@@ -619,8 +626,14 @@ fn print(result: &Identification) {
             }
         );
     }
-    for words in &result.misfit {
+    for words in result.misfit.iter().take(MISFITS) {
         outln!("  MISFIT: {words}");
+    }
+    if result.misfit.len() > MISFITS {
+        outln!(
+            "  MISFIT: {} more of the kind (--json lists them)",
+            result.misfit.len() - MISFITS
+        );
     }
     for spot in &result.blind_spots {
         outln!(

@@ -80,7 +80,7 @@ pub struct Args {
     #[arg(long, value_parser = inputs::duration, allow_hyphen_values = true, default_value = "0s", value_name = "TIME")]
     settle: Duration,
     /// Waits before each further run until the vehicle has been brought back to the rig's start (Enter), and shows the
-    /// way there: where it is, how far forward, to the side and turned
+    /// way there: where it is, how far forward, to the side and turned; with --next and --until-decided before the first one, too
     #[arg(long)]
     return_to_start: bool,
     /// Proposes the plan that says most beside the runs LOG-1.mcap, LOG-2.mcap, ... that are there, and records it as the next

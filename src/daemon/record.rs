@@ -329,7 +329,12 @@ pub fn run(
             .map(|live| Desk::new(live, job, parts.map.clone())),
         drives: parts.line.is_some(),
     });
-    announce(&shared, &job.rig, parts.map.as_deref());
+    announce(
+        &shared,
+        &job.rig,
+        parts.map.as_deref(),
+        job.calibrate.is_some(),
+    );
     let service = match parts.line {
         Some(opener) => Some(start_service(&shared, &job.rig, opener)?),
         None => None,
@@ -403,7 +408,7 @@ pub fn run(
 }
 
 /// What a viewer needs before the first frame: intrinsics and the map to the laser plane.
-fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
+fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: bool) {
     let now_ns = shared.clock.triple().realtime_ns;
     shared
         .recorder
@@ -413,7 +418,13 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>) {
             let calibration = map.describe();
             let message = message::in_force(&calibration, now_ns);
             shared.recorder.plane_calibration(&message);
-            if calibration.residuals.is_none() {
+            if calibration.residuals.is_none() && searching {
+                shared.say(
+                    Severity::Info,
+                    "calibration.none",
+                    "the board is searched for; until a calibration is accepted plane coordinates come from the rig's ideal camera",
+                );
+            } else if calibration.residuals.is_none() {
                 shared.say(
                     Severity::Warning,
                     "calibration.none",

@@ -139,6 +139,11 @@ impl<'a> Judge<'a> {
         })
     }
 
+    /// How many effects are asked.
+    pub fn asked(&self) -> usize {
+        self.asked.len()
+    }
+
     /// Names of the vehicle's own numbers.
     pub fn own(&self) -> Vec<&'static str> {
         self.base.body.own.iter().map(|o| o.name()).collect()

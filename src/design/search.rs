@@ -79,6 +79,8 @@ pub struct Set {
     pub plans: Vec<Designed>,
     /// Every two effects, by all runs together.
     pub separations: Vec<Separation>,
+    /// Effects that are asked, one by one in each DOF that they act in.
+    pub asked: usize,
     /// Effects that all runs together do not tell from nothing.
     pub unseen: Vec<String>,
 }

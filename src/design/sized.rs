@@ -148,3 +148,57 @@ pub fn reach(admission: &Admission, allocation: &Allocation, asked: &[Dof]) -> R
     }
     reach
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heave(newton: f64) -> Plan {
+        let text = format!(
+            "name = \"heave\"\n[[step]]\nfor_s = 6.0\nwrench = {{ heave_n = {newton} }}\n[[step]]\nfor_s = 6.0\nwrench = {{ heave_n = -{newton} }}\n"
+        );
+        Plan::from_toml(&text, "heave.toml").unwrap()
+    }
+
+    #[test]
+    fn a_plan_has_to_stay_where_the_calibration_holds() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let path = format!(
+            "{}/../../tests/data/sample/calibration.toml",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        let calibration = Calibration::load(std::path::Path::new(&path)).unwrap();
+        let ideal = Admission::of_known(&rig, None);
+        let seen = Admission::of_known(&rig, Some(&calibration));
+        // 4 N lift the floor by some 0.16 m: inside the image, above the board that was seen.
+        let sizes = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
+        let largest = |a: &Admission| {
+            let fits = sizes.into_iter().filter(|n| a.admits(&heave(*n)));
+            fits.fold(0.0, f64::max)
+        };
+        let (by_image, by_board) = (largest(&ideal), largest(&seen));
+        assert!(
+            0.0 < by_board && by_board < by_image,
+            "{by_board} {by_image}"
+        );
+    }
+
+    #[test]
+    fn a_data_sheets_vehicle_leaves_room_that_an_identified_one_does_not() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        rig.identified = None;
+        let known = Admission::of_known(&rig, None);
+        let sheet = Admission::new(&rig, None);
+        let largest = |a: &Admission| {
+            let mut share = 0.05;
+            while a.admits(&heave(share * 1.05)) {
+                share *= 1.05;
+            }
+            share
+        };
+        let (known, sheet) = (largest(&known), largest(&sheet));
+        let ratio = sheet / known;
+        // The lighter vehicle goes about e^0.3 times as far.
+        assert!((0.6..0.95).contains(&ratio), "{sheet} of {known}");
+    }
+}

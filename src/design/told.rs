@@ -36,6 +36,7 @@ pub fn set(judge: &Judge<'_>, reach: Reach, patterns: Vec<Pattern>) -> Set {
         reach,
         plans,
         separations,
+        asked: judge.asked(),
         unseen,
     }
 }

@@ -157,7 +157,7 @@ impl Coplanarity {
     pub fn words(&self) -> String {
         match self {
             Coplanarity::Measured(g) => format!(
-                "board {:.2} ± {:.2} mm {} the sheet, tilted {:.2} ± {:.2}° across and {:.2} ± {:.2}° upwards, by {} gauge blocks; corrected{}",
+                "board {:.2} ± {:.2} mm {} the sheet, tilted {:.2} ± {:.2}° across and {:.2} ± {:.2}° upwards, by {} gauge blocks; the map is corrected for it{}",
                 1e3 * g.offset_m.abs(),
                 1e3 * g.offset_sd_m(),
                 if g.offset_m >= 0.0 {

@@ -6,10 +6,13 @@
 
 use super::super::{diagnose, plan, replay};
 use super::*;
+use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::plane::PlaneMap;
 use hydroline_diagnose::body::next::Offer;
 use hydroline_diagnose::until::{Options, Proposal, Series, Step};
 use hydroline_diagnose::{Diagnosis, Source, read};
 use hydroline_identify::data::check_vehicle;
+use std::sync::Arc;
 
 /// A series of two and more has numbers in its names.
 const NUMBERED: u32 = 2;
@@ -125,7 +128,7 @@ pub(super) fn run(
         let chosen = if args.yes {
             0
         } else {
-            match ask(rig, &proposal.offers, session)? {
+            match ask(rig, &proposal.offers, session, args.return_to_start)? {
                 Answer::Start(chosen) => chosen,
                 Answer::End => {
                     errln!(
@@ -139,6 +142,27 @@ pub(super) fn run(
         let offer = &proposal.offers[chosen];
         let log = run_path(out, k, NUMBERED);
         inputs::new_file("--out", &log)?;
+        if args.return_to_start && !args.yes {
+            let map: Arc<dyn PlaneMap> = match &calibration {
+                Some(calibration) => Arc::from(calibration.to_map()),
+                None => Arc::new(IdealMap::of(rig)),
+            };
+            let there = bring_back::wait(&Way {
+                rig,
+                map,
+                near: args.near,
+                run: (k, most),
+                live: session.live(rig, &log, (k, most)),
+                stopped: &|| session.stopped(),
+            })?;
+            if !there {
+                errln!(
+                    "hydroline: ended by you; the same command goes on from {} run(s)",
+                    runs.len()
+                );
+                return Ok(outcome);
+            }
+        }
         let with_plan = Session {
             plan: Some(&offer.plan),
             conditions: session.conditions,
@@ -190,16 +214,25 @@ fn propose(proposal: &Proposal, k: u32, most: u32) {
 }
 
 /// Waits for what the person at the tank says.
-fn ask(rig: &Rig, offers: &[Offer], session: &Session<'_>) -> Result<Answer, CliError> {
+fn ask(
+    rig: &Rig,
+    offers: &[Offer],
+    session: &Session<'_>,
+    shown: bool,
+) -> Result<Answer, CliError> {
     let [x, y, z, _, _, psi] = rig.tank.start_pose;
     let others = match offers.len() {
         0 | 1 => String::new(),
         n => format!(", 2 to {n} chooses another"),
     };
-    errln!(
-        "hydroline: bring the vehicle to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts plan 1{others}, q ends",
-        psi.to_degrees()
-    );
+    if shown {
+        errln!("hydroline: Enter takes plan 1{others}, q ends; the way to the start is shown then");
+    } else {
+        errln!(
+            "hydroline: bring the vehicle to x {x:.3} m, y {y:.3} m, z {z:.3} m, heading {:.1} deg; Enter starts plan 1{others}, q ends",
+            psi.to_degrees()
+        );
+    }
     let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
     let (tell, told) = std::sync::mpsc::channel();
     let count = offers.len();

@@ -26,7 +26,7 @@ fn at(text: &str) -> SystemTime {
 }
 
 #[test]
-fn the_latest_of_this_camera_medium_and_board_is_found_and_said() {
+fn the_latest_of_this_camera_and_medium_is_found_its_boards_first() {
     let dir = tempfile::tempdir().unwrap();
     let memory = Memory::from_variables(Some(dir.path().into()), None);
     let camera = wanted(Medium::Air, None).camera;
@@ -57,6 +57,10 @@ fn the_latest_of_this_camera_medium_and_board_is_found_and_said() {
     ] {
         assert!(words.contains(part), "{part}: {words}");
     }
+    // One of another board is taken where there is none of the rig's: the map is the camera's.
+    let (found, words) = find(Medium::Fresh, Some("wc-lines-50"));
+    assert_eq!(found.unwrap().calibration, other);
+    assert!(words[0].contains("chess-25"), "{words:?}");
     // A rig that names no board takes any, and a file is a calibration like any other.
     assert_eq!(find(Medium::Fresh, None).0.unwrap().calibration, other);
     assert_eq!(Calibration::load(&found.path).unwrap(), new);

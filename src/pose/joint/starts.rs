@@ -228,3 +228,44 @@ fn rounded(guess: &Pose, theta_rad: f64, levels: &Levels, mounts: &Mounts) -> Po
 fn to_grid(pose: &Pose) -> Pose {
     Pose::from_array(pose.to_array().map(|v| (v / ROUND).round() * ROUND))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::segments::Segment;
+    use super::*;
+    use hydroline_calib::analytic::IdealMap;
+    use hydroline_rigs::Rig;
+    use std::sync::Arc;
+
+    fn line(half_m: f64) -> Levels {
+        Levels {
+            eta0_m: 0.0,
+            slope: 0.0,
+            eta0_sd_m: 1e-4,
+            slope_sd: 1e-4,
+            rms_m: 1e-4,
+            points: 100,
+            segments: vec![Segment {
+                height_m: 0.0,
+                columns_px: [0.0, 100.0],
+                xi_m: [half_m, -half_m],
+            }],
+            steps: Vec::new(),
+            caveats: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_flat_line_that_a_top_could_hold_is_no_floor() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        let fitter = |rig: &Rig| PoseFitter::new(rig, Arc::new(IdealMap::of(rig)));
+        // The board is 0.30 m wide; across it at 45 deg lie 0.42 m.
+        assert!(fitter(&rig).is_floor(&line(0.25)).is_ok());
+        let Err(PoseFault::FloorOrTop { line_m, top_m }) = fitter(&rig).is_floor(&line(0.2)) else {
+            panic!("0.4 m lie on the board");
+        };
+        assert!((line_m - 0.4).abs() < 1e-12 && (top_m - 0.3 * 2f64.sqrt()).abs() < 1e-9);
+        rig.target = None;
+        assert!(fitter(&rig).is_floor(&line(0.01)).is_ok());
+    }
+}
