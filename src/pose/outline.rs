@@ -1,5 +1,6 @@
 //! The target as the stripe meets it: flat tops with straight edges, in the tank frame.
 
+use hydroline_calib::map::Region;
 use hydroline_rigs::{Slab, SlabOutline, Target};
 
 /// A straight edge of an outline; the inside lies to the left of `from` → `to`.
@@ -72,19 +73,17 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Its least width \[m\]: between two parallels along one of its edges.
+    /// Its least width \[m\]: between two parallels, one of which lies on an edge of its convex hull.
     pub fn width_m(&self) -> f64 {
-        let across = |of: &Edge| {
-            let away = |e: &Edge| {
-                of.inward[0] * (e.from_m[0] - of.from_m[0])
-                    + of.inward[1] * (e.from_m[1] - of.from_m[1])
-            };
-            let each = self.edges.iter().map(away);
-            let (low, high) = each.fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
-            high - low
+        let hull = Region::hull(self.edges.iter().map(|e| e.from_m));
+        let corners = hull.corners_m();
+        let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+        let across = |(a, b): (&[f64; 2], &[f64; 2])| {
+            let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+            let away = |c: &[f64; 2]| ((c[1] - a[1]) * dx - (c[0] - a[0]) * dy).abs();
+            corners.iter().map(away).fold(0.0, f64::max) / dx.hypot(dy)
         };
-        let widths = self.edges.iter().map(across);
-        widths.fold(f64::INFINITY, f64::min)
+        sides.map(across).fold(f64::INFINITY, f64::min)
     }
 
     /// From corners in either order. Fewer than three corners, or none enclosed, give no edges.
