@@ -11,7 +11,7 @@ use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_diagnose::{Beside, Diagnosis, Part, Source, diagnose_beside, read, report};
 use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
-use hydroline_rigs::Dof;
+use hydroline_rigs::{Dof, Rig};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -153,6 +153,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             errln!("hydroline: --write-rig: no rig written, the data are at fault");
         } else {
             args.output.write(path, found.rig.to_toml())?;
+            errln!(
+                "hydroline: {}: {}",
+                path.display(),
+                changed(&rig, &found.rig)
+            );
         }
     }
     if args.json {
@@ -205,6 +210,30 @@ pub(super) fn write_report(
 fn command() -> String {
     let words: Vec<String> = std::env::args().skip(1).collect();
     format!("hydroline {}", words.join(" "))
+}
+
+/// What of a rig was written anew.
+fn changed(before: &Rig, after: &Rig) -> String {
+    let known = after.identified.as_ref();
+    let keys = known.map_or_else(Vec::new, |k| k.coefficients.clone());
+    let mut parts = vec![match keys.is_empty() {
+        true => "no coefficient".to_owned(),
+        false => format!("{} with their covariance, as fitted", keys.join(", ")),
+    }];
+    let (from_m, to_m) = (before.vehicle.r_bz_m, after.vehicle.r_bz_m);
+    if from_m != to_m {
+        parts.push(format!(
+            "r_bz_m {} in place of {}",
+            significant(to_m),
+            significant(from_m)
+        ));
+    }
+    let new = after.physics.iter().filter(|p| !before.physics.contains(p));
+    let new: Vec<&str> = new.map(|p| p.effect.as_str()).collect();
+    if !new.is_empty() {
+        parts.push(format!("[[physics]] {}", new.join(", ")));
+    }
+    parts.join("; ")
 }
 
 /// Effects that the runs cannot show, with their DOFs where several move.

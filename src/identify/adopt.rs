@@ -85,15 +85,21 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
         .iter()
         .filter_map(|(i, value)| Some((all.get(*i)?.coefficient, *value)))
         .collect();
-    let mut known = of_others(rig, &new);
-    for (c, value) in &new {
+    put(rig, &new, &written.covariance);
+    kept_out
+}
+
+/// Puts coefficients and their covariance (SI) into a rig; what `[identified]` says of others that the rig keeps stays.
+pub fn put(rig: &mut Rig, new: &[(Coefficient, f64)], covariance: &DMatrix<f64>) {
+    let mut known = of_others(rig, new);
+    for (c, value) in new {
         c.put(&mut rig.vehicle, *value);
     }
     let before = known.coefficients.len();
     for row in &mut known.covariance {
         row.extend(std::iter::repeat_n(0.0, new.len()));
     }
-    for ((c, value), row) in new.iter().zip(written.covariance.row_iter()) {
+    for ((c, value), row) in new.iter().zip(covariance.row_iter()) {
         let own = known.coefficients.len() - before;
         known.coefficients.push(c.key().to_owned());
         known.values.push(*value);
@@ -104,7 +110,6 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
             .push(empty.chain(row.iter().copied()).collect());
     }
     rig.identified = (!known.coefficients.is_empty()).then_some(known);
-    kept_out
 }
 
 fn why_kept(c: Coefficient, p: &Estimate) -> Option<&'static str> {

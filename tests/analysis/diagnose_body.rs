@@ -99,3 +99,32 @@ fn a_rig_that_is_far_off_gets_the_same_verdict_and_is_told() {
         );
     }
 }
+
+/// A rig with what was left out had no covariance: nothing could be predicted of it with a band, and coefficients
+/// identified beside an effect held fixed were too sure.
+#[test]
+fn the_rig_that_is_found_says_how_well_its_coefficients_are_known() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let water = water();
+    let mut squares = Vec::new();
+    // Each pair of runs is another sample of the noise.
+    let all = runs(&water);
+    for pair in [[0, 1], [1, 2], [2, 3], [0, 3]] {
+        let fitted = pair.map(|i| all[i].clone());
+        let found = diagnose(&fitted, &[], &rig, &|_| {}).unwrap();
+        let text = found.rig.to_toml();
+        let written = Rig::from_toml(&text, "found.toml", None).unwrap();
+        let known = written.identified.unwrap();
+        assert_eq!(known.coefficients, ["x_udot", "x_u", "x_uu"]);
+        let truth = water.vehicle.coefficients[0];
+        let truth = [truth.added, truth.linear, truth.quadratic];
+        for (i, truth) in truth.into_iter().enumerate() {
+            let off = (known.values[i] - truth) / known.sd[i];
+            println!("{}: {off:.2} sd", known.coefficients[i]);
+            squares.push(off * off);
+        }
+    }
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    // Twelve numbers, three by three correlated, of runs that overlap.
+    assert!((0.3..2.0).contains(&rms), "{rms}");
+}

@@ -30,10 +30,15 @@ fn parameters(info: &EffectInfo) -> String {
         let (low, high) = p.plausible;
         format!("`{}` [{}] {low} .. {high}", p.name, p.unit)
     });
-    let words = info
-        .words
-        .iter()
-        .map(|w| format!("`{}` = {}", w.name, w.allowed.join(", ")));
+    let words = info.words.iter().map(|w| {
+        format!(
+            "`{}` = {}{}",
+            w.name,
+            w.allowed.join(", "),
+            w.absent
+                .map_or(String::new(), |word| format!(" (left out: {word})"))
+        )
+    });
     let all: Vec<String> = numbers.chain(words).collect();
     if all.is_empty() {
         "none".to_owned()

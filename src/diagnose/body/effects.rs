@@ -2,13 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use hydroline_identify::adopt::put;
 use hydroline_identify::data::CHANNELS;
+use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::Trend;
+use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
 use crate::conclude::HELD_OUT;
@@ -344,15 +347,27 @@ impl Judged<'_> {
             self.best
         };
         let natural = body.natural(&fit.terms, &fit.point);
-        for (own, (value, _)) in body.own.iter().zip(&natural) {
+        let mut coefficients = Vec::new();
+        for (i, (own, (value, _))) in body.own.iter().zip(&natural).enumerate() {
             match own {
-                Own::Coefficient(c, _) => c.put(&mut rig.vehicle, *value),
+                Own::Coefficient(c, _) => coefficients.push((i, *c, *value)),
                 Own::Restoring(_) => {
                     let weight_n = rig.vehicle.mass_kg * rig.vehicle.gravity_mps2;
                     rig.vehicle.r_bz_m = value / weight_n;
                 }
             }
         }
+        // Marginal over the effects' numbers: what is not known of the effects is in it.
+        let at: Vec<(usize, f64)> = coefficients
+            .iter()
+            .map(|(i, ..)| (*i, natural[*i].1))
+            .collect();
+        let covariance = DMatrix::from_fn(at.len(), at.len(), |a, b| {
+            let ((i, by_i), (j, by_j)) = (at[a], at[b]);
+            by_i * by_j * 0.5 * (fit.covariance[(i, j)] + fit.covariance[(j, i)])
+        });
+        let new: Vec<(Coefficient, f64)> = coefficients.iter().map(|(_, c, v)| (*c, *v)).collect();
+        put(rig, &new, &covariance);
         let places = body.places(&fit.terms);
         for (member, t) in fit.terms.iter().enumerate() {
             let at = places[member];
