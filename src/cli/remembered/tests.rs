@@ -58,8 +58,8 @@ fn the_latest_of_this_camera_and_medium_is_found_its_boards_first() {
         assert!(words.contains(part), "{part}: {words}");
     }
     // One of another board is taken where there is none of the rig's: the map is the camera's.
-    let (found, words) = find(Medium::Fresh, Some("wc-lines-50"));
-    assert_eq!(found.unwrap().calibration, other);
+    let (of_another, words) = find(Medium::Fresh, Some("wc-lines-50"));
+    assert_eq!(of_another.unwrap().calibration, other);
     assert!(words[0].contains("chess-25"), "{words:?}");
     // A rig that names no board takes any, and a file is a calibration like any other.
     assert_eq!(find(Medium::Fresh, None).0.unwrap().calibration, other);
