@@ -113,11 +113,19 @@ fn random_plan(
         steps: steps.collect(),
         source_toml: String::new(),
     };
-    // The largest of these shares that the rig runs, as the design's own plans must.
-    let shares = (0..40).map(|k| 0.9f64.powi(k));
-    shares
-        .map(|share| scaled(&plan, share))
-        .find(|plan| admission.admits(plan))
+    // The largest of these shares that the rig runs, as the design's own plans must: what runs at one runs at smaller ones, but
+    // for the deadband.
+    let at = |k: i32| scaled(&plan, 0.9f64.powi(k));
+    let (mut refused, mut runs) = (-1, 40);
+    while runs - refused > 1 {
+        let middle = (runs + refused) / 2;
+        if admission.admits(&at(middle)) {
+            runs = middle;
+        } else {
+            refused = middle;
+        }
+    }
+    (runs < 40).then(|| at(runs))
 }
 
 /// Log determinant of the information about the coefficients, over their number.
