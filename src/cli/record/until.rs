@@ -271,14 +271,16 @@ fn answer(line: &str, offers: usize) -> Option<Answer> {
     }
 }
 
+/// A load below this is the rounding of thrusts that cancel each other \[N, N m\].
+const ROUNDING: f64 = 1e-6;
+
 /// Of which DOFs that is: what was never driven has shown nothing.
 fn scope(rig: &Rig, runs: &[Run]) -> String {
     let mut driven = [false; 6];
     let commands = runs.iter().flat_map(|r| &r.source.run.commands);
     for command in commands {
         for (d, load) in driven.iter_mut().zip(command.wrench) {
-            // A thousandth of a newton is the wire's grid, not a drive.
-            *d |= load.abs() > 1e-2;
+            *d |= load.abs() > ROUNDING;
         }
     }
     let Ok(allocation) = hydroline_sim::Allocation::new(&rig.thrusters) else {

@@ -92,8 +92,13 @@ impl PoseFitter {
 
     /// Whether a line without a step is longer than any on a top of the target.
     fn is_floor(&self, levels: &Levels) -> Result<(), PoseFault> {
-        let tops = self.model.surfaces.tops.iter();
-        let widest_m = tops.fold(0.0_f64, |w, top| w.max(top.outline.width_m()));
+        let tops = &self.model.surfaces.tops;
+        if tops.is_empty() {
+            return Ok(());
+        }
+        let widest_m = tops
+            .iter()
+            .fold(0.0_f64, |w, top| w.max(top.outline.width_m()));
         let top_m = widest_m / AWRY_RAD.cos();
         let ends = levels.segments.iter().flat_map(|s| s.xi_m);
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
