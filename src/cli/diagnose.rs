@@ -132,7 +132,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         _ => {
             let beside = Beside {
                 given: &args.given,
-                calibration: None,
+                ..Beside::default()
             };
             let mut found = diagnose_beside(&sources, &held, &rig, &beside, &tell)?;
             if let Some(images) = &images {

@@ -139,8 +139,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();
-    verdict.blind_spots = judged.blind_spots();
-    verdict.blind_dofs = judged.blind_dofs();
+    (verdict.blind_spots, verdict.blind_dofs) = judged.blind_spots();
     verdict.notes.extend(judged.notes());
 }
 

@@ -89,30 +89,24 @@ impl Judged<'_> {
     }
 
     /// Effects that these runs would not show: at their typical size they change nothing that the vehicle's own numbers
-    /// could not.
-    pub fn blind_spots(&self) -> Vec<String> {
+    /// could not. With the DOFs of those that act in one by name.
+    pub fn blind_spots(&self) -> (Vec<String>, BTreeMap<String, Vec<String>>) {
         let mut spots: Vec<String> = Vec::new();
+        let mut dofs: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for c in self.found.problem.unseen(self.best) {
             let id = self.id(c);
-            let open = self.best.terms.iter().any(|t| self.id(*t) == id);
-            if !open && !spots.contains(&id) {
+            if self.best.terms.iter().any(|t| self.id(*t) == id) {
+                continue;
+            }
+            if let Some(d) = self.found.problem.body.candidates[c].dof() {
+                let of = dofs.entry(id.clone()).or_default();
+                of.push(Dof::ALL[d].name().to_owned());
+            }
+            if !spots.contains(&id) {
                 spots.push(id);
             }
         }
-        spots
-    }
-
-    /// DOFs of the effects that these runs would not show, by effect.
-    pub fn blind_dofs(&self) -> BTreeMap<String, Vec<String>> {
-        let mut found: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        let candidates = &self.found.problem.body.candidates;
-        for c in self.found.problem.unseen(self.best) {
-            if let Some(d) = candidates[c].dof() {
-                let dofs = found.entry(self.id(c)).or_default();
-                dofs.push(Dof::ALL[d].name().to_owned());
-            }
-        }
-        found
+        (spots, dofs)
     }
 }
 

@@ -27,25 +27,16 @@ pub(super) struct Encoded {
     pub(super) bytes: Bytes,
     /// What it was made of.
     pub(super) picture: Arc<Picture>,
+    /// Where the image begins in the bytes.
+    image_at: usize,
+    /// Its size over the frame's.
+    pub(super) scale: f32,
 }
 
 impl Encoded {
     /// The image alone.
     pub(super) fn jpeg(&self) -> Bytes {
-        let head = self.bytes.first_chunk::<4>();
-        let overlay = head.map_or(0, |h| u32::from_le_bytes(*h) as usize);
-        let from = (4 + overlay).min(self.bytes.len());
-        self.bytes.slice(from..)
-    }
-
-    /// Its size over the frame's.
-    pub(super) fn scale(&self) -> f32 {
-        let mut width_px = self.picture.frame.width_px as usize;
-        let mut scale = 1.0;
-        while width_px > WIDTH_MAX_PX {
-            (width_px, scale) = (width_px / 2, 0.5 * scale);
-        }
-        scale
+        self.bytes.slice(self.image_at..)
     }
 }
 
@@ -70,35 +61,41 @@ impl Encoder {
         // Newer still, after the wait.
         let Numbered { number, value } = pictures.borrow().clone();
         let picture: Arc<Picture> = value?;
-        let encoding = picture.clone();
-        let bytes = tokio::task::spawn_blocking(move || {
+        let encoded = tokio::task::spawn_blocking(move || {
             step_back(19);
-            encode(&encoding)
+            encode(number, picture)
         });
-        let encoded = Encoded {
-            number,
-            bytes: bytes.await.ok()?,
-            picture,
-        };
+        let encoded = encoded.await.ok()?;
         *last = Some((encoded.clone(), Instant::now()));
         Some(encoded)
     }
 }
 
-fn encode(picture: &Picture) -> Bytes {
+fn encode(number: u64, picture: Arc<Picture>) -> Encoded {
     let overlay = serde_json::to_vec(&picture.overlay).unwrap_or_default();
     let mut out = Vec::with_capacity(64 << 10);
     out.extend((overlay.len() as u32).to_le_bytes());
     out.extend(overlay);
-    let grey = match picture.frame.to_grey(&picture.rule) {
-        Ok(grey) => halved(grey),
-        // A frame that does not decode has no image; the overlay says why.
-        Err(_) => return out.into(),
-    };
+    let image_at = out.len();
+    // A frame that does not decode has no image; the overlay says why.
+    if let Ok(grey) = picture.frame.to_grey(&picture.rule) {
+        write_jpeg(&halved(grey), &mut out);
+    }
+    Encoded {
+        number,
+        bytes: out.into(),
+        image_at,
+        scale: 0.5_f32.powi(halvings(picture.frame.width_px as usize) as i32),
+        picture,
+    }
+}
+
+/// Appends an image; nothing where it cannot be encoded.
+fn write_jpeg(grey: &GreyImage, out: &mut Vec<u8>) {
     let before = out.len();
     let sides = (u16::try_from(grey.width_px), u16::try_from(grey.height_px));
     if let (Ok(width), Ok(height)) = sides {
-        let mut jpeg = JpegEncoder::new_with_quality(&mut out, QUALITY);
+        let mut jpeg = JpegEncoder::new_with_quality(&mut *out, QUALITY);
         let written = jpeg.encode(
             &grey.pixels,
             width.into(),
@@ -109,12 +106,20 @@ fn encode(picture: &Picture) -> Bytes {
             out.truncate(before);
         }
     }
-    out.into()
+}
+
+/// How often an image of this width is halved.
+fn halvings(mut width_px: usize) -> u32 {
+    let mut times = 0;
+    while width_px > WIDTH_MAX_PX {
+        (width_px, times) = (width_px / 2, times + 1);
+    }
+    times
 }
 
 /// Halved until it is no wider than a screen; each pixel the mean of four.
 fn halved(mut image: GreyImage) -> GreyImage {
-    while image.width_px > WIDTH_MAX_PX {
+    for _ in 0..halvings(image.width_px) {
         let (width_px, height_px) = (image.width_px / 2, image.height_px / 2);
         let mut pixels = Vec::with_capacity(width_px * height_px);
         for rows in image.pixels.chunks_exact(2 * image.width_px) {

@@ -148,7 +148,7 @@ async fn serve(
                 }
                 pictures.mark_unchanged();
                 if let Some(encoded) = shared.encoder.newest(&pictures).await {
-                    let frames = of_picture(&viewer, &encoded.picture, encoded.jpeg(), encoded.scale(), now_ns());
+                    let frames = of_picture(&viewer, &encoded.picture, encoded.jpeg(), encoded.scale, now_ns());
                     send(&mut socket, frames).await?;
                 }
             }
