@@ -4,7 +4,7 @@
 
 use rand::{RngExt, rngs::StdRng};
 
-use super::strange::Here;
+use super::external_law::Here;
 
 /// A shape of s; s = x, or |u| with the sign of u against the motion.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

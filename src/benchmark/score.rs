@@ -204,7 +204,7 @@ pub fn score(all: &[Judged]) -> Score {
         ),
     ));
     lines.push(alone(
-        "the vocabulary's laws not said to be inexact",
+        "the library's laws not said to be inexact",
         "",
         passed("exact_kept"),
     ));

@@ -52,7 +52,7 @@ impl UseArgs {
             calibration.check_image(image)?;
         }
         if calibration.medium != run
-            && let Some(told) = calibration.in_medium(run, index)
+            && let Some(found) = calibration.in_medium(run, index)
         {
             let words = format!(
                 "the calibration was made in {}; its port being known, it is used in {} with the index {:.4} +- {:.4}",
@@ -61,7 +61,7 @@ impl UseArgs {
                 index.value,
                 index.sd
             );
-            return Ok((told, Some(words)));
+            return Ok((found, Some(words)));
         }
         let warning = medium::check(&calibration, run, self.force_calibration)
             .map_err(|e| CliError::Config(format!("{e} (--force-calibration)")))?;

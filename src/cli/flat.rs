@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         errln!("hydroline: {remark}");
     }
     let stated = found.stated(source(&exposures));
-    told(&exposures, &found);
+    print_found(&exposures, &found);
     if args.json {
         outln!("{}", json(&exposures, &found, &stated));
     } else {
@@ -254,7 +254,7 @@ fn source(exposures: &[Exposure]) -> String {
 }
 
 /// What was found, for a person.
-fn told(exposures: &[Exposure], found: &Flat) {
+fn print_found(exposures: &[Exposure], found: &Flat) {
     let [gamma, gamma_sd] = found.gamma;
     let [black, black_sd] = found.black_levels;
     errln!(

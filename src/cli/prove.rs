@@ -15,7 +15,7 @@ use hydroline_benchmark::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Each case is a vehicle up to 20 % off the rig file, with effects of practical size over a background of small ones, \
-laws that are not quite the vocabulary's, correlated noise, outliers and lost frames. The diagnosis sees the logs \
+laws that are not quite the library's, correlated noise, outliers and lost frames. The diagnosis sees the logs \
 only. Then the key is opened. A case costs half a minute to a minute of one core.
 
 Examples:
@@ -143,7 +143,7 @@ fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
 fn key(case: &Case) -> serde_json::Value {
     serde_json::json!({
         "truth": case.key.truth,
-        "strange": case.key.tank.strange,
+        "external_law": case.key.tank.external_law,
         "vehicle": case.key.coefficients().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
         "disturbance": case.key.tank.disturbance,
         "fault": case.key.fault,

@@ -61,7 +61,7 @@ pub(crate) fn withhold(verdict: &mut Verdict, runs: &[Run]) -> Vec<&'static str>
             format!("a difference of time{size} between commands and motion is not named {id}: it is within {SDS} sd of what the offset of the joined logs may be ({known_sd})")
         });
         verdict.blind_spots.push(format!(
-            "{id}: not to be told from the offset of the joined logs"
+            "{id}: not to be distinguished from the offset of the joined logs"
         ));
     }
     if withheld.is_empty() {

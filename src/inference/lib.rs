@@ -10,7 +10,6 @@
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-pub mod belief;
 pub mod body;
 pub mod closed;
 mod equations;
@@ -18,12 +17,13 @@ mod equations;
 mod exact;
 pub mod filter;
 pub mod fit;
-pub mod foretell;
 pub mod given;
 pub mod hyper;
 pub mod noise;
+pub mod number_prior;
 pub mod planned;
 pub mod posterior;
+pub mod prediction;
 pub mod prior;
 pub mod promise;
 pub mod recording;

@@ -26,7 +26,7 @@ pub struct PriorTable {
     pub colour_s: f64,
     /// See there.
     pub colour_ln: f64,
-    /// Probability that a force without a name acts somewhere: nearly all of what moves a vehicle in a tank has one. A force
+    /// Probability that a force of no known effect acts somewhere: nearly all of what moves a vehicle in a tank has one. A force
     /// of the angle alone is first of all a restoring moment whose law is not quite the library's.
     pub unnamed: f64,
     /// Median of what such a force is worth, over the tolerance (half-Cauchy): one that is worth a term of its own shows.

@@ -141,10 +141,10 @@ impl Problem {
         let n = fit.point.len();
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
-        let belief = self.belief(&fit.terms);
-        belief.add_tables(&fit.point, &fit.cells, &mut information, &mut gradient);
+        let number_prior = self.number_prior(&fit.terms);
+        number_prior.add_tables(&fit.point, &fit.cells, &mut information, &mut gradient);
         if known {
-            belief.add_from(0, &fit.point, &mut information, &mut gradient);
+            number_prior.add_from(0, &fit.point, &mut information, &mut gradient);
         }
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
@@ -187,7 +187,7 @@ impl Problem {
                 let keep = (0..n)
                     .filter(|i| !(places[m]..places[m + 1]).contains(i))
                     .collect();
-                // What varies with a member goes with it: no exchange is foretold for those.
+                // What varies with a member goes with it: no exchange is predicted for those.
                 if self.dependants(&fit.terms, m).next().is_some() {
                     return None;
                 }

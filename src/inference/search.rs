@@ -35,7 +35,7 @@ pub struct Options {
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
     pub tables: usize,
-    /// Known laws fitted, as nearly right, in the place of a force without a name.
+    /// Known laws fitted, as nearly right, in the place of a force of no known effect.
     pub laws: usize,
     /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
     /// effects.

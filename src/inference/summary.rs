@@ -259,7 +259,7 @@ impl Problem {
     /// it. What a model misses is none.
     #[must_use]
     pub fn without_outliers(mut self, fit: &Fit) -> Problem {
-        if let Some(point) = self.foretold(&fit.terms, &fit.point) {
+        if let Some(point) = self.with_starts(&fit.terms, &fit.point) {
             let predicted = self.predicted(&fit.terms, &point);
             self.noises.used = estimate(&self.body, &predicted, Some(&self.noises)).used;
         }

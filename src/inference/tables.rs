@@ -1,4 +1,4 @@
-//! What a table would gain beside a fitted model: a force without a name, or the law of a member that is only nearly the
+//! What a table would gain beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
 //! library's.
 //!
 //! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random
@@ -83,16 +83,16 @@ impl Problem {
         let Some(here) = self.simulate(&fit.terms, &fit.point) else {
             return Vec::new();
         };
-        let belief = self.belief(&fit.terms);
+        let number_prior = self.number_prior(&fit.terms);
         let mut equations = Equations::new(self, fit.point.len());
-        let before = equations.restricted(&here, &fit.cells, &belief, &fit.point);
+        let before = equations.restricted(&here, &fit.cells, &number_prior, &fit.point);
         let mut made: Vec<TablePromise> = asked
             .into_par_iter()
             .filter_map(|candidate| {
                 let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
                 let (terms, point) = self.with(fit, candidate, &nothing);
                 let all = self.simulate(&terms, &point)?;
-                let belief = self.belief(&terms);
+                let number_prior = self.number_prior(&terms);
                 let mut equations = Equations::new(self, point.len());
                 let from = [0, SHRUNK].map(|by| {
                     let mut cells = fit.cells.clone();
@@ -105,7 +105,7 @@ impl Problem {
                     cells
                 });
                 let each = from.into_iter();
-                let each = each.map(|cells| equations.choose(&all, cells, &belief, &point));
+                let each = each.map(|cells| equations.choose(&all, cells, &number_prior, &point));
                 let (cells, after) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
                 // Each number that is integrated out brings its share of the normal density's constant.
                 let more =

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.3,
     )],
     words: &[DOF],
-    kin: &["battery_sag", "linear_damping", "quadratic_damping"],
+    confusable: &["battery_sag", "linear_damping", "quadratic_damping"],
     source: "physics.md, thruster stage; Fossen 2011, 12.2 (thrust falls with the advance speed)",
 };
 

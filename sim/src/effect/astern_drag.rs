@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.3,
     )],
     words: &[DOF],
-    kin: &["quadratic_damping", "thrust_asymmetry"],
+    confusable: &["quadratic_damping", "thrust_asymmetry"],
     source: "physics.md, hydrodynamics",
 };
 

@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.3,
     )],
     words: &[],
-    kin: &["backscatter_haze", "image_saturation", "speckle"],
+    confusable: &["backscatter_haze", "image_saturation", "speckle"],
     source: "physics.md, measurement; Beer-Lambert law",
 };
 

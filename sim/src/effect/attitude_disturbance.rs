@@ -35,7 +35,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["roll", "pitch", "yaw"],
         absent: Some("pitch"),
     }],
-    kin: &["floor_slope", "thrust_line_offset"],
+    confusable: &["floor_slope", "thrust_line_offset"],
     source: "physics.md, measurement; paper Tables 4 and 5",
 };
 

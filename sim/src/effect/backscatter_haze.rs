@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &[
+    confusable: &[
         "attenuation",
         "board_offset",
         "camera_shift",

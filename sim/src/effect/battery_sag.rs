@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.04,
     )],
     words: &[DOF],
-    kin: &["advance_loss", "tether_spring", "thrust_scale"],
+    confusable: &["advance_loss", "tether_spring", "thrust_scale"],
     source: "physics.md, thruster stage",
 };
 

@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.001,
     )],
     words: &[],
-    kin: &["backscatter_haze", "camera_shift", "laser_plane_tilt"],
+    confusable: &["backscatter_haze", "camera_shift", "laser_plane_tilt"],
     source: "physics.md, measurement",
 };
 

@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.08,
     )],
     words: &[],
-    kin: &["camera_latency", "fluid_memory", "thruster_lag"],
+    confusable: &["camera_latency", "fluid_memory", "thruster_lag"],
     source: "physics.md, timing",
 };
 

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.2,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "coulomb_friction",
         "current",
         "seiche",

@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.2,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "current",
         "linear_damping",

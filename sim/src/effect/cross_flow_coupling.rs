@@ -35,7 +35,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             absent: Some("r"),
         },
     ],
-    kin: &["added_mass_coupling", "lift_damping", "fin_force"],
+    confusable: &["added_mass_coupling", "lift_damping", "fin_force"],
     source: "physics.md, hydrodynamics; Fossen 2011, 6.4 (cross-flow drag)",
 };
 

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         300.0,
     )],
     words: &[DOF],
-    kin: &["linear_damping", "nonlinear_restoring", "quadratic_damping"],
+    confusable: &["linear_damping", "nonlinear_restoring", "quadratic_damping"],
     source: "physics.md, hydrodynamics",
 };
 

@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         component("vy_mps", "velocity of the water along tank Y"),
     ],
     words: &[],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "linear_damping",

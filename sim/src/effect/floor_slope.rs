@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.005,
     )],
     words: &[],
-    kin: &["attitude_disturbance", "camera_shift", "laser_plane_tilt"],
+    confusable: &["attitude_disturbance", "camera_shift", "laser_plane_tilt"],
     source: "physics.md, measurement",
 };
 

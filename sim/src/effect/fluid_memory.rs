@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "camera_latency",
         "command_latency",
         "thruster_lag",

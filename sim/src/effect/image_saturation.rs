@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         140.0,
     )],
     words: &[],
-    kin: &[
+    confusable: &[
         "attenuation",
         "backscatter_haze",
         "range_clipping",

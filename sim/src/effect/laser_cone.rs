@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(1.333),
     ],
     words: &[],
-    kin: &["laser_plane_tilt", "lens_distortion"],
+    confusable: &["laser_plane_tilt", "lens_distortion"],
     source: "physics.md, measurement; Snell's law for every ray of a plane fan (an elliptic cone: Castillon et al. 2022)",
 };
 

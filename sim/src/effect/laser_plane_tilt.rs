@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["board_offset", "camera_shift", "floor_slope", "laser_cone"],
+    confusable: &["board_offset", "camera_shift", "floor_slope", "laser_cone"],
     source: "physics.md, measurement",
 };
 

@@ -31,7 +31,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ParameterInfo::new("p2", "1", "tangential", (-0.01, 0.01), (-0.2, 0.2), -0.0005).or(0.0),
     ],
     words: &[],
-    kin: &["camera_shift", "laser_cone", "refraction"],
+    confusable: &["camera_shift", "laser_cone", "refraction"],
     source: "physics.md, measurement; Brown 1971",
 };
 

@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: Some("roll"),
         ..DOF
     }],
-    kin: &["cross_flow_coupling", "linear_damping"],
+    confusable: &["cross_flow_coupling", "linear_damping"],
     source: "physics.md, hydrodynamics; Ikeda 1978 (lift component of roll damping)",
 };
 

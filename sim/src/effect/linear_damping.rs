@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         -10.0,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "advance_loss",
         "coulomb_friction",
         "cubic_damping",

@@ -22,7 +22,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["roll", "pitch"],
         absent: Some("roll"),
     }],
-    kin: &["cubic_damping", "quadratic_damping"],
+    confusable: &["cubic_damping", "quadratic_damping"],
     source: "physics.md, hydrodynamics",
 };
 

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         -50.0,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "advance_loss",
         "astern_drag",
         "cubic_damping",

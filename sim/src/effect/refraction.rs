@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["camera_shift", "lens_distortion", "target_scale"],
+    confusable: &["camera_shift", "lens_distortion", "target_scale"],
     source: "physics.md, measurement; Treibitz et al. 2012 (flat refractive geometry), glass of no thickness",
 };
 

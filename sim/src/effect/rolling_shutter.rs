@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         25e-6,
     )],
     words: &[],
-    kin: &["camera_latency", "camera_shift", "interlace"],
+    confusable: &["camera_latency", "camera_shift", "interlace"],
     source: "physics.md, timing; CMOS sensors with an electronic rolling shutter",
 };
 

@@ -39,7 +39,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["constant_force", "current"],
+    confusable: &["constant_force", "current"],
     source: "physics.md, hydrodynamics; Fossen 2011, 8.3 (relative motion in an accelerated fluid)",
 };
 

@@ -1,6 +1,6 @@
 //! The effects that are switched on, in the order they act.
 
-use super::along::{covariate, interpolated};
+use super::covariate_table::{covariate, interpolated};
 use super::{
     CheckedEffect, EffectError, EffectInfo, Law, Moment, Optics, Stage, Values, check, registry,
 };

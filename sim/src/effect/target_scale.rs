@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.01,
     )],
     words: &[],
-    kin: &["position_scale", "refraction"],
+    confusable: &["position_scale", "refraction"],
     source: "physics.md, measurement",
 };
 

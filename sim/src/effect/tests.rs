@@ -287,7 +287,9 @@ fn the_registry_is_consistent() {
     assert_eq!(ids.len(), ALL.len(), "ids are unique");
     for info in ALL {
         assert_eq!(find(info.id), Some(*info));
-        assert!(!info.law.is_empty() && !info.source.is_empty() && !info.kin.contains(&info.id));
+        assert!(
+            !info.law.is_empty() && !info.source.is_empty() && !info.confusable.contains(&info.id)
+        );
         for p in info.parameters {
             assert!(
                 p.limits.0 <= p.plausible.0
@@ -314,9 +316,14 @@ fn the_registry_is_consistent() {
         ] {
             assert!(EffectStack::build(&[at(value)]).is_ok(), "{}", info.id);
         }
-        for kin in info.kin {
-            let other = find(kin).unwrap_or_else(|| panic!("{}: no kin {kin}", info.id));
-            assert!(other.kin.contains(&info.id), "{} and {kin}", info.id);
+        for confusable in info.confusable {
+            let other =
+                find(confusable).unwrap_or_else(|| panic!("{}: no effect {confusable}", info.id));
+            assert!(
+                other.confusable.contains(&info.id),
+                "{} and {confusable}",
+                info.id
+            );
         }
     }
 }

@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["battery_sag", "constant_force", "wall_added_mass"],
+    confusable: &["battery_sag", "constant_force", "wall_added_mass"],
     source: "physics.md, hydrodynamics",
 };
 

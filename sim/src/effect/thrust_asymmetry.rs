@@ -22,7 +22,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         held: false,
     }],
     words: &[DOF],
-    kin: &["astern_drag", "constant_force", "current"],
+    confusable: &["astern_drag", "constant_force", "current"],
     source: "physics.md, thruster stage; Blue Robotics T200: +51.5 / -39.9 N at 16 V",
 };
 

@@ -21,7 +21,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["pitch", "yaw"],
         absent: Some("pitch"),
     }],
-    kin: &["added_mass_coupling", "attitude_disturbance"],
+    confusable: &["added_mass_coupling", "attitude_disturbance"],
     source: "physics.md, thruster stage",
 };
 

@@ -22,7 +22,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         held: false,
     }],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "current",

@@ -20,7 +20,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     .limit()
     .corner()],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "current",

@@ -389,8 +389,8 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             3 => 5f64.powf(between(&mut rng, -1.0, 1.0)),
             _ => 1.0,
         };
-        let mut told = rig.clone();
-        for c in &mut told.vehicle.coefficients {
+        let mut given = rig.clone();
+        for c in &mut given.vehicle.coefficients {
             for v in [&mut c.added, &mut c.linear, &mut c.quadratic] {
                 *v *= rig_factor;
             }
@@ -414,7 +414,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             index,
             instruments,
             sources,
-            rig: told,
+            rig: given,
             rig_factor,
             truth,
         });
@@ -440,7 +440,7 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     There {
         name: all.join(" "),
         weight_tolerances,
-        numbers: crate::sizes::numbers(entry),
+        numbers: crate::magnitudes::numbers(entry),
     }
 }
 

@@ -203,7 +203,7 @@ fn seconds_since_1904_are_not_the_year_2090() {
 }
 
 #[test]
-fn vicons_quaternions_and_rotation_vectors_are_told_apart() {
+fn vicons_quaternions_and_rotation_vectors_are_distinguished() {
     let file = |section: &str, names: &str, turns: &dyn Fn(f64) -> String| {
         format!(
             "{section}\n100\n,,AUV,,,,,,\nFrame,Sub Frame,{names}\n,,,,,,mm,mm,mm\n{}",

@@ -122,7 +122,7 @@ fn curve_map(frame: &str) -> Map {
 }
 
 #[test]
-fn velocities_are_turned_and_the_frame_is_checked() {
+fn velocities_are_rotated_and_the_frame_is_checked() {
     let right = read(&curve(true), &curve_map("tank"));
     assert!(!right.has_faults(), "{:?}", right.findings);
     assert!(
@@ -140,12 +140,12 @@ fn velocities_are_turned_and_the_frame_is_checked() {
     assert!(!read(&curve(false), &curve_map("body")).has_faults());
     // Guessed from the positions.
     let guessed = |text: String| guess(text.as_bytes()).unwrap().unwrap().toml;
-    let turned = |toml: &str| toml.lines().any(|l| l == "frame = \"tank\"");
+    let rotated = |toml: &str| toml.lines().any(|l| l == "frame = \"tank\"");
     let stated = |in_tank| guessed(curve(in_tank).replace("psi", "psi_rad"));
-    assert!(turned(&stated(true)) && !turned(&stated(false)));
+    assert!(rotated(&stated(true)) && !rotated(&stated(false)));
     // A heading that goes on over a turn and a half is in radians if the way says so.
     let open = guessed(curve(false));
-    assert!(open.contains("unit = \"rad\"") && !turned(&open), "{open}");
+    assert!(open.contains("unit = \"rad\"") && !rotated(&open), "{open}");
 }
 
 #[test]

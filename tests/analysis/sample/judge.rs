@@ -68,7 +68,7 @@ impl Judged {
     }
 }
 
-/// The word, what matters, what cannot be told apart, and what is wrong with the data.
+/// The word, what matters, what cannot be distinguished, and what is wrong with the data.
 pub fn same_verdict(name: &str, expected: &Value, found: &Value, into: &mut Judged) {
     let matters = |v: &Value| -> Vec<Value> {
         let effects = v["effects"].as_array().into_iter().flatten();

@@ -162,7 +162,7 @@ fn searched<'a>(
     let first = data.first();
     let mut visited = Visited::default();
     let nothing = visited.fit(&data, &first, others)?;
-    let mut best = climbed(&data, nothing, others, &mut visited, progress)?;
+    let mut best = optimised(&data, nothing, others, &mut visited, progress)?;
     // Noise belongs to the instrument: found once beside the model that comes closest, the same for all.
     let floors = floors(&data, &best.left);
     let other = |(a, b): (&f64, &f64)| (a / b).max(b / a) > FLOOR_CHANGE;
@@ -175,7 +175,7 @@ fn searched<'a>(
             visited.fit(&data, &state, others);
         }
         best = visited.best()?;
-        climbed(&data, best, others, &mut visited, progress)?;
+        optimised(&data, best, others, &mut visited, progress)?;
     }
     let mut models: Vec<LightFit> = visited.0.into_values().collect();
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
@@ -249,7 +249,7 @@ fn ln_prior(data: &Data<'_>, terms: &[usize], others: usize) -> f64 {
 }
 
 /// Stepwise from a model until no move gains.
-fn climbed(
+fn optimised(
     data: &Data<'_>,
     from: LightFit,
     others: usize,
