@@ -207,12 +207,12 @@ impl Tank {
         for c in Coefficient::of(Dof::Surge) {
             let value = c.of_vehicle(&self.vehicle);
             let step = 1e-4 * value.abs();
-            let bent = |v: f64| {
+            let shifted = |v: f64| {
                 let mut vehicle = self.vehicle.clone();
                 c.put(&mut vehicle, v);
                 self.over(runs, &vehicle, &[], None)
             };
-            columns.push((bent(value + step)? - bent(value - step)?) / (2.0 * step));
+            columns.push((shifted(value + step)? - shifted(value - step)?) / (2.0 * step));
         }
         Ok(Scale {
             tank: self,

@@ -117,7 +117,7 @@ pub enum ExternalLaw {
     Modulated(Modulated),
 }
 
-/// Mechanisms with a near law.
+/// Mechanisms with a misspecified law.
 pub const NEAR: [&str; 7] = [
     "thruster_deadband",
     "thruster_lag",
@@ -141,7 +141,7 @@ fn sign(rng: &mut StdRng) -> f64 {
 }
 
 impl ExternalLaw {
-    /// A near law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.
+    /// A misspecified law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.
     pub fn near(mechanism: &str, share: f64, top_n: f64, rng: &mut StdRng) -> Option<ExternalLaw> {
         Some(match mechanism {
             "thruster_deadband" => ExternalLaw::SoftDeadband {

@@ -1,7 +1,7 @@
 //! Image-level cases: rendered runs with one or two effects of camera, sheet, target, water or light, or none.
 //!
 //! A case is two logs of frames (reversals and two tones) of a vehicle up to 20 % off the rig file,
-//! over a background of four motion effects at 3–8 % of their practical size and a wobble in roll,
+//! over a background of four motion effects at 3–8 % of their practical size and a disturbance in roll,
 //! pitch and yaw; laser, lens and sheet are as a rig file leaves open. In turn it has one effect, two and none, of random
 //! sizes: at least three standard deviations of the pose that a frame gives where an effect moves it, at least a tenth of
 //! the largest plausible one else. The frames come from the renderer; the diagnosis predicts the stripe with geometry of

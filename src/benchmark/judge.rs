@@ -365,13 +365,13 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
         .first()
         .map_or_else(String::new, |t| t.effect.clone());
     // Which of the five these very data leave open is for the ideal observer to say: a limit and
-    // friction bend the two runs in opposite directions, a strong one gives itself away.
+    // friction change the two runs in opposite directions, a strong one gives itself away.
     let ideal = Ideal::new(case);
     let rivals: Vec<&str> = paper::SET
         .into_iter()
         .filter(|id| *id != truth)
         .filter(|id| {
-            // Told apart only where the rival was fitted and lost: no fit is no evidence.
+            // Distinguished only where the rival was fitted and lost: no fit is no evidence.
             let gap = ideal.as_ref().and_then(|i| i.gap(&truth, id));
             gap.is_none_or(|g| g < SPLIT)
         })

@@ -1,6 +1,6 @@
 //! The ideal observer: the Bayes-optimal choice at the true noise.
 //!
-//! Same runs, same candidates, same priors and evidence as the diagnosis, but it is told the noise (its law fitted to the
+//! Same runs, same candidates, same priors and evidence as the diagnosis, but it is given the noise (its law fitted to the
 //! noise itself, and which samples are outliers) and starts from the truth: it only asks whether a model near the truth is
 //! likelier, and goes on from a better one. What it gets wrong, the data do not hold.
 //!
@@ -142,7 +142,7 @@ impl Ideal {
             };
             ways = all[place].starts.iter().map(with).collect();
         }
-        // Where a run begins is not told: a rate there that its first samples get wrong leads a fit under small forces away
+        // Where a run begins is not given: a rate there that its first samples get wrong leads a fit under small forces away
         // from the truth, and a larger one forgives it.
         let begins = || [QUIET, FORGIVING].into_iter();
         let each = ways.iter().flat_map(|w| begins().map(move |c| (w, c)));

@@ -39,7 +39,7 @@ impl UseArgs {
     }
 
     /// The calibration as this run needs it, and what must be said of that: refused for images of
-    /// another size; for another medium a map that knows its port is told the run's index, any other
+    /// another size; for another medium a map that knows its port is given the run's index, any other
     /// is refused unless forced.
     pub fn fit_to_run(
         &self,

@@ -215,7 +215,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             return Err(e);
         }
     };
-    // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is told.
+    // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is printed.
     if args.json {
         outln!("{}", serde_json::to_string_pretty(&result)?);
     } else {
@@ -227,7 +227,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             errln!("note: not written: {words}");
         }
         if let Err(e) = write_rig(args, &rig, &outdated) {
-            // Both are told; the exit code is the same.
+            // Both are printed; the exit code is the same.
             if let Err(also) = reported {
                 errln!("hydroline: {also}");
             }

@@ -75,7 +75,7 @@ fn share(text: &str) -> Result<f64, String> {
 struct Listed {
     plan: &'static str,
     duration_s: f64,
-    /// Largest load per axis; `null` where single thrusters are told.
+    /// Largest load per axis; `null` where single thrusters are commanded.
     largest: Option<[f64; 6]>,
     /// On the rig; `null` without one.
     runs: Option<bool>,

@@ -92,7 +92,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
             .iter()
             .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
         // A log that begins within the swing is free from its start. And it swings on: a hull that only came to rest at
-        // another place was not let go.
+        // another place was not released.
         let swing_s = turn.0 - at_s;
         (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
             .then(|| (turn.0, CHANNELS[channel]))

@@ -108,7 +108,7 @@ pub struct Where {
     pub windows: BTreeMap<String, Vec<[f64; 2]>>,
     /// What it depends on, in words with numbers.
     pub regime: String,
-    /// Log Bayes factor of a free force as a function of each variable, without effects.
+    /// Log Bayes factor of an unnamed force as a function of each variable, without effects.
     pub depends_on: BTreeMap<String, f64>,
 }
 

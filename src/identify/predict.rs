@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_whose_identification_is_not_its_own_is_told_what_to_do_with_the_rig() {
+    fn a_rig_whose_identification_is_not_its_own_says_what_to_do_with_the_rig() {
         let mut rig = Rig::builtin("lshpi").unwrap();
         let value = rig.vehicle.coefficients[0].linear;
         rig.identified = Some(hydroline_rigs::Identified {

@@ -164,7 +164,7 @@ fn write(
     draft
 }
 
-/// What nameless columns may be, as comments: the person knows which.
+/// What unlabelled columns may be, as comments: the person knows which.
 fn propose(shape: &shape::Shape, draft: &mut Draft) {
     for proposal in &shape.open {
         draft.question(format!(
@@ -191,8 +191,8 @@ fn faults(source: &(impl Source + ?Sized), draft: &Draft) -> io::Result<Faults> 
     // A pulse needs a rig, which is not known here.
     let found = survey(source, &map, None)?;
     // Rates that hardly follow the pose are no fault, but not what one looks for either.
-    let strange = |f: &&Finding| f.severity == Severity::Warning && f.kind == "kinematics";
-    let questions = found.findings.iter().filter(strange).count();
+    let suspect = |f: &&Finding| f.severity == Severity::Warning && f.kind == "kinematics";
+    let questions = found.findings.iter().filter(suspect).count();
     let serious = found
         .findings
         .into_iter()

@@ -30,7 +30,7 @@ use rank::ranked;
 /// Probability from which forms stand in a table's place: then one is the better bet, for what is held against it is no less an
 /// assumption. None is called the law for that.
 const STANDS: f64 = 0.5;
-/// Odds within which forms are told beside the likeliest.
+/// Odds within which forms are reported beside the likeliest.
 const ODDS: f64 = 20.0;
 /// Share of a DOF's unnamed force from which a covariate's table is written down.
 const SHARE: f64 = 0.2;

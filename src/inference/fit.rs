@@ -166,7 +166,7 @@ impl Descent<'_> {
                 continue;
             };
             let move_by = root.solve(&gradient);
-            let promised = 0.5 * move_by.dot(&gradient);
+            let predicted = 0.5 * move_by.dot(&gradient);
             let moved = self.at.iter().zip(move_by.iter()).zip(&self.bounds);
             let tried: Point = moved
                 .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
@@ -183,11 +183,11 @@ impl Descent<'_> {
                         .sum(&self.all, cells, &self.number_prior, &self.at);
                 damping = (damping * 0.2).max(1e-9);
                 failed = 0;
-                if gained < self.effort.decrement && promised < 2.0 * self.effort.decrement {
+                if gained < self.effort.decrement && predicted < 2.0 * self.effort.decrement {
                     break;
                 }
             } else {
-                if promised < 0.1 * self.effort.decrement {
+                if predicted < 0.1 * self.effort.decrement {
                     break;
                 }
                 damping = (damping * 8.0).max(1e-4);

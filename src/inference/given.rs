@@ -369,9 +369,9 @@ mod tests {
     fn a_steady_rate_carries_the_hull_and_noise_about_rest_does_not() {
         let mut run = run(&[3]);
         for (k, s) in run.samples.iter_mut().enumerate() {
-            let wobble = if k % 2 == 0 { 1e-3 } else { -1e-3 };
-            s.values[6] = 0.5 + wobble;
-            s.values[7] = wobble;
+            let shake = if k % 2 == 0 { 1e-3 } else { -1e-3 };
+            s.values[6] = 0.5 + shake;
+            s.values[7] = shake;
         }
         run.companions = Companions {
             times_s: vec![0.0, 1.0],

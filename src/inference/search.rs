@@ -42,7 +42,7 @@ pub struct Options {
     pub cost: usize,
     /// Models scored anew when the noise changes.
     pub rescored: usize,
-    /// Gain in log likelihood below which a promise is not worth a fit.
+    /// Gain in log likelihood below which a predicted gain is not worth a fit.
     pub least_gain: f64,
     /// Log score by which one step must better the best model for the noise to be estimated anew at once.
     pub renewed_after: f64,

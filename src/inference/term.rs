@@ -319,7 +319,7 @@ pub(super) fn is_function_of(
     asked().unwrap_or(false)
 }
 
-/// Forces without a name in these DOFs, and near laws of effects: tables, whose shape is free.
+/// Additive discrepancies in these DOFs, and state-dependent parameters of effects: tables, whose shape is free.
 ///
 /// `effects` = candidates of the library, whose places are kept; `loads` = range of the load per DOF.
 pub fn tables(

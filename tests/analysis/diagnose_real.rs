@@ -185,7 +185,7 @@ fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
     );
 }
 
-/// The recording as it comes from the tank, all in one log: at rest, pressed to one side, let go, two minutes and a half
+/// The recording as it comes from the tank, all in one log: at rest, pressed to one side, released, two minutes and a half
 /// of swinging. It is taken from where it swings freely, and its second and third quarter are predicted.
 #[test]
 #[ignore = "two minutes of processor time: tests/nightly"]

@@ -1,4 +1,4 @@
-//! README and guide hold what they promise: their commands run as printed, outside a checkout, and print what the page says.
+//! README and guide hold what they state: their commands run as printed, outside a checkout, and print what the page says.
 //!
 //! A page marks its blocks ([`blocks`]); a chapter of the guide joins by marking its own and by a test of three lines here.
 

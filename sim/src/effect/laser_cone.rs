@@ -56,7 +56,7 @@ impl<T: Real> Law<T> for Cone<T> {
 mod tests {
     use crate::effect::testing::*;
 
-    /// Every ray of the fan by Snell's law at the port: the bent sheet passes through it.
+    /// Every ray of the fan by Snell's law at the port: the refracted sheet passes through it.
     #[test]
     fn rays_of_a_tilted_fan_lie_on_it() {
         let (tilt, n) = (0.0873f64, 1.333);

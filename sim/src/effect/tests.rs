@@ -98,8 +98,8 @@ fn a_number_that_varies_with_a_covariate_is_what_it_is_there() {
     for (x_m, share) in [(-1.0, -0.5), (0.0, 0.0), (0.5, 0.25), (7.0, 0.5)] {
         let mut plain = CheckedEffect::typical(friction.info);
         plain.numbers[0] = 0.4 * (1.0 + share);
-        let (bent, plain) = (force(x_m, &friction), force(x_m, &plain));
-        assert!((bent - plain).abs() < 1e-12, "{x_m}: {bent} {plain}");
+        let (changed, plain) = (force(x_m, &friction), force(x_m, &plain));
+        assert!((changed - plain).abs() < 1e-12, "{x_m}: {changed} {plain}");
     }
 }
 
@@ -345,7 +345,7 @@ fn variants() -> Vec<CheckedEffect> {
     all
 }
 
-/// Poses that a measurement would report of a rough run in all six DOFs.
+/// Poses that a measurement would report of a shaken run in all six DOFs.
 fn reported<T: Real>(
     effects: &[CheckedEffect],
     lift: impl FnMut(usize, usize, f64) -> T,

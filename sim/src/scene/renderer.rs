@@ -12,12 +12,12 @@
 
 use std::ops::Range;
 
-use super::bent::RefractedView;
 use super::exposure::Exposure;
 use super::frame_poses::{Field, FramePoses};
 use super::lens::Lens;
 use super::noise::Noise;
 use super::rays::{Sight, View};
+use super::refracted::RefractedView;
 use super::sheet::{CUT_SIGMA, Code, Light, far_m};
 use super::solid::Solid;
 use super::speckle::Speckle;

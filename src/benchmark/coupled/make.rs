@@ -297,7 +297,7 @@ fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
     let mut columns = Vec::new();
     for d in 0..6 {
         for k in 0..3 {
-            let bent = |by: f64| {
+            let shifted = |by: f64| {
                 let mut rig = bare.clone();
                 let c = &mut rig.vehicle.coefficients[d];
                 let place = [&mut c.added, &mut c.linear, &mut c.quadratic];
@@ -308,7 +308,7 @@ fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
                     .for_each(|v| *v *= 1.0 + by);
                 all(&rig, runs)
             };
-            let column = bent(1e-4)? - bent(-1e-4)?;
+            let column = shifted(1e-4)? - shifted(-1e-4)?;
             let size = column.norm();
             if size > 1e-9 {
                 columns.push(column / size);

@@ -177,7 +177,7 @@ fn seen_poses(path: &Path, tank: &Rig, start_ns: u64) -> Result<Poses, LoadError
     Ok(poses)
 }
 
-/// Four motion effects at 3–8 % of their practical size, and a wobble about each axis.
+/// Four motion effects at 3–8 % of their practical size, and a disturbance about each axis.
 fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
     let mut ids: Vec<&str> = Vec::new();
     while ids.len() < 4 {

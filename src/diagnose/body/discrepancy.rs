@@ -64,20 +64,20 @@ impl Judged<'_> {
 
     /// Whether an effect's law is the library's: the word, the probability that it is, and what it varies with.
     pub fn law(&self, term: usize) -> (Law, f64, Option<String>) {
-        let (mut with, mut bent) = (0.0, 0.0);
+        let (mut with, mut inexact) = (0.0, 0.0);
         let mut trends: Vec<(usize, f64)> = Vec::new();
         for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
             with += p;
             let of = |t: &&usize| self.candidate(**t).kind == Kind::Trend { of: term };
             if let Some(t) = terms.iter().find(of) {
-                bent += p;
+                inexact += p;
                 match trends.iter_mut().find(|x| x.0 == *t) {
                     Some(known) => known.1 += p,
                     None => trends.push((*t, *p)),
                 }
             }
         }
-        let exact = 1.0 - bent / f64::max(with, 1e-300);
+        let exact = 1.0 - inexact / f64::max(with, 1e-300);
         if 1.0 - exact < INEXACT {
             return (Law::Exact, exact, None);
         }

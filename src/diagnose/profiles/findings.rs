@@ -142,7 +142,7 @@ pub fn explain(
     let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
     // Where the rays go otherwise than the rig says, so do the angles of the laser's fan.
     let other;
-    if let Some(geometry) = bent(&problem, &candidates, &found) {
+    if let Some(geometry) = misfit(&problem, &candidates, &found) {
         let again = look(geometry);
         if again.ids() != lit.ids() {
             cleared = enough(&again.runs, runs)?;
@@ -164,7 +164,7 @@ pub fn explain(
 }
 
 /// The geometry of the best explanation, where it has effects.
-fn bent(problem: &Problem<'_>, candidates: &[Candidate], found: &Searched) -> Option<Geometry> {
+fn misfit(problem: &Problem<'_>, candidates: &[Candidate], found: &Searched) -> Option<Geometry> {
     let best = found.best();
     let chosen: Vec<&Candidate> = best.effects.iter().map(|k| &candidates[*k]).collect();
     (!chosen.is_empty())

@@ -253,7 +253,12 @@ impl<'a> Problem<'a> {
 
 impl Problem<'_> {
     /// The same without a step: what the fit would find were all linear.
-    pub fn glance(&self, candidates: &[Candidate], effects: &[usize], at: State) -> Option<Fitted> {
+    pub fn screened(
+        &self,
+        candidates: &[Candidate],
+        effects: &[usize],
+        at: State,
+    ) -> Option<Fitted> {
         let work = Work {
             problem: self,
             chosen: effects.iter().map(|k| &candidates[*k]).collect(),

@@ -2,7 +2,7 @@
 //!
 //! A stripe point at (column, row) on a surface at height h fulfils F = 0, F = distance of the
 //! ray's point at that height from the sheet. Nothing is projected: F and its slope along the
-//! column say how far a measured row is off, the same for every optics, bent rays included.
+//! column say how far a measured row is off, the same for every optics, refracted rays included.
 
 use hydroline_calib::Pose;
 use hydroline_pose::outline::Surfaces;

@@ -124,7 +124,7 @@ impl Belongs {
     }
 }
 
-/// Lengths along a side within which a corner bends what is seen of it \[m\].
+/// Lengths along a side within which a corner distorts what is seen of it \[m\].
 const CORNER_M: f64 = 0.012;
 /// Sd of an edge at a corner \[px\]: there the light's fading is no longer symmetric.
 const CORNER_PX: f64 = 3.0;

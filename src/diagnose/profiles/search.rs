@@ -26,11 +26,11 @@ const REPOSED: usize = 3;
 pub(super) const ANY_PX: [f64; 3] = [60.0, 5.0, 60.0];
 /// Log posterior within which explanations are compared from equal starts.
 const CLOSE: f64 = 40.0;
-/// log evidence that an effect more must promise.
+/// log evidence that an effect more must have predicted.
 const PROMISING: f64 = 0.5;
 /// Explanations that are built upon.
 const BEAM: usize = 3;
-/// log evidence that a start elsewhere must promise \[nat\].
+/// log evidence that a start elsewhere must have predicted \[nat\].
 const GAIN: f64 = 1.0;
 /// Rounds in which explanations give each other what they found, at most.
 const SHARED: usize = 6;
@@ -232,7 +232,7 @@ pub fn search(
 
 /// Tries in place of the best explanation's effects another one each, and each alone, from the poses
 /// that the best ended in: an effect whose own fit began where the rig's camera puts the vehicle may
-/// have stopped far from its best, and two others together imitate it.
+/// have stopped far from its best, and two others together fit as well.
 fn exchange(
     problem: &Problem<'_>,
     candidates: &[Candidate],
@@ -396,10 +396,10 @@ fn share(
         progress("what one found of the frames, for the others");
         let found: Vec<Fitted> = tries
             .into_par_iter()
-            .filter_map(|(effects, begin, promise)| {
-                if let Some(least) = promise
+            .filter_map(|(effects, begin, least_gain)| {
+                if let Some(least) = least_gain
                     && problem
-                        .glance(candidates, &effects, begin.clone())?
+                        .screened(candidates, &effects, begin.clone())?
                         .log_evidence
                         < least
                 {
@@ -491,9 +491,9 @@ fn extend(
             progress(&names.join(" + "));
             let mut begin = f.state.clone();
             begin.numbers.push(candidates[k].neutral.clone());
-            // Onto what explains the frames already, only what promises something is worth a fit.
+            // Onto what explains the frames already, only what has a predicted gain is worth a fit.
             if !f.effects.is_empty() {
-                let seen = problem.glance(candidates, &effects, begin.clone())?;
+                let seen = problem.screened(candidates, &effects, begin.clone())?;
                 if seen.log_evidence < f.log_evidence + PROMISING {
                     return None;
                 }

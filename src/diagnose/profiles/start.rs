@@ -49,7 +49,7 @@ impl PlaneMap for SheetMap {
     }
 
     fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {
-        // Newton from the image's middle: the map bends little.
+        // Newton from the image's middle: the map is nearly affine.
         let (mut c, mut r) = (
             0.5 * f64::from(self.image.width_px),
             0.5 * f64::from(self.image.height_px),

@@ -21,9 +21,9 @@ const WEAK: f64 = 0.2;
 const TIED: f64 = 0.95;
 /// sd over size above which a coefficient counts as not excited.
 pub(super) const UNEXCITED: f64 = 0.5;
-/// Residual variance over that of the noise at rest below which nobody need be told.
+/// Residual variance over that of the noise at rest below which it is not worth a note.
 const LARGER: f64 = 1.2;
-/// Logged sd over scatter below which nobody need be told.
+/// Logged sd over scatter below which it is not worth a note.
 const SHORT: f64 = 1.2;
 
 impl Fit<'_> {

@@ -13,7 +13,7 @@ pub struct Options {
     pub gains: [f64; 2],
     /// The same of two values that stand still, which a bias or a current may be part of.
     pub gains_steady: [f64; 2],
-    /// A correlation from which on a sign or a unit can be told.
+    /// A correlation from which on a sign or a unit can be determined.
     pub follows_correlation: f64,
     /// A correlation below which nothing follows.
     pub apart_correlation: f64,

@@ -492,7 +492,7 @@ fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> 
     let table = recording.table(&map)?;
     let own = survey(&table, &table.map, None).map_err(io::Error::other)?;
     let all: Vec<&Finding> = table.findings.iter().chain(&own.findings).collect();
-    let strange = all
+    let suspect = all
         .iter()
         .filter(|f| f.severity == Severity::Warning && f.kind == "kinematics")
         .count();
@@ -501,7 +501,7 @@ fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> 
         .filter(|f| f.severity == Severity::Fault)
         .map(|f| (f.kind, f.message.clone()))
         .collect();
-    let bad = 100 * serious.len() + strange;
+    let bad = 100 * serious.len() + suspect;
     let dead = all.iter().filter(|f| f.kind == "dead_channel");
     let dead = dead.map(|f| f.subject().to_owned()).collect();
     Ok((serious, bad, dead))

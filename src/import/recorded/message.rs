@@ -173,7 +173,7 @@ pub(super) struct Message<'a> {
     pub unit: &'a dyn Fn(&str) -> Option<String>,
 }
 
-/// Whoever is told of messages.
+/// A receiver of messages.
 pub(super) trait Sink {
     /// Whether a message of so many bytes is to be decoded.
     fn wants(&mut self, topic: &str, schema: &str, bytes: usize) -> bool;

@@ -103,7 +103,7 @@ fn a_messages_own_stamp_is_taken_before_its_receipt() {
 }
 
 #[test]
-fn nameless_numbers_that_several_messages_have_are_only_proposed() {
+fn unlabelled_numbers_that_several_messages_have_are_only_proposed() {
     for (numbers, words) in [
         (6, ["WrenchStamped", "TwistStamped"]),
         (3, ["PointStamped", "Vector3Stamped"]),

@@ -533,6 +533,6 @@ fn velocities_that_may_be_of_either_frame_were_said_to_be_the_bodys() {
         assert!(words.contains("0.40"), "the speed: {words}");
     }
     // Where the heading turns enough, nothing is left open.
-    let told = read(&curve(false), &curve_map("body"));
-    assert!(told.findings.iter().all(|f| f.kind != "velocity_frame"));
+    let given = read(&curve(false), &curve_map("body"));
+    assert!(given.findings.iter().all(|f| f.kind != "velocity_frame"));
 }

@@ -1,6 +1,6 @@
 //! What a force of no known effect may be written as: a piece, or a sum of two, over its covariate.
 //!
-//! A piece is a form of the simulator's with priors of its numbers. They are told by the covariate's range alone, so that
+//! A piece is a form of the simulator's with priors of its numbers. They are given by the covariate's range alone, so that
 //! nothing here knows of metres or radians.
 
 use hydroline_sim::effect::covariate_table::COVARIATES;

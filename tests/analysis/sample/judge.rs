@@ -62,8 +62,8 @@ impl Judged {
             (self.worst_sd, self.worst) = (off_sd, place.to_owned());
         }
         if off_sd > LIMIT_SD {
-            let told = format!("{place}: was {was}, is {is}: {off_sd:.3} sd, allowed {LIMIT_SD}");
-            self.wrong.push(told);
+            let text = format!("{place}: was {was}, is {is}: {off_sd:.3} sd, allowed {LIMIT_SD}");
+            self.wrong.push(text);
         }
     }
 }
@@ -75,8 +75,8 @@ pub fn same_verdict(name: &str, expected: &Value, found: &Value, into: &mut Judg
         let matter = effects.filter(|e| e["matters"] == true);
         matter.map(|e| e["effect"].clone()).collect()
     };
-    let told = |v: &Value| (v["verdict"].clone(), matters(v), v["equivalent"].clone());
-    let (was, is) = (told(expected), told(found));
+    let of = |v: &Value| (v["verdict"].clone(), matters(v), v["equivalent"].clone());
+    let (was, is) = (of(expected), of(found));
     if was != is {
         into.wrong.push(format!("{name}: was {was:?}, is {is:?}"));
     }

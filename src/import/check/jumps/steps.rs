@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::{Jumps, Series};
 use crate::check::{Finding, Options, Severity, name, quantile};
 
-/// A jump as a person is told of it.
+/// A jump as reported.
 struct Seen {
     line: u64,
     change: f64,

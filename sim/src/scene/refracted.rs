@@ -133,19 +133,19 @@ mod tests {
             prop_assert!((view.off_m(&ray, t) - off).abs() < 1e-12);
         }
 
-        /// Told of no bend it is the plain view.
+        /// Without refraction it is the plain view.
         #[test]
         fn without_refraction_it_is_the_plain_view(u in 0.0..720.0f64, v in 0.0..576.0f64, theta in -0.1..0.1f64) {
             let optics: Optics = Optics::new(&lshpi_rig());
             let pose = Pose6 { z_m: -0.8, theta_rad: theta, psi_rad: 0.3, ..Pose6::default() };
-            let (bent, plain) = (RefractedView::new(&optics, [0.0; 3], &pose), View::new(&optics, [0.0; 3], &pose));
-            let (a, b) = (bent.ray(u, v), plain.ray(u, v));
-            let (la, lb) = (bent.line(&a), plain.line(&b));
+            let (refracted, plain) = (RefractedView::new(&optics, [0.0; 3], &pose), View::new(&optics, [0.0; 3], &pose));
+            let (a, b) = (refracted.ray(u, v), plain.ray(u, v));
+            let (la, lb) = (refracted.line(&a), plain.line(&b));
             for i in 0..3 {
                 prop_assert!((la.origin[i] - lb.origin[i]).abs() < 1e-12);
                 prop_assert!((la.direction[i] - lb.direction[i]).abs() < 1e-12);
             }
-            prop_assert!((bent.off_m(&a, 0.7) - plain.off_m(&b, 0.7)).abs() < 1e-12);
+            prop_assert!((refracted.off_m(&a, 0.7) - plain.off_m(&b, 0.7)).abs() < 1e-12);
         }
     }
 }
