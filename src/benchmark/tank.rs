@@ -176,7 +176,7 @@ impl Tank {
         Ok(DVector::from_vec(all))
     }
 
-    /// Weight as interfaces.md defines it \[m\], of each effect alone (the strange law last), at the
+    /// Weight as reference/interfaces.md defines it \[m\], of each effect alone (the strange law last), at the
     /// true vehicle; derivatives by central differences.
     ///
     /// # Errors

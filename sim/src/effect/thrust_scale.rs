@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[DOF],
     kin: &["battery_sag", "position_scale"],
-    source: "physics.md, thruster stage (a blind spot: needs a bollard pull or known ballast)",
+    source: "theory/physics.md, thruster stage (a blind spot: needs a bollard pull or known ballast)",
 };
 
 #[derive(Debug)]
