@@ -468,7 +468,7 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
     if background {
         for _ in 0..4 {
             let mut id = others(&taken, rng);
-            // The external_law laws' force is divided by the vehicle's own mass.
+            // The external laws' force is divided by the vehicle's own mass.
             while !matches!(external_law, Wanted::No) && id == "wall_added_mass" {
                 id = others(&taken, rng);
             }

@@ -180,7 +180,7 @@ impl Tank {
         Ok(DVector::from_vec(all))
     }
 
-    /// Weight as interfaces.md defines it \[m\], of each effect alone (the external_law law last), at the
+    /// Weight as reference/interfaces.md defines it \[m\], of each effect alone (the external law last), at the
     /// true vehicle; derivatives by central differences.
     ///
     /// # Errors

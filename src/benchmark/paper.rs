@@ -1,4 +1,5 @@
-//! The paper's own protocol: two constant thrusts over 1 m, which cannot part five effects (physics.md).
+//! The paper's own protocol: two constant thrusts over 1 m, which cannot part five effects
+//! (theory/identifiability.md, confusable effects).
 
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Plan};
 

@@ -1,4 +1,4 @@
-//! The verdict, as `diagnose --json` prints it (interfaces.md).
+//! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict).
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! Recorded runs of one body to models with their probabilities: one likelihood, one prior table, one score, one search.
 //!
 //! `recording` (all measured channels of all runs) -> `given` (what of them drives instead of being explained, by `smooth`) -> `body` (Eq. 1 with every effect's states, by duals) -> `filter`
-//! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode) -> `score` (log evidence) ->
+//! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode and its log evidence) ->
 //! `search` (moves between models) -> `posterior` (marginals).
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.

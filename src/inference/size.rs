@@ -1,6 +1,6 @@
 //! Priors for a vehicle of another size than the library's.
 //!
-//! The library's plausible ranges (physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
+//! The library's plausible ranges (theory/physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
 //! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in what its
 //! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
 //! hull that rings for minutes has a large one and little damping. Times, ratios and lengths stay.

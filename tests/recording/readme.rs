@@ -66,12 +66,14 @@ fn bring_readings(folder: &Path) {
 
 /// Every page: README and the chapters.
 fn pages() -> Vec<String> {
-    let guide = session::root().join("src/guide");
-    let mut pages: Vec<String> = std::fs::read_dir(guide)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.ends_with(".md"))
-        .map(|name| format!("src/guide/{name}"))
+    let mut pages: Vec<String> = ["src/guide", "src/guide/theory", "src/guide/reference"]
+        .into_iter()
+        .flat_map(|folder| {
+            let all = std::fs::read_dir(session::root().join(folder)).unwrap();
+            all.map(move |entry| (folder, entry.unwrap().file_name().into_string().unwrap()))
+        })
+        .filter(|(_, name)| name.ends_with(".md"))
+        .map(|(folder, name)| format!("{folder}/{name}"))
         .collect();
     pages.push("README.md".to_owned());
     pages.sort();

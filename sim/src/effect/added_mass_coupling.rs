@@ -15,7 +15,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     parameters: &[],
     words: &[],
     confusable: &["cross_flow_coupling", "thrust_line_offset"],
-    source: "physics.md, hydrodynamics; paper Eq. 1; Fossen 2011, 6.3",
+    source: "theory/physics.md, hydrodynamics; paper Eq. 1; Fossen 2011, 6.3",
 };
 
 #[derive(Debug)]

@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[DOF],
     confusable: &["quadratic_damping", "thrust_asymmetry"],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["backscatter_haze", "image_saturation", "speckle"],
-    source: "physics.md, measurement; Beer-Lambert law",
+    source: "theory/physics.md, measurement; Beer-Lambert law",
 };
 
 #[derive(Debug)]

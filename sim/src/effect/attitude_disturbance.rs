@@ -36,7 +36,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: Some("pitch"),
     }],
     confusable: &["floor_slope", "thrust_line_offset"],
-    source: "physics.md, measurement; paper Tables 4 and 5",
+    source: "theory/physics.md, measurement; paper Tables 4 and 5",
 };
 
 #[derive(Debug)]

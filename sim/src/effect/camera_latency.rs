@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "rolling_shutter",
         "thruster_lag",
     ],
-    source: "physics.md, timing",
+    source: "theory/physics.md, timing",
 };
 
 #[derive(Debug)]

@@ -40,7 +40,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "refraction",
         "rolling_shutter",
     ],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

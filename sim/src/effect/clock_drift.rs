@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["camera_latency", "position_scale"],
-    source: "physics.md, timing; a BlueROV log: 308-861 ppm",
+    source: "theory/physics.md, timing; a BlueROV log: 308-861 ppm",
 };
 
 #[derive(Debug)]

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["camera_latency", "fluid_memory", "thruster_lag"],
-    source: "physics.md, timing",
+    source: "theory/physics.md, timing",
 };
 
 #[derive(Debug)]

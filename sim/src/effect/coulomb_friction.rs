@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "thruster_deadband",
         "thruster_saturation",
     ],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

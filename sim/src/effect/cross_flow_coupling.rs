@@ -36,7 +36,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
     ],
     confusable: &["added_mass_coupling", "lift_damping", "fin_force"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 6.4 (cross-flow drag)",
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 6.4 (cross-flow drag)",
 };
 
 #[derive(Debug)]

@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[DOF],
     confusable: &["linear_damping", "nonlinear_restoring", "quadratic_damping"],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

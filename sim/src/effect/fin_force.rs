@@ -58,7 +58,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
     ],
     confusable: &["cross_flow_coupling"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 9.5 (rudder forces); Ogawa and Kasai 1978 (MMG)",
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 9.5 (rudder forces); Ogawa and Kasai 1978 (MMG)",
 };
 
 #[derive(Debug)]

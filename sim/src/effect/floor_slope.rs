@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["attitude_disturbance", "camera_shift", "laser_plane_tilt"],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -35,7 +35,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "thruster_lag",
         "wall_added_mass",
     ],
-    source: "physics.md, hydrodynamics; Cummins 1962, with one exponential",
+    source: "theory/physics.md, hydrodynamics; Cummins 1962, with one exponential",
 };
 
 #[derive(Debug)]

@@ -89,7 +89,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
     ],
     confusable: &[],
-    source: "physics.md, hydrodynamics: a force that had no name; Catmull and Rom 1974",
+    source: "theory/physics.md, hydrodynamics: a force that had no name; Catmull and Rom 1974",
 };
 
 #[derive(Debug)]

@@ -24,7 +24,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "speckle",
         "tone_curve",
     ],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["camera_latency", "rolling_shutter"],
-    source: "physics.md, timing; ITU-R BT.470 (PAL: 50 fields per second)",
+    source: "theory/physics.md, timing; ITU-R BT.470 (PAL: 50 fields per second)",
 };
 
 #[derive(Debug)]

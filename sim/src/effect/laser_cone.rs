@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["laser_plane_tilt", "lens_distortion"],
-    source: "physics.md, measurement; Snell's law for every ray of a plane fan (an elliptic cone: Castillon et al. 2022)",
+    source: "theory/physics.md, measurement; Snell's law for every ray of a plane fan (an elliptic cone: Castillon et al. 2022)",
 };
 
 #[derive(Debug)]

@@ -30,7 +30,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["board_offset", "camera_shift", "floor_slope", "laser_cone"],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

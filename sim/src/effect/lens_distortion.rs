@@ -32,7 +32,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["camera_shift", "laser_cone", "refraction"],
-    source: "physics.md, measurement; Brown 1971",
+    source: "theory/physics.md, measurement; Brown 1971",
 };
 
 #[derive(Debug)]

@@ -24,7 +24,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ..DOF
     }],
     confusable: &["cross_flow_coupling", "linear_damping"],
-    source: "physics.md, hydrodynamics; Ikeda 1978 (lift component of roll damping)",
+    source: "theory/physics.md, hydrodynamics; Ikeda 1978 (lift component of roll damping)",
 };
 
 #[derive(Debug)]

@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: Some("roll"),
     }],
     confusable: &["cubic_damping", "quadratic_damping"],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

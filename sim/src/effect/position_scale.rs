@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["clock_drift", "target_scale", "thrust_scale"],
-    source: "physics.md, measurement (not identifiable in motion-only logs)",
+    source: "theory/physics.md, measurement (not identifiable in motion-only logs)",
 };
 
 #[derive(Debug)]

@@ -25,7 +25,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "linear_damping",
         "nonlinear_restoring",
     ],
-    source: "physics.md, hydrodynamics; paper Eq. 1 (X_u|u|)",
+    source: "theory/physics.md, hydrodynamics; paper Eq. 1 (X_u|u|)",
 };
 
 #[derive(Debug)]

@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["camera_shift", "lens_distortion", "target_scale"],
-    source: "physics.md, measurement; Treibitz et al. 2012 (flat refractive geometry), glass of no thickness",
+    source: "theory/physics.md, measurement; Treibitz et al. 2012 (flat refractive geometry), glass of no thickness",
 };
 
 #[derive(Debug)]

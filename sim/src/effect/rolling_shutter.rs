@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["camera_latency", "camera_shift", "interlace"],
-    source: "physics.md, timing; CMOS sensors with an electronic rolling shutter",
+    source: "theory/physics.md, timing; CMOS sensors with an electronic rolling shutter",
 };
 
 #[derive(Debug)]

@@ -40,7 +40,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["constant_force", "current"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 8.3 (relative motion in an accelerated fluid)",
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 8.3 (relative motion in an accelerated fluid)",
 };
 
 #[derive(Debug)]

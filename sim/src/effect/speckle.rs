@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["attenuation", "image_saturation"],
-    source: "physics.md, measurement; Goodman 2007, Speckle Phenomena in Optics, 4.3 (integrated speckle)",
+    source: "theory/physics.md, measurement; Goodman 2007, Speckle Phenomena in Optics, 4.3 (integrated speckle)",
 };
 
 #[derive(Debug)]

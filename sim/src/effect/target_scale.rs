@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[],
     confusable: &["position_scale", "refraction"],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["battery_sag", "constant_force", "wall_added_mass"],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

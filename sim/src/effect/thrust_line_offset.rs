@@ -22,7 +22,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: Some("pitch"),
     }],
     confusable: &["added_mass_coupling", "attitude_disturbance"],
-    source: "physics.md, thruster stage",
+    source: "theory/physics.md, thruster stage",
 };
 
 #[derive(Debug)]

@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[DOF],
     confusable: &["battery_sag", "position_scale"],
-    source: "physics.md, thruster stage (not identifiable: needs a bollard pull or known ballast)",
+    source: "theory/physics.md, thruster stage (not identifiable: needs a bollard pull or known ballast)",
 };
 
 #[derive(Debug)]

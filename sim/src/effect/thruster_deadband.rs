@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "current",
         "thruster_saturation",
     ],
-    source: "physics.md, thruster stage; ESC neutral band of brushless thrusters",
+    source: "theory/physics.md, thruster stage; ESC neutral band of brushless thrusters",
 };
 
 #[derive(Debug)]

@@ -24,7 +24,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     }],
     words: &[DOF],
     confusable: &["camera_latency", "command_latency", "fluid_memory"],
-    source: "physics.md, thruster stage; Fossen 2011, 12.2 (first-order propeller dynamics)",
+    source: "theory/physics.md, thruster stage; Fossen 2011, 12.2 (first-order propeller dynamics)",
 };
 
 #[derive(Debug)]

@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "current",
         "thruster_deadband",
     ],
-    source: "physics.md, thruster stage",
+    source: "theory/physics.md, thruster stage",
 };
 
 #[derive(Debug)]

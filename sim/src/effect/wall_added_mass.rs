@@ -36,7 +36,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[],
     confusable: &["fluid_memory", "tether_spring"],
-    source: "physics.md, hydrodynamics; Lamb 1932, art. 137 (Lagrange: a mass that depends on place)",
+    source: "theory/physics.md, hydrodynamics; Lamb 1932, art. 137 (Lagrange: a mass that depends on place)",
 };
 
 #[derive(Debug)]

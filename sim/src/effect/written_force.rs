@@ -100,7 +100,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
     ],
     confusable: &[],
-    source: "physics.md, hydrodynamics: a force that had no name, written down",
+    source: "theory/physics.md, hydrodynamics: a force that had no name, written down",
 };
 
 #[derive(Debug)]

@@ -257,7 +257,7 @@ impl Renderer {
         Ok(nodes)
     }
 
-    /// (xi, eta, zeta) to the body frame (geometry.md): xi = -y_b, eta = h_centre - z_b, zeta = x_b - l_laser.
+    /// (xi, eta, zeta) to the body frame (theory/geometry.md, frames): xi = -y_b, eta = h_centre - z_b, zeta = x_b - l_laser.
     fn body_of_plane(&self, p: Vector3<f64>) -> Vector3<f64> {
         Vector3::new(p.z + self.optics.l_laser_m, -p.x, self.h_centre_m - p.y)
     }

@@ -287,7 +287,7 @@ fn all(rig: &Rig, runs: &Runs<'_>) -> Option<DVector<f64>> {
     Some(DVector::from_vec(made))
 }
 
-/// Weight of each entry alone as interfaces.md defines it, in the channel where it is largest, over the tolerance.
+/// Weight of each entry alone as reference/interfaces.md defines it, in the channel where it is largest, over the tolerance.
 fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
     let bare = Rig {
         physics: Vec::new(),

@@ -150,7 +150,7 @@ impl Geometry {
     pub fn meet(&self, placed: &Placed, ray: &Ray, height_m: f64) -> Option<Meeting> {
         let from = placed.at_m + placed.to_tank * ray.from_m;
         let along = placed.to_tank * ray.along;
-        // Height above the floor: -z - slope X (physics.md, floor_slope).
+        // Height above the floor: -z - slope X (theory/physics.md, measurement: floor_slope).
         let slope = self.optics.floor_slope;
         let down = along.z + slope * along.x;
         let t = (-height_m - from.z - slope * from.x) / down;
