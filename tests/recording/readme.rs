@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Longest README \[lines\].
-const README_LINES: usize = 200;
+const README_LINES: usize = 150;
 
 /// A person looks, and ends it.
 const NO_HANDS: Substitution = Substitution {
