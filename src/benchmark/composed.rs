@@ -1,4 +1,4 @@
-//! Forces without a name, drawn by composition: shapes of a place or of the speed, sums of them, products with the speed.
+//! Unnamed forces, drawn by composition: shapes of a place or of the speed, sums of them, products with the speed.
 //!
 //! Some are what a diagnosis may write down in closed form, some are not: it must not know which, nor how they are drawn.
 

@@ -313,7 +313,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn near_laws_become_the_vocabularys_far_from_what_makes_them_soft() {
+    fn misspecified_laws_become_the_vocabularys_far_from_what_makes_them_soft() {
         let mut rate = [0.0; 2];
         let here = |load_n| Here {
             t_s: 0.0,

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_decay_begins_at_the_turn_after_the_hull_was_let_go() {
+    fn a_decay_begins_at_the_turn_after_the_hull_was_released() {
         let rig = Rig::builtin("lshpi").unwrap();
         let (at_s, channel) = release_instant(&decay(), &rig).unwrap();
         // Half a period after it was released, pi / 2.2 s.

@@ -31,5 +31,6 @@ pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};
 pub use outcome::{
-    BlindSpot, CrossValidation, Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace,
+    CrossValidation, Estimate, Identification, NotIdentifiable, Residuals, RunSummary, SlotNoise,
+    Trace,
 };

@@ -68,7 +68,7 @@ pub struct Closed {
     pub left_out: Option<(Rms, Rms)>,
 }
 
-/// Writes down the forces without a name that a search found.
+/// Writes down the unnamed forces that a search found.
 pub fn closed(
     mut found: Found,
     options: Options,

@@ -24,7 +24,7 @@ const SHRUNK: usize = 3;
 
 /// A table beside a model.
 #[derive(Debug, Clone)]
-pub(super) struct TablePromise {
+pub(super) struct TableGain {
     /// Candidate.
     pub candidate: usize,
     /// Cells at which it is worth most.
@@ -62,7 +62,7 @@ impl Problem {
     }
 
     /// Tables beside a model, best first; no forces in DOFs in which only laws are asked.
-    pub(super) fn tables(&self, fit: &Fit, only_laws: &[bool; 6]) -> Vec<TablePromise> {
+    pub(super) fn tables(&self, fit: &Fit, only_laws: &[bool; 6]) -> Vec<TableGain> {
         let lacking = self.lacking(fit, LEFT);
         if self.lacking(fit, LEFT_OF_A_LAW).is_empty() {
             return Vec::new();
@@ -86,7 +86,7 @@ impl Problem {
         let number_prior = self.number_prior(&fit.terms);
         let mut equations = Equations::new(self, fit.point.len());
         let before = equations.restricted(&here, &fit.cells, &number_prior, &fit.point);
-        let mut made: Vec<TablePromise> = asked
+        let mut made: Vec<TableGain> = asked
             .into_par_iter()
             .filter_map(|candidate| {
                 let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
@@ -111,7 +111,7 @@ impl Problem {
                 let more =
                     0.5 * (point.len() - fit.point.len()) as f64 * std::f64::consts::TAU.ln();
                 let gain = before - after + more;
-                gain.is_finite().then_some(TablePromise {
+                gain.is_finite().then_some(TableGain {
                     candidate,
                     cells,
                     gain,

@@ -27,7 +27,7 @@ fn bump() -> PhysicsEntry {
 }
 
 #[test]
-fn a_force_without_a_name_is_written_down_and_predicts_twice_the_load() {
+fn an_unnamed_force_is_written_down_and_predicts_twice_the_load() {
     let rig = Rig::builtin("lshpi").unwrap();
     let mut water = rig.clone();
     water.vehicle.coefficients[0].linear *= 1.15;

@@ -27,6 +27,7 @@ mod simulate_light;
 mod simulate_reproducible;
 mod third_party;
 mod until_decided;
+mod words;
 
 #[path = "../support/http.rs"]
 mod http;

@@ -130,7 +130,7 @@ impl Judged<'_> {
         random.max(table.sum())
     }
 
-    /// Forces without a name that matter.
+    /// Unnamed forces that matter.
     pub fn unnamed(&self) -> Vec<Unexplained> {
         let dofs = self.found.problem.body.dofs.iter();
         let said = dofs.filter(|d| self.unnamed_in(**d) >= UNNAMED);

@@ -72,9 +72,9 @@ pub struct Judged<'a> {
     pub one_run_out: Option<Predicted>,
     /// What the likeliest model leaves, channel by channel.
     pub left: Vec<Left>,
-    /// Forces without a name that were written down.
+    /// Unnamed forces that were written down.
     pub closed: &'a [Closed],
-    /// Forces without a name that matter, and what is left that is no noise.
+    /// Unnamed forces that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
 

@@ -326,7 +326,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
     b.table(table);
 }
 
-/// Blind spots, next run, remarks.
+/// What is not identifiable, next run, remarks.
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {

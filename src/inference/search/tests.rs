@@ -150,7 +150,7 @@ fn bump() -> PhysicsEntry {
 
 /// Such a force was explained by whatever came nearest.
 #[test]
-fn a_force_without_a_name_is_a_table_and_no_effect() {
+fn an_unnamed_force_is_a_table_and_no_effect() {
     let (found, posterior) = short(&[0], vec![bump()], 6);
     let table = probability(&found, &posterior, "free_force surge x");
     assert!(table > 0.9, "{posterior:?}");

@@ -260,15 +260,15 @@ fn optimised(
     let mut best = from;
     for _ in 0..2 * data.options.effects {
         progress("light of the picture");
-        let promising = promised(&few, &best);
+        let gaining = gaining_starts(&few, &best);
         let mut moves: Vec<State> = Vec::new();
         if best.terms.len() < data.options.effects {
-            moves.extend(promising.iter().map(|p| added(&best.state, p)));
+            moves.extend(gaining.iter().map(|p| added(&best.state, p)));
         }
         for k in 0..best.terms.len() {
             let dropped = dropped(&best.state, k);
             moves.extend(
-                promising
+                gaining
                     .iter()
                     .take(data.options.swaps)
                     .map(|p| added(&dropped, p)),
@@ -306,8 +306,8 @@ fn dropped(state: &State, k: usize) -> State {
     state
 }
 
-/// What a few steps on a few samples gain from each candidate's starts: the best of each, most promising first.
-fn promised(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
+/// What a few steps on a few samples gain from each candidate's starts: the best of each, most gaining first.
+fn gaining_starts(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let in_use = |c: &LightCandidate| {
         best.terms
             .iter()
