@@ -37,6 +37,15 @@ fn too_long(text: &str) -> String {
     )
 }
 
+/// Reads a time as RFC 3339 in UTC, `2026-05-04T09:30:00Z`; seconds since 1970.
+pub fn time(text: &str) -> Result<u64, String> {
+    let at = humantime::parse_rfc3339_weak(text)
+        .map_err(|e| format!("{e}; write 2026-05-04T09:30:00Z (UTC)"))?;
+    at.duration_since(std::time::UNIX_EPOCH)
+        .map(|since| since.as_secs())
+        .map_err(|_| format!("'{text}' is before 1970"))
+}
+
 /// A length of time that is longer than nothing.
 pub fn some_duration(text: &str) -> Result<Duration, String> {
     match duration(text)? {
