@@ -539,7 +539,7 @@ fn print_report(log: &Path, out: &Path, report: &Report, comparable: bool) {
             degrees(s.sd_smoothed),
             degrees(s.sd_single),
             s.filled,
-            s.doubted,
+            s.downweighted,
             s.chi2
         );
     }

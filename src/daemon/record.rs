@@ -134,7 +134,7 @@ pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
     /// Fitted, but not to be used without a look at the frame (another hexagon, ambiguous, misfit): not in the log.
-    pub doubtful: u64,
+    pub flagged: u64,
     /// Frames without a pose, by reason.
     pub none: BTreeMap<&'static str, u64>,
     /// A newer stripe came before there was time to fit them; `replay` fits every one.
@@ -148,7 +148,7 @@ pub struct PoseCounts {
 impl PoseCounts {
     /// Frames that were fitted, with whatever came of it.
     pub fn looked_at(&self) -> u64 {
-        self.fitted + self.opening + self.doubtful + self.none.values().sum::<u64>()
+        self.fitted + self.opening + self.flagged + self.none.values().sum::<u64>()
     }
 
     /// Whether fewer than half of the frames looked at have a pose.
@@ -569,7 +569,7 @@ fn summary(
     put("source.restarts", counts.restarts.to_string());
     if let Some(poses) = poses {
         put("poses.fitted", poses.fitted.to_string());
-        put("poses.doubtful", poses.doubtful.to_string());
+        put("poses.doubtful", poses.flagged.to_string());
         put("poses.none", poses.none.values().sum::<u64>().to_string());
         for (reason, n) in &poses.none {
             put(&format!("poses.none.{reason}"), n.to_string());

@@ -24,7 +24,7 @@ use hydroline_log::{
     DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, MetadataMap, Record,
     SummaryInput, WriteSettings,
 };
-use hydroline_pose::joint::Ahead;
+use hydroline_pose::joint::Speculative;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
 use hydroline_rigs::Rig;
@@ -420,7 +420,7 @@ fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
 }
 
 /// A frame's stripe, and its pose fitted ahead.
-type Posed = (GreyImage, Profile, Ahead);
+type Posed = (GreyImage, Profile, Speculative);
 /// A frame's stripe: the message, and what its pose follows from.
 type Analysed = (StripeProfile, Option<Posed>);
 
@@ -428,8 +428,8 @@ type Analysed = (StripeProfile, Option<Posed>);
 fn posed(analyst: &mut Analyst, run: &PoseRun, frame: &Frame) -> Analysed {
     let (message, whole) = analyst.analyse_whole(frame);
     let posed = whole.map(|(image, profile)| {
-        let ahead = run.ahead(frame.meta.mid_exposure_ns, &image, &profile);
-        (image, profile, ahead)
+        let speculative = run.speculative(frame.meta.mid_exposure_ns, &image, &profile);
+        (image, profile, speculative)
     });
     (message, posed)
 }
@@ -619,11 +619,11 @@ impl Replay<'_> {
             self.report.poses += 1;
             return self.write_motion(log_ns, &motion);
         }
-        let (Some(run), Some((image, profile, ahead))) = (&mut self.run, pixels) else {
+        let (Some(run), Some((image, profile, speculative))) = (&mut self.run, pixels) else {
             return Ok(());
         };
         self.posed.insert(stamp_ns);
-        let why = match run.pose_ahead(stamp_ns, &image, &profile, ahead) {
+        let why = match run.pose_speculative(stamp_ns, &image, &profile, speculative) {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
                 self.gaps.pose(stamp_ns);
@@ -631,7 +631,7 @@ impl Replay<'_> {
                 self.still.motion(&motion);
                 return self.write_motion(log_ns, &motion);
             }
-            RunPose::Doubtful(fit) => fit.reasons(),
+            RunPose::Flagged(fit) => fit.reasons(),
             RunPose::None(fault) => fault.to_string(),
         };
         self.gaps.none(stamp_ns, &why);

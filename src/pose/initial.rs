@@ -4,7 +4,7 @@
 //! from a grid of starts all such places are found, mirror images and repetitions included. The
 //! grid lies fixed on the target, so a guess does not depend on the hint that picks it.
 
-use super::outline::{Edge, Outline, Surfaces, Top};
+use super::outline::{Edge, Outline, Surfaces, UpperFace};
 use super::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
@@ -49,7 +49,7 @@ pub fn level_pose(levels: &Levels, mounts: &Mounts, theta_rad: f64) -> Pose {
 
 /// All places where the steps fit, best first; empty without steps or where fewer than three are seen.
 pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Guess> {
-    let steps = steps_on_tops(levels, surfaces);
+    let steps = steps_on_faces(levels, surfaces);
     if steps.len() < 3 {
         return Vec::new();
     }
@@ -60,10 +60,10 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     let arm = |s: &Step| level * hydroline_calib::frames::plane_to_body(mounts, s.xi_m, s.eta_m);
     let steps: Vec<Seen<'_>> = steps
         .iter()
-        .map(|(step, top)| Seen {
+        .map(|(step, face)| Seen {
             arm: arm(step).xy(),
             to_starboard: step.to_starboard,
-            outline: &top.outline,
+            outline: &face.outline,
         })
         .collect();
     let [first_m, last_m] = surfaces.span_m;
@@ -84,7 +84,7 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 let mut both = found.iter().chain(&refused);
                 both.any(|g| joined(&g.pose, p))
             };
-            let Some(guess) = settle(pose, &steps, known) else {
+            let Some(guess) = converge(pose, &steps, known) else {
                 continue;
             };
             if guess.rms_m > MATCH_RMS_M {
@@ -117,9 +117,12 @@ struct Seen<'a> {
 }
 
 /// The steps with the tops that end there.
-fn steps_on_tops<'a>(levels: &'a Levels, surfaces: &'a Surfaces) -> Vec<(&'a Step, &'a Top)> {
-    let tops = &surfaces.tops;
-    let of = |s: &Step| tops.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6);
+fn steps_on_faces<'a>(
+    levels: &'a Levels,
+    surfaces: &'a Surfaces,
+) -> Vec<(&'a Step, &'a UpperFace)> {
+    let faces = &surfaces.faces;
+    let of = |s: &Step| faces.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6);
     levels
         .steps
         .iter()
@@ -136,7 +139,7 @@ fn joined(a: &Pose, b: &Pose) -> bool {
 
 /// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
 /// ends on the right side. `None` where there is no such place, or a `known` one.
-fn settle(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
+fn converge(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
     // Of each step the edge that it was last given to.
     let mut given = [None; STEPS_REMEMBERED];

@@ -68,21 +68,25 @@ impl Opening {
 
     /// What they say under what the rig states; `None` where they are too few and it states nothing.
     pub fn response(&self) -> Option<CameraResponse> {
-        let (beforehand, _) = self.run.fitter().beforehand();
-        let found = CameraResponse::of_opening_knowing(&self.seen, beforehand);
-        found.or_else(|| beforehand.is_stated().then(|| beforehand.response()))
+        let (response_prior, _) = self.run.fitter().response_prior();
+        let found = CameraResponse::of_opening_with_prior(&self.seen, response_prior);
+        found.or_else(|| {
+            response_prior
+                .is_stated()
+                .then(|| response_prior.response())
+        })
     }
 
     /// Where the rig states ln γ: what the frames alone say of it, and its sd.
     pub fn alone(&self) -> Option<[f64; 2]> {
-        let (beforehand, _) = self.run.fitter().beforehand();
-        let stated = beforehand.is_stated();
-        stated.then(|| CameraResponse::of_frames_alone(&self.seen, beforehand))?
+        let (response_prior, _) = self.run.fitter().response_prior();
+        let stated = response_prior.is_stated();
+        stated.then(|| CameraResponse::of_frames_alone(&self.seen, response_prior))?
     }
 
     /// Whether the rig states the camera's response.
     pub fn is_stated(&self) -> bool {
-        self.run.fitter().beforehand().0.is_stated()
+        self.run.fitter().response_prior().0.is_stated()
     }
 
     /// The run as it goes on from here.

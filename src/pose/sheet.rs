@@ -79,7 +79,7 @@ impl SheetTable {
     }
 
     /// The same rays seen from a turned body frame in which the sheet stands upright `l_laser_m` ahead.
-    pub(super) fn turned(&self, turn: &Rotation3<f64>, l_laser_m: f64) -> SheetTable {
+    pub(super) fn rotated(&self, turn: &Rotation3<f64>, l_laser_m: f64) -> SheetTable {
         let eye_m = turn * self.eye_m;
         let lever_m = l_laser_m - eye_m.x;
         let sights = self.sights_m.iter().map(|[y, z]| {

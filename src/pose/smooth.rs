@@ -72,7 +72,7 @@ pub struct Run {
     /// Strength of the unknown accelerations' walk per DOF: sd gained in one second \[m/s², rad/s²\].
     pub push_per_root_s: [f64; 6],
     /// Frames whose pose disagreed with its neighbours and counted less.
-    pub doubted: usize,
+    pub downweighted: usize,
     /// Squared innovation per measured number, mean over the run: 1 where covariances are honest.
     pub chi2: f64,
 }
@@ -157,7 +157,7 @@ pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, Smoo
         thickness_sd_m: last.map_or(0.0, |(_, p)| p[(THICKNESS, THICKNESS)].sqrt())
             * THICKNESS_UNIT_M,
         push_per_root_s: push,
-        doubted: passed.doubted,
+        downweighted: passed.downweighted,
         chi2: passed.chi2,
     })
 }

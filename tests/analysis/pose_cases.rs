@@ -62,7 +62,7 @@ struct Score {
     bound: [f64; 6],
     /// Error of the place across the vehicle's heading, rms \[mm\].
     across: f64,
-    edge_doubt: f64,
+    edge_model_error: f64,
     mean_chi2: f64,
     frames: usize,
     failed: usize,
@@ -115,7 +115,7 @@ fn score_of(images: &Path, name: &str, rig: &Rig, fitter: &PoseFitter) -> Score 
             brightness,
             thickness_m,
             background,
-            edge_doubt,
+            edge_model_error,
             ..
         } = match fit {
             Ok(fit) => fit,
@@ -156,7 +156,7 @@ fn score_of(images: &Path, name: &str, rig: &Rig, fitter: &PoseFitter) -> Score 
             }
             let (sin, cos) = truth.psi_rad.sin_cos();
             score.across += ((cos * errors[1] - sin * errors[0]) * 1e3).powi(2);
-            score.edge_doubt += edge_doubt * edge_doubt;
+            score.edge_model_error += edge_model_error * edge_model_error;
             score.mean_chi2 +=
                 squared_distance(&pose, &covariance, &truth, &rig.mounts).unwrap() / 6.0;
         }
@@ -167,7 +167,7 @@ fn score_of(images: &Path, name: &str, rig: &Rig, fitter: &PoseFitter) -> Score 
     let n = (score.frames - score.failed).max(1) as f64;
     let all = score.rms.iter_mut().chain(&mut score.mean_sd);
     let all = all.chain(&mut score.bound);
-    for v in all.chain([&mut score.across, &mut score.edge_doubt]) {
+    for v in all.chain([&mut score.across, &mut score.edge_model_error]) {
         *v = (*v / n).sqrt();
     }
     score.mean_chi2 /= n;
@@ -186,7 +186,7 @@ fn score_of(images: &Path, name: &str, rig: &Rig, fitter: &PoseFitter) -> Score 
         let of_bound: [f64; 6] = std::array::from_fn(|i| score.rms[i] / score.bound[i]);
         println!(
             "{name}: bound with the thickness free {:.4?}, rms / bound {of_bound:.2?}; across the heading {:.4} mm; edges' doubt {:.3}",
-            score.bound, score.across, score.edge_doubt
+            score.bound, score.across, score.edge_model_error
         );
     }
     score

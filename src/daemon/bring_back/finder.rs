@@ -87,7 +87,7 @@ impl Finder {
                     ..Hint::default()
                 };
                 let fit = self.fitter.fit(&image, &stripe, &hint).ok();
-                fit.filter(|fit| !fit.doubtful() && fit.measured[0])
+                fit.filter(|fit| !fit.is_flagged() && fit.measured[0])
             })
         });
         self.last_x_m = fit.as_ref().map(|fit| fit.pose.x_m);

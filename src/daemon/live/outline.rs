@@ -47,12 +47,12 @@ impl Scene {
             let line = pose.level_in_plane(&self.mounts, height_m)?;
             Some(line.eta_at_zero_m + line.slope * xi_m)
         };
-        for top in &self.surfaces.tops {
-            let eta_m = at(top.height_m)?;
+        for face in &self.surfaces.faces {
+            let eta_m = at(face.height_m)?;
             let body = frames::plane_to_body(&self.mounts, xi_m, eta_m);
             let tank = pose.body_to_tank(&body);
-            if top.outline.contains([tank.x, tank.y]) {
-                return Some((top.height_m, eta_m));
+            if face.outline.contains([tank.x, tank.y]) {
+                return Some((face.height_m, eta_m));
             }
         }
         Some((0.0, at(0.0)?))
@@ -95,7 +95,7 @@ impl Scene {
     /// Of stripe points in the laser plane \[m\]: the share that lies nearer to a top than to the floor, and the share
     /// that should. `None` without a target, or without points.
     pub fn on_target(&self, pose: &Pose, profile_m: &[(f64, f64)]) -> Option<(f64, f64)> {
-        let lowest_m = self.surfaces.tops.last()?.height_m;
+        let lowest_m = self.surfaces.faces.last()?.height_m;
         let floor = pose.level_in_plane(&self.mounts, 0.0)?;
         if profile_m.is_empty() {
             return None;

@@ -129,12 +129,12 @@ fn look(pending: &mut Vec<Frame>, follow: &mut PoseRun, options: &Options, sprea
         )
         .collect();
     for (frame, pixels) in pending.drain(..).zip(analysed) {
-        let Some((image, profile, ahead)) = pixels else {
+        let Some((image, profile, speculative)) = pixels else {
             continue;
         };
         let stamp_ns = frame.meta.mid_exposure_ns;
         let hint = follow.hint(stamp_ns);
-        follow.pose_ahead(stamp_ns, &image, &profile, ahead);
+        follow.pose_speculative(stamp_ns, &image, &profile, speculative);
         spread.take((image, profile, hint));
     }
 }

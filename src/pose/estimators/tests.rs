@@ -28,14 +28,14 @@ fn crossing(pose: &Pose) -> Crossing {
     let mounts = lshpi_rig().mounts;
     let surfaces = Surfaces::new(Some(&hexagon_target()));
     let edge = |height: f64, sign: f64| {
-        let top = surfaces
-            .tops
+        let face = surfaces
+            .faces
             .iter()
             .find(|t| (t.height_m - height).abs() < 1e-9)
             .unwrap();
         let inside = |xi: f64| {
             let p = pose.body_to_tank(&hydroline_calib::frames::plane_to_body(&mounts, xi, 0.0));
-            top.outline.contains([p.x, p.y])
+            face.outline.contains([p.x, p.y])
         };
         let (mut a, mut b) = (0.0, sign * 0.3);
         assert!(inside(a) && !inside(b));

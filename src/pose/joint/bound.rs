@@ -47,7 +47,7 @@ impl PoseFitter {
             information,
             ..Sums::default()
         };
-        self.know(&mut sums, &state);
+        self.add_priors(&mut sums, &state);
         covariances(&sums, &free, None).map(|[alone, _]| alone)
     }
 }

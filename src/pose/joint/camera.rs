@@ -5,12 +5,12 @@
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, State, TONE};
+use super::super::photometric::{ACROSS, BLACK, LINE, LineResiduals, OF_RUN, State, TONE};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-mod beforehand;
+mod response_prior;
 
-pub use beforehand::Beforehand;
+pub use response_prior::ResponsePrior;
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
@@ -95,7 +95,7 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 
 impl CameraResponse {
     /// What is not known of it; `None` where it is known for certain.
-    pub(super) fn doubt(&self) -> Option<&OfRun2> {
+    pub(super) fn considered(&self) -> Option<&OfRun2> {
         (self.covariance != OfRun2::zeros()).then_some(&self.covariance)
     }
 }
@@ -108,13 +108,13 @@ pub struct ResponseSeen {
     /// Information of the frame alone, all else free.
     pub information: OfRun2,
     /// What it leaves across the line.
-    pub left: Left,
+    pub line_residuals: LineResiduals,
 }
 
 impl CameraResponse {
     /// What some frames of a camera that nothing is stated of say together; `None` where they are fewer than three.
     pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
-        Self::of_opening_knowing(seen, &Beforehand::OF_CAMERAS)
+        Self::of_opening_with_prior(seen, &ResponsePrior::OF_CAMERAS)
     }
 
     /// What some frames say together, fitted under what is known beforehand; `None` where they are fewer than three.
@@ -123,33 +123,35 @@ impl CameraResponse {
     /// probability beforehand. The four that they make up have their evidence (Savage and Dickey: how likely the values of a
     /// simpler one were beforehand over how likely they are now), and what comes out is the mean of the likeliest and the
     /// spread of all about it. Where the rig states the camera's curve, only the line is asked whether it is simpler.
-    pub fn of_opening_knowing(
+    pub fn of_opening_with_prior(
         seen: &[ResponseSeen],
-        beforehand: &Beforehand,
+        response_prior: &ResponsePrior,
     ) -> Option<CameraResponse> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
         // Frames that differ by more than they say know less than they say (Birge 1932), and so does a line that the series
         // does not hold: what it leaves looks like a curve.
-        let prior = &beforehand.information;
-        let seen = &about(seen, &beforehand.mean);
+        let prior = &response_prior.information;
+        let seen = &about(seen, &response_prior.mean);
         let at_first = pooled(seen, prior, 1.0)?.0;
-        let left = seen
+        let line_residuals = seen
             .iter()
-            .fold(Left::default(), |left, frame| left.and(&frame.left));
-        let times = scatter(seen, prior, at_first).max(left.in_noise());
+            .fold(LineResiduals::default(), |line_residuals, frame| {
+                line_residuals.and(&frame.line_residuals)
+            });
+        let times = scatter(seen, prior, at_first).max(line_residuals.in_noise());
         let all = pooled(seen, prior, times)?;
-        let found: Vec<Simpler> = [[false, false], [true, false], [false, true], [true, true]]
+        let found: Vec<Hypothesis> = [[false, false], [true, false], [false, true], [true, true]]
             .into_iter()
-            .filter(|[straight, _]| !(*straight && beforehand.is_stated()))
-            .filter_map(|[straight, gaussian]| Simpler::of(&all, straight, gaussian))
+            .filter(|[straight, _]| !(*straight && response_prior.is_stated()))
+            .filter_map(|[straight, gaussian]| Hypothesis::of(&all, straight, gaussian))
             .collect();
         let best = found
             .iter()
             .map(|h| h.ln_evidence)
             .fold(f64::NEG_INFINITY, f64::max);
-        let weight = |h: &Simpler| (h.ln_evidence - best).exp();
+        let weight = |h: &Hypothesis| (h.ln_evidence - best).exp();
         let sum: f64 = found.iter().map(weight).sum();
         // Held at the likeliest of them: where a camera leaves light as it is and nothing speaks against it, its poses are those
         // of one that is known to. What the others say is in the covariance, which is about there.
@@ -163,29 +165,32 @@ impl CameraResponse {
         });
         // Its lower triangle is what a log keeps: replays are to have the same bits.
         let covariance = OfRun2::from_fn(|i, j| covariance[(i.max(j), i.min(j))]);
-        Some(beforehand.as_stated(mean + beforehand.mean, covariance))
+        Some(response_prior.as_stated(mean + response_prior.mean, covariance))
     }
 
     /// ln γ and its sd as frames alone say it that were fitted under what the rig states, at the black level that goes with
     /// it: what the statement is held against. `None` where they do not say it.
-    pub fn of_frames_alone(seen: &[ResponseSeen], beforehand: &Beforehand) -> Option<[f64; 2]> {
+    pub fn of_frames_alone(
+        seen: &[ResponseSeen],
+        response_prior: &ResponsePrior,
+    ) -> Option<[f64; 2]> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
-        let seen = &about(seen, &beforehand.mean);
-        let known = &beforehand.information;
-        let prior = &Beforehand::OF_CAMERAS.information;
+        let seen = &about(seen, &response_prior.mean);
+        let known = &response_prior.information;
+        let prior = &ResponsePrior::OF_CAMERAS.information;
         let (mut information, mut right) = (*prior, OfRun::zeros());
-        let mut left = Left::default();
+        let mut line_residuals = LineResiduals::default();
         for frame in seen {
             information += frame.information;
             // What the prior pulled at is not the frame's.
             right += (frame.information + known) * frame.mean;
-            left = left.and(&frame.left);
+            line_residuals = line_residuals.and(&frame.line_residuals);
         }
         let covariance = information.cholesky()?.inverse();
-        let times = left.in_noise().max(1.0);
-        let ln_gamma = (covariance * right)[0] + beforehand.mean[0];
+        let times = line_residuals.in_noise().max(1.0);
+        let ln_gamma = (covariance * right)[0] + response_prior.mean[0];
         Some([ln_gamma, (times * covariance[(0, 0)]).sqrt()])
     }
 }
@@ -200,15 +205,19 @@ fn about(seen: &[ResponseSeen], mean: &OfRun) -> Vec<ResponseSeen> {
 }
 
 /// What is known under a hypothesis by which some of it is zero.
-struct Simpler {
+struct Hypothesis {
     mean: OfRun,
     covariance: OfRun2,
     /// Of its probability, over that of the one by which nothing is.
     ln_evidence: f64,
 }
 
-impl Simpler {
-    fn of((mean, covariance): &(OfRun, OfRun2), straight: bool, gaussian: bool) -> Option<Simpler> {
+impl Hypothesis {
+    fn of(
+        (mean, covariance): &(OfRun, OfRun2),
+        straight: bool,
+        gaussian: bool,
+    ) -> Option<Hypothesis> {
         let zero: Vec<usize> = (0..OF_RUN)
             .filter(|k| {
                 if *k < 2 {
@@ -226,7 +235,7 @@ impl Simpler {
         let with = DMatrix::from_fn(OF_RUN, zero.len(), |i, j| covariance[(i, zero[j])]);
         let inverse = own.inverse();
         let gains = &with * &inverse;
-        let mut found = Simpler {
+        let mut found = Hypothesis {
             mean: mean - OfRun::from_iterator((&gains * &off).iter().copied()),
             covariance: covariance
                 - OfRun2::from_iterator((&gains * with.transpose()).iter().copied()),
@@ -294,7 +303,7 @@ mod tests {
         let seen = |tone: &f64| ResponseSeen {
             mean: of(*tone, black),
             information: OfRun2::from_diagonal(&of(1.0 / (sd * sd), 1.0)),
-            left: Left::default(),
+            line_residuals: LineResiduals::default(),
         };
         tones.iter().map(seen).collect()
     }

@@ -1,11 +1,11 @@
 //! Which of several places on the target a frame shows.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
+    Choice, Curve, EdgeModelError, PARAMETERS, Picture, Plan, State, TONE, Weighting,
 };
-use super::settle::{Settled, first_step, sane};
+use super::lm_loop::{Convergence, first_step, plausible};
 use super::solve::{equations, in_si};
-use super::valley::Valley;
+use super::weak_direction::WeakDirection;
 use super::{PoseCaveat, PoseFitter};
 use hydroline_stripe::Profile;
 
@@ -56,9 +56,9 @@ impl PoseFitter {
         held[4] = free[4] && tall;
         held[TONE..].fill(false);
         let (choice, tries) = if tall {
-            (TO_CHOOSE_TALL, (6, Settled::All(4e-4)))
+            (TO_CHOOSE_TALL, (6, Convergence::All(4e-4)))
         } else {
-            (TO_CHOOSE, (2, Settled::All(0.04)))
+            (TO_CHOOSE, (2, Convergence::All(0.04)))
         };
         let huber = Weighting {
             cut: 4.0,
@@ -69,18 +69,18 @@ impl PoseFitter {
         // is free: half the gradient's way (Gauss–Newton) below its own.
         let judged = |start: State| {
             let plan = self.model.plan(&start, choice);
-            let none = &mut Doubts::default();
+            let none = &mut EdgeModelError::default();
             let mut sums = self
                 .model
                 .compare(&plan, picture, &start, &huber, none, true);
-            self.know(&mut sums, &start);
-            let valley = Valley::new(&start.pose, &self.mounts);
-            let equations = equations(&sums, &valley);
+            self.add_priors(&mut sums, &start);
+            let weak_direction = WeakDirection::new(&start.pose, &self.mounts);
+            let equations = equations(&sums, &weak_direction);
             let step = first_step(&equations, &held);
             let gain = step.map_or(0.0, |s| -0.5 * s.dot(&equations.gradient));
             // The way there is known: it need not be found again, unless it is far.
-            let next = step.map_or(start, |s| valley.moved(&start, &in_si(&s)));
-            let near = sane(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
+            let next = step.map_or(start, |s| weak_direction.moved(&start, &in_si(&s)));
+            let near = plausible(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
             let start = if near { next } else { start };
             let least = 0.1 * sums.cost;
             let pixels = sums.tally.pixels.max(1) as f64;
@@ -98,8 +98,8 @@ impl PoseFitter {
         let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
             .filter_map(|(_, start, plan)| {
-                let none = &mut Doubts::default();
-                let (state, _) = self.settle(
+                let none = &mut EdgeModelError::default();
+                let (state, _) = self.converge(
                     &self.model,
                     &plan,
                     picture,

@@ -92,23 +92,23 @@ impl PoseFitter {
 
     /// Whether a line without a step is longer than any on a top of the target.
     fn is_floor(&self, levels: &Levels) -> Result<(), PoseFault> {
-        let tops = &self.model.surfaces.tops;
-        if tops.is_empty() {
+        let faces = &self.model.surfaces.faces;
+        if faces.is_empty() {
             return Ok(());
         }
-        let widest_m = tops
+        let widest_m = faces
             .iter()
-            .fold(0.0_f64, |w, top| w.max(top.outline.width_m()));
-        let top_m = widest_m / AWRY_RAD.cos();
+            .fold(0.0_f64, |w, face| w.max(face.outline.width_m()));
+        let face_m = widest_m / AWRY_RAD.cos();
         let ends = levels.segments.iter().flat_map(|s| s.xi_m);
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
         });
         let line_m = (high - low).max(0.0);
-        if line_m > top_m {
+        if line_m > face_m {
             Ok(())
         } else {
-            Err(PoseFault::FloorOrTop { line_m, top_m })
+            Err(PoseFault::FloorOrFace { line_m, face_m })
         }
     }
 
@@ -209,7 +209,7 @@ impl PoseFitter {
 
     /// Whether the tops lie so far apart in height that edges alone show θ.
     pub(super) fn tall(&self) -> bool {
-        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
+        let heights = || self.model.surfaces.faces.iter().map(|t| t.height_m);
         heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M
     }
 }
@@ -266,10 +266,11 @@ mod tests {
         let fitter = |rig: &Rig| PoseFitter::new(rig, Arc::new(IdealMap::of(rig)));
         // The board is 0.30 m wide; across it at 45 deg lie 0.42 m.
         assert!(fitter(&rig).is_floor(&line(0.25)).is_ok());
-        let Err(PoseFault::FloorOrTop { line_m, top_m }) = fitter(&rig).is_floor(&line(0.2)) else {
+        let Err(PoseFault::FloorOrFace { line_m, face_m }) = fitter(&rig).is_floor(&line(0.2))
+        else {
             panic!("0.4 m lie on the board");
         };
-        assert!((line_m - 0.4).abs() < 1e-12 && (top_m - 0.3 * 2f64.sqrt()).abs() < 1e-9);
+        assert!((line_m - 0.4).abs() < 1e-12 && (face_m - 0.3 * 2f64.sqrt()).abs() < 1e-9);
         rig.target = None;
         assert!(fitter(&rig).is_floor(&line(0.01)).is_ok());
     }

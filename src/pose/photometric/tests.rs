@@ -1,8 +1,8 @@
 //! The closed form against the renderer, and its derivatives against differences of itself.
 
 use super::plan::groups;
-use super::sums::BULK;
-use super::turned::Turned;
+use super::pose_geometry::PoseGeometry;
+use super::sums::INTERIOR;
 use super::*;
 use hydroline_calib::IdealMap;
 use hydroline_sim::fixture::lshpi_rig;
@@ -41,7 +41,7 @@ fn state(x_m: f64) -> State {
 }
 
 /// Of a line that is skew and flat-topped, times a factor.
-fn bent(x_m: f64, times: f64) -> State {
+fn non_gaussian(x_m: f64, times: f64) -> State {
     State {
         across: [0.03, -0.03, 0.01, 0.004, 1e-3, 2e-4, 3e-5, 1e-5].map(|c| times * c),
         ..state(x_m)
@@ -70,10 +70,10 @@ fn at_row_sharing(
     row: usize,
     grid_share: f64,
 ) -> Option<Light> {
-    let turned = Turned::new(&state.pose, &model.surfaces);
+    let geometry = PoseGeometry::new(&state.pose, &model.surfaces);
     let mut found = None;
     model.each_row(
-        &turned,
+        &geometry,
         plan,
         state,
         strips,
@@ -101,7 +101,7 @@ fn derivatives_are_those_of_the_light_with_blur_on_the_pixel_grid() {
 
 fn compare_derivatives(grid_share: f64, within: f64) {
     let model = model();
-    let at = bent(0.13, 1.0);
+    let at = non_gaussian(0.13, 1.0);
     let plan = model.plan(&at, Choice::ALL);
     let steps = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-7];
     let of_line = (LINE..LOCAL).map(|k| (k, 1e-4));
@@ -172,7 +172,7 @@ fn light_is_the_renderers() {
 fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
     compare_strips(state(0.13), 1e-5);
     // A bent line changes faster along the rows.
-    compare_strips(bent(0.13, LITTLE), 1e-4);
+    compare_strips(non_gaussian(0.13, LITTLE), 1e-4);
 }
 
 fn compare_strips(at: State, within: f64) {
@@ -191,7 +191,7 @@ fn compare_strips(at: State, within: f64) {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        curve: Curve::Estimated,
         even: false,
     };
     let mut plan = model.plan(&at, Choice::ALL);
@@ -205,7 +205,7 @@ fn compare_strips(at: State, within: f64) {
         &Picture::plain(&picture, 254),
         &at,
         &weighting,
-        &mut Doubts::default(),
+        &mut EdgeModelError::default(),
         true,
     );
     let mut counter = Counter::new(&weighting, Tables::get(), &at);
@@ -216,7 +216,7 @@ fn compare_strips(at: State, within: f64) {
             let light = at_row(&model, &plan, &at, strips, row).unwrap();
             let grey = picture[row * model.table.width_px + strips[0].column];
             let judged = counter
-                .bulk::<true>(
+                .interior::<true>(
                     grey,
                     light.level,
                     counter.background(at.background, row),
@@ -239,8 +239,8 @@ fn compare_strips(at: State, within: f64) {
         fast.cost,
         slow.cost
     );
-    for a in BULK {
-        for b in BULK {
+    for a in INTERIOR {
+        for b in INTERIOR {
             let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
             let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
             // Half a per cent of the information is a quarter of a per cent of an sd.
@@ -255,13 +255,13 @@ fn compare_strips(at: State, within: f64) {
 /// What is the run's is doubted in some columns only: what that says of all else is what all columns say, to a twentieth of
 /// what the two can have in common.
 #[test]
-fn some_columns_say_what_a_doubt_makes_of_all_else() {
+fn considered_parameters_need_only_some_columns() {
     let model = model();
     let rig = lshpi_rig();
     let renderer = Renderer::new(&rig).unwrap();
     let at = State {
         background: rig.camera.noise.ambient,
-        ..bent(0.13, LITTLE)
+        ..non_gaussian(0.13, LITTLE)
     };
     let picture = renderer.render(&Pose6::from(at.pose.to_array()), 1).0;
     let plan = model.plan(&at, Choice::ALL);
@@ -280,11 +280,11 @@ fn some_columns_say_what_a_doubt_makes_of_all_else() {
             picture,
             &at,
             &weighting,
-            &mut Doubts::default(),
+            &mut EdgeModelError::default(),
             true,
         )
     };
-    let (some, all) = (sums(Curve::Doubted), sums(Curve::Sought));
+    let (some, all) = (sums(Curve::Considered), sums(Curve::Estimated));
     for a in (0..TONE).chain(LOCAL..PARAMETERS) {
         for b in 0..PARAMETERS {
             let size = (all.information[(a, a)] * all.information[(b, b)]).sqrt();
@@ -305,7 +305,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        curve: Curve::Estimated,
         even: false,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
@@ -317,7 +317,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
     {
         let at = State {
             background: rig.camera.noise.ambient,
-            ..bent(x_m, LITTLE)
+            ..non_gaussian(x_m, LITTLE)
         };
         let truth = Pose6::from(state(x_m + 2e-4).pose.to_array());
         let picture = renderer.render(&truth, 1).0;
@@ -326,29 +326,29 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         slow.strips.iter_mut().for_each(|s| s.simple = false);
         let sums = |plan: &Plan| {
             let picture = &Picture::plain(&picture, 254);
-            let compare = |doubts: &mut Doubts, derivatives| {
-                model.compare(plan, picture, &at, &weighting, doubts, derivatives)
+            let compare = |model_error: &mut EdgeModelError, derivatives| {
+                model.compare(plan, picture, &at, &weighting, model_error, derivatives)
             };
-            let seen = compare(&mut Doubts::default(), false);
-            let mut doubts = Doubts::alike(&seen.edges, 0.03);
-            doubts.grid_share = grid_share;
-            let once = compare(&mut doubts, true);
-            let again = compare(&mut doubts, true);
+            let seen = compare(&mut EdgeModelError::default(), false);
+            let mut model_error = EdgeModelError::alike(&seen.edges, 0.03);
+            model_error.grid_share = grid_share;
+            let once = compare(&mut model_error, true);
+            let again = compare(&mut model_error, true);
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
             again
         };
         let (fast, slow) = (sums(&plan), sums(&slow));
-        let (mut torn, mut simple) = (0, 0);
+        let (mut cut, mut simple) = (0, 0);
         for group in groups(&plan.strips).filter(|g| g.iter().any(Strip::cut)) {
-            torn += 1;
+            cut += 1;
             simple += usize::from(group.iter().all(|s| s.simple));
         }
-        println!("x {x_m}: {simple} of {torn} groups are simple");
+        println!("x {x_m}: {simple} of {cut} groups are simple");
         // Upright corners (widest points) go the slow way.
         let flank = x_m == 0.13;
         assert!(
-            !flank || 10 * simple > 9 * torn,
-            "x {x_m}: {simple} of {torn}"
+            !flank || 10 * simple > 9 * cut,
+            "x {x_m}: {simple} of {cut}"
         );
         assert_eq!(fast.tally.pixels, slow.tally.pixels);
         assert!(
@@ -381,7 +381,7 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        curve: Curve::Estimated,
         even: false,
     };
     let renderer = Renderer::new(&rig).unwrap();
@@ -400,13 +400,14 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         let grid: Vec<u8> = light.iter().map(|v| v.round() as u8).collect();
         let looked = |picture: &[u8]| {
             let picture = &Picture::plain(picture, 254);
-            let compare =
-                |doubts: &mut Doubts| model.compare(&plan, picture, &at, &weighting, doubts, false);
-            let seen = compare(&mut Doubts::default());
+            let compare = |model_error: &mut EdgeModelError| {
+                model.compare(&plan, picture, &at, &weighting, model_error, false)
+            };
+            let seen = compare(&mut EdgeModelError::default());
             let share = seen.edges.grid_share(weighting.noise_sd);
             // What is found explains what the edges left over.
-            let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-            let again = compare(&mut doubts);
+            let mut model_error = EdgeModelError::found(&seen.edges, weighting.noise_sd);
+            let again = compare(&mut model_error);
             let cost = |s: &Sums| s.cost;
             (
                 share,
@@ -438,7 +439,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         cut: 1e3,
         redescending: false,
         response: Response::new([at, 0.0], 255),
-        curve: Curve::Sought,
+        curve: Curve::Estimated,
         even: false,
     };
     let (dark, lamp) = (14.0, 6.0);
@@ -456,7 +457,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         let background = counter.background(state.background, 1);
         let mut tally = counter.sums.tally;
         counter
-            .bulk::<true>(shown, laser, background, &mut tally)
+            .interior::<true>(shown, laser, background, &mut tally)
             .unwrap()
     };
     let lights: Vec<f64> = (0..700).map(|k| 60.0 + 0.2 * f64::from(k)).collect();

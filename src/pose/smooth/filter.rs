@@ -16,7 +16,7 @@ const START_PUSH: f64 = 0.2;
 /// Sd of the thickness before any frame, in its unit: 0.5 mm.
 const START_THICKNESS: f64 = 5.0;
 /// Squared innovation per number from which a frame counts less: one in 10⁵ of six honest ones.
-const DOUBT_CHI2: f64 = 32.0;
+const DOWNWEIGHT_CHI2: f64 = 32.0;
 
 /// A run passed through forwards.
 pub(super) struct Passed {
@@ -24,7 +24,7 @@ pub(super) struct Passed {
     pub after: Vec<(State, Square)>,
     /// Before each frame but the first: prediction, covariance, derivative of the step.
     pub before: Vec<(State, Square, Square)>,
-    pub doubted: usize,
+    pub downweighted: usize,
     pub chi2: f64,
     /// −2 log likelihood of the innovations, up to a constant.
     pub unlikelihood: f64,
@@ -51,19 +51,19 @@ fn start(frames: &[MeasuredFrame]) -> (State, Square) {
     (x, p)
 }
 
-/// Forwards with unknown accelerations that gain `push` per root second. `doubting`: frames that
+/// Forwards with unknown accelerations that gain `push` per root second. `robust`: frames that
 /// disagree grossly count less.
 pub(super) fn forwards(
     frames: &[MeasuredFrame],
     dynamics: &Dynamics,
     push: &[f64; 6],
-    doubting: bool,
+    robust: bool,
 ) -> Result<Passed, SmoothError> {
     let (mut x, mut p) = start(frames);
     let mut out = Passed {
         after: Vec::with_capacity(frames.len()),
         before: Vec::with_capacity(frames.len()),
-        doubted: 0,
+        downweighted: 0,
         chi2: 0.0,
         unlikelihood: 0.0,
     };
@@ -82,9 +82,9 @@ pub(super) fn forwards(
         if let Some(update) = Update::of(seen, &x, &p) {
             let mut scale = 1.0;
             let per_number = update.chi2 / update.n as f64;
-            if doubting && frame > 0 && per_number > DOUBT_CHI2 / 6.0 {
-                scale = per_number / (DOUBT_CHI2 / 6.0);
-                out.doubted += 1;
+            if robust && frame > 0 && per_number > DOWNWEIGHT_CHI2 / 6.0 {
+                scale = per_number / (DOWNWEIGHT_CHI2 / 6.0);
+                out.downweighted += 1;
             }
             if frame > 0 {
                 out.chi2 += update.chi2 / scale;

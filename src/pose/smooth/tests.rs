@@ -136,7 +136,7 @@ fn a_gross_error_does_not_bend_the_run() {
         m.values[0] += 0.2;
     }
     let run = smooth(&frames, &dynamics()).unwrap();
-    assert!(run.doubted >= 1);
+    assert!(run.downweighted >= 1);
     assert!((run.frames[30].eta[0] - truth[30][0]).abs() < 2e-3);
 }
 

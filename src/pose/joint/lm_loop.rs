@@ -1,13 +1,13 @@
 //! Steps of a fit, until it has settled.
 
 use super::super::photometric::{
-    BACKGROUND, BLACK, BRIGHTNESS, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric,
-    Picture, Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
+    BACKGROUND, BLACK, BRIGHTNESS, Column, EdgeModelError, LOCAL, PARAMETERS, PRIOR_SD,
+    Photometric, Picture, Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
 };
 use super::PoseFitter;
 use super::camera;
 use super::solve::{equations, in_si, squared_decrement};
-use super::valley::Valley;
+use super::weak_direction::WeakDirection;
 use hydroline_numerics::cholesky::Scaling;
 use hydroline_numerics::least_squares::{
     Damping, Ended, LeastSquares, Normal, Options, damped_step, minimise,
@@ -41,11 +41,11 @@ const STEPS: Options = Options {
 
 /// The squared way to go, in sds, from which one more step is enough without looking at it again.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Settled {
+pub(super) enum Convergence {
     /// In all that is free.
     All(f64),
     /// In what the light bends with, all that it is linear in following.
-    Bending(f64),
+    Nonlinear(f64),
 }
 
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
@@ -71,7 +71,7 @@ impl PoseFitter {
     /// The fit of the free parameters, in so many steps at most and so near to the end: the state, and the sums that near to
     /// it.
     #[allow(clippy::too_many_arguments)]
-    pub(super) fn settle(
+    pub(super) fn converge(
         &self,
         model: &Photometric,
         plan: &Plan,
@@ -79,8 +79,8 @@ impl PoseFitter {
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
-        doubts: &mut Doubts,
-        (iterations, settled): (usize, Settled),
+        model_error: &mut EdgeModelError,
+        (iterations, converged): (usize, Convergence),
     ) -> Option<(State, Sums)> {
         let mut frame = Frame {
             fitter: self,
@@ -89,11 +89,11 @@ impl PoseFitter {
             picture,
             free,
             weighting,
-            doubts,
-            linear_too: matches!(settled, Settled::All(_)),
+            model_error,
+            linear_too: matches!(converged, Convergence::All(_)),
             here: None,
         };
-        let (Settled::All(enough) | Settled::Bending(enough)) = settled;
+        let (Convergence::All(enough) | Convergence::Nonlinear(enough)) = converged;
         let options = Options {
             trials_max: iterations,
             decrement_enough: enough,
@@ -105,7 +105,7 @@ impl PoseFitter {
     }
 
     /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
-    pub(super) fn know(&self, sums: &mut Sums, state: &State) {
+    pub(super) fn add_priors(&self, sums: &mut Sums, state: &State) {
         let mut weigh = |k: usize, off: f64, weight: f64| {
             sums.information[(k, k)] += weight;
             sums.gradient[k] += weight * off;
@@ -114,7 +114,7 @@ impl PoseFitter {
         for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
             weigh(LOCAL + k, -found, 1.0 / (sd * sd));
         }
-        let known = &self.beforehand;
+        let known = &self.response_prior;
         let off = known.mean - camera::of_run(state);
         for (k, off) in off.iter().enumerate() {
             weigh(TONE + k, *off, known.information[(k, k)]);
@@ -158,11 +158,11 @@ struct Frame<'a> {
     picture: &'a Picture<'a>,
     free: &'a [bool; PARAMETERS],
     weighting: &'a Weighting,
-    doubts: &'a mut Doubts,
+    model_error: &'a mut EdgeModelError,
     /// Whether what the light is linear in counts for the way that is left.
     linear_too: bool,
     /// Where the last linearisation was made: its valley, and how much longer than said steps are.
-    here: Option<(Valley, f64)>,
+    here: Option<(WeakDirection, f64)>,
 }
 
 impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
@@ -172,8 +172,15 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
 
     fn cost(&mut self, state: &State, sums: &mut Sums) -> Option<f64> {
         let (model, picture) = (self.model, self.picture);
-        *sums = model.compare(self.plan, picture, state, self.weighting, self.doubts, true);
-        self.fitter.know(sums, state);
+        *sums = model.compare(
+            self.plan,
+            picture,
+            state,
+            self.weighting,
+            self.model_error,
+            true,
+        );
+        self.fitter.add_priors(sums, state);
         Some(sums.cost)
     }
 
@@ -187,9 +194,9 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
         state: &State,
         sums: &Sums,
     ) -> Result<Normal<Const<PARAMETERS>>, Infallible> {
-        let valley = Valley::new(&state.pose, &self.fitter.mounts);
-        let equations = equations(sums, &valley);
-        self.here = Some((valley, stride(sums)));
+        let weak_direction = WeakDirection::new(&state.pose, &self.fitter.mounts);
+        let equations = equations(sums, &weak_direction);
+        self.here = Some((weak_direction, stride(sums)));
         Ok(equations)
     }
 
@@ -211,9 +218,9 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
     }
 
     fn moved(&self, state: &State, step: &Column) -> Option<State> {
-        let (valley, stride) = self.here.as_ref()?;
-        let next = valley.moved(state, &(in_si(step) * *stride));
-        sane(&next).then_some(next)
+        let (weak_direction, stride) = self.here.as_ref()?;
+        let next = weak_direction.moved(state, &(in_si(step) * *stride));
+        plausible(&next).then_some(next)
     }
 }
 
@@ -230,7 +237,7 @@ fn stride(sums: &Sums) -> f64 {
 }
 
 /// A state that a sheet and a camera can have.
-pub(super) fn sane(state: &State) -> bool {
+pub(super) fn plausible(state: &State) -> bool {
     let p = &state.pose;
     state.pose.to_array().iter().all(|v| v.is_finite())
         && p.phi_rad.abs() < 0.7

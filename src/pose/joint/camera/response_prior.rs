@@ -9,7 +9,7 @@ const CERTAIN_SD: [f64; 2] = [1e-4, 0.01];
 
 /// Mean and covariance before any frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Beforehand {
+pub struct ResponsePrior {
     /// What is held before a frame is looked at.
     pub(in super::super) mean: OfRun,
     /// Inverse of the covariance.
@@ -19,9 +19,9 @@ pub struct Beforehand {
     stated: Option<bool>,
 }
 
-impl Beforehand {
+impl ResponsePrior {
     /// What cameras and lines are like.
-    pub const OF_CAMERAS: Beforehand = {
+    pub const OF_CAMERAS: ResponsePrior = {
         let (mut variances, mut weights) = ([0.0; OF_RUN], [0.0; OF_RUN]);
         let mut k = 0;
         while k < OF_RUN {
@@ -29,7 +29,7 @@ impl Beforehand {
             weights[k] = 1.0 / variances[k];
             k += 1;
         }
-        Beforehand {
+        ResponsePrior {
             mean: of_constants([0.0; OF_RUN]),
             information: diagonal(weights),
             covariance: diagonal(variances),
@@ -38,8 +38,8 @@ impl Beforehand {
     };
 
     /// What a rig states of its camera; of the rest what cameras and lines are like.
-    pub fn of_rig(stated: Option<&StatedResponse>) -> Beforehand {
-        let mut of = Beforehand::OF_CAMERAS;
+    pub fn of_rig(stated: Option<&StatedResponse>) -> ResponsePrior {
+        let mut of = ResponsePrior::OF_CAMERAS;
         let Some(stated) = stated else {
             return of;
         };

@@ -13,7 +13,7 @@ use hydroline_stripe::Profile;
 
 /// A frame fitted ahead of its turn.
 #[derive(Debug, Clone)]
-pub struct Ahead {
+pub struct Speculative {
     hint: Hint,
     levels: Result<(Levels, Vec<Guess>), PoseFault>,
     starts: Result<Starts, PoseFault>,
@@ -22,7 +22,7 @@ pub struct Ahead {
 
 impl PoseFitter {
     /// Fits a frame with the hint that is at hand.
-    pub fn ahead(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Ahead {
+    pub fn speculative(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Speculative {
         let levels = self.levels(image, profile).map(|levels| {
             let all = initial::guesses(&levels, &self.model.surfaces, &self.mounts);
             (levels, all)
@@ -34,7 +34,7 @@ impl PoseFitter {
         let pose = starts
             .clone()
             .and_then(|starts| self.fit_from(image, profile, starts, hint));
-        Ahead {
+        Speculative {
             hint: *hint,
             levels,
             starts,
@@ -46,17 +46,17 @@ impl PoseFitter {
     ///
     /// # Errors
     /// [`PoseFault`] says why there is none.
-    pub fn fit_ahead(
+    pub fn fit_speculative(
         &self,
         image: &GreyImage,
         profile: &Profile,
-        ahead: Ahead,
+        speculative: Speculative,
         hint: &Hint,
     ) -> Result<JointPose, PoseFault> {
-        let (levels, all) = ahead.levels?;
+        let (levels, all) = speculative.levels?;
         let starts = self.starts(image, profile, &levels, &all, hint)?;
-        if ahead.hint.held == hint.held && ahead.starts.as_ref() == Ok(&starts) {
-            return ahead.pose;
+        if speculative.hint.held == hint.held && speculative.starts.as_ref() == Ok(&starts) {
+            return speculative.pose;
         }
         self.fit_from(image, profile, starts, hint)
     }

@@ -10,22 +10,22 @@
 //! What the edges show alike, blur that is formed on the pixel grid ([`super::grid`]), is found first.
 
 /// Pixels with this much light torn by an edge say how good the edge is \[grey levels\].
-const TORN: f64 = 20.0;
+const EDGE_LIGHT_LEAST: f64 = 20.0;
 /// What is thought beforehand of the share of blur that is formed on the pixel grid.
 const GRID_SHARE_SD: f64 = 0.5;
 /// Residuals beyond this share of the torn light are particles, not edges.
 const EXCESS_MOST: f64 = 0.15;
 /// Least and greatest doubt: what is found from some hundred pixels is uncertain itself. The least
 /// is that of an edge that lies off by a hundredth of a pixel.
-const DOUBT_RANGE: [f64; 2] = [0.005, 0.1];
+const MODEL_ERROR_RANGE: [f64; 2] = [0.005, 0.1];
 
 /// What an edge cuts of a pixel's light.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Torn {
+pub(super) struct EdgeLight {
     /// All of a pixel's light where it is cut in half \[grey levels\].
     pub light: f64,
     /// What more light there would be if all blur were formed on the pixel grid \[grey levels\].
-    pub bent: f64,
+    pub by_grid: f64,
 }
 
 /// Weights of the covariance of pixels one and two rows apart (Newey and West 1987, two lags).
@@ -34,13 +34,13 @@ const BY_LAG: [f64; 2] = [2.0 / 3.0, 1.0 / 3.0];
 /// One edge of one top.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct EdgeName {
-    pub top: u16,
+    pub face: u16,
     pub edge: u16,
 }
 
 /// Doubts of a frame's edges, and of its pixels.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Doubts {
+pub(crate) struct EdgeModelError {
     /// `None`: not looked for yet.
     edges: Option<Vec<(EdgeName, f64)>>,
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
@@ -50,32 +50,32 @@ pub(crate) struct Doubts {
     pub(super) grid_share: f64,
 }
 
-impl Doubts {
+impl EdgeModelError {
     /// Of the edges as their pixels have shown them: none better than all of them together are,
     /// since a few pixels may look good by chance.
-    pub fn found(sums: &EdgesSeen, noise_sd: f64) -> Doubts {
-        Doubts::of_edges(&sums.edges, sums, noise_sd)
+    pub fn found(sums: &EdgesSeen, noise_sd: f64) -> EdgeModelError {
+        EdgeModelError::of_edges(&sums.edges, sums, noise_sd)
     }
 
     /// The same with each pixel taken to be off by itself: while the geometry of the sheet is still sought, pixels of an
     /// edge are off together because of the geometry, and that is what is to be seen, not doubted.
-    pub fn found_apart(sums: &EdgesSeen, noise_sd: f64) -> Doubts {
+    pub fn found_apart(sums: &EdgesSeen, noise_sd: f64) -> EdgeModelError {
         let apart = sums.edges.iter().map(|e| EdgeSums {
             along: [0.0; 3],
             ..e.clone()
         });
-        Doubts::of_edges(&apart.collect::<Vec<_>>(), sums, noise_sd)
+        EdgeModelError::of_edges(&apart.collect::<Vec<_>>(), sums, noise_sd)
     }
 
-    fn of_edges(edges: &[EdgeSums], sums: &EdgesSeen, noise_sd: f64) -> Doubts {
+    fn of_edges(edges: &[EdgeSums], sums: &EdgesSeen, noise_sd: f64) -> EdgeModelError {
         let grid_share = sums.grid_share(noise_sd);
         let more = grid_share - sums.grid_share;
-        let all = all(edges).doubt(noise_sd, more);
-        Doubts {
+        let all = all(edges).model_error_sd(noise_sd, more);
+        EdgeModelError {
             edges: Some(
                 edges
                     .iter()
-                    .map(|e| (e.name, e.doubt(noise_sd, more).max(all)))
+                    .map(|e| (e.name, e.model_error_sd(noise_sd, more).max(all)))
                     .collect(),
             ),
             of_pixels: Vec::new(),
@@ -85,9 +85,14 @@ impl Doubts {
 
     /// All edges alike.
     #[cfg(test)]
-    pub fn alike(sums: &EdgesSeen, doubt: f64) -> Doubts {
-        Doubts {
-            edges: Some(sums.edges.iter().map(|e| (e.name, doubt)).collect()),
+    pub fn alike(sums: &EdgesSeen, model_error_sd: f64) -> EdgeModelError {
+        EdgeModelError {
+            edges: Some(
+                sums.edges
+                    .iter()
+                    .map(|e| (e.name, model_error_sd))
+                    .collect(),
+            ),
             of_pixels: Vec::new(),
             grid_share: sums.grid_share,
         }
@@ -101,7 +106,7 @@ impl Doubts {
     pub(super) fn of(&self, name: EdgeName) -> Option<f64> {
         let edges = self.edges.as_ref()?;
         let found = edges.iter().find(|(n, _)| *n == name);
-        Some(found.map_or(DOUBT_RANGE[0], |(_, q)| *q))
+        Some(found.map_or(MODEL_ERROR_RANGE[0], |(_, q)| *q))
     }
 }
 
@@ -115,9 +120,9 @@ pub(crate) struct EdgesSeen {
 
 impl EdgesSeen {
     /// Doubt of all edges taken together.
-    pub fn doubt(&self, noise_sd: f64) -> f64 {
+    pub fn model_error_sd(&self, noise_sd: f64) -> f64 {
         let more = self.grid_share(noise_sd) - self.grid_share;
-        all(&self.edges).doubt(noise_sd, more)
+        all(&self.edges).model_error_sd(noise_sd, more)
     }
 
     /// Share of the blur that is formed on the pixel grid, by least squares of what the edges' pixels leave
@@ -126,8 +131,8 @@ impl EdgesSeen {
     /// where κ has the shape of a narrower spread; to the pose the two are then the same.
     pub fn grid_share(&self, noise_sd: f64) -> f64 {
         let all = all(&self.edges);
-        let known = all.bent2 + (noise_sd / GRID_SHARE_SD).powi(2);
-        (self.grid_share * (all.bent2 / known) + all.by_bent / known).clamp(0.0, 1.0)
+        let known = all.by_grid2 + (noise_sd / GRID_SHARE_SD).powi(2);
+        (self.grid_share * (all.by_grid2 / known) + all.residual_by_grid / known).clamp(0.0, 1.0)
     }
 }
 
@@ -137,8 +142,8 @@ fn all(edges: &[EdgeSums]) -> EdgeSums {
     for e in edges {
         all.square += e.square;
         all.light2 += e.light2;
-        all.by_bent += e.by_bent;
-        all.bent2 += e.bent2;
+        all.residual_by_grid += e.residual_by_grid;
+        all.by_grid2 += e.by_grid2;
         for (a, b) in all.along.iter_mut().zip(e.along) {
             *a += b;
         }
@@ -155,8 +160,8 @@ pub(super) struct EdgeSums {
     square: f64,
     light2: f64,
     /// Residuals by what grid blur would add, and the square of that.
-    by_bent: f64,
-    bent2: f64,
+    residual_by_grid: f64,
+    by_grid2: f64,
     /// Σ w (rᵢ rⱼ, rᵢ bⱼ + bᵢ rⱼ, bᵢ bⱼ) over pixels one and two rows apart: r residual, b what grid blur would add.
     along: [f64; 3],
     /// The last pixels of the column, the nearest first.
@@ -184,22 +189,22 @@ impl EdgeSums {
 
     /// Counts a pixel of which so much light is torn, one row after the last one.
     #[inline]
-    pub fn see(&mut self, torn: Torn, residual: f64, noise_sd: f64) {
-        let light = torn.light;
-        if light > TORN && residual.abs() < EXCESS_MOST * light + 4.0 * noise_sd {
+    pub fn see(&mut self, edge_light: EdgeLight, residual: f64, noise_sd: f64) {
+        let light = edge_light.light;
+        if light > EDGE_LIGHT_LEAST && residual.abs() < EXCESS_MOST * light + 4.0 * noise_sd {
             self.square += residual * residual;
             self.light2 += light * light;
-            self.by_bent += torn.bent * residual;
-            self.bent2 += torn.bent * torn.bent;
+            self.residual_by_grid += edge_light.by_grid * residual;
+            self.by_grid2 += edge_light.by_grid * edge_light.by_grid;
             self.count += 1;
             for (before, weight) in self.before.iter().zip(BY_LAG) {
                 if let Some([r, b]) = before {
                     self.along[0] += weight * r * residual;
-                    self.along[1] += weight * (r * torn.bent + b * residual);
-                    self.along[2] += weight * b * torn.bent;
+                    self.along[1] += weight * (r * edge_light.by_grid + b * residual);
+                    self.along[2] += weight * b * edge_light.by_grid;
                 }
             }
-            self.before = [Some([residual, torn.bent]), self.before[0]];
+            self.before = [Some([residual, edge_light.by_grid]), self.before[0]];
         } else {
             self.skip();
         }
@@ -207,17 +212,17 @@ impl EdgeSums {
 
     /// Standard deviation of pixels beyond their noise, as a share of the light of a pixel cut in half,
     /// once so much more of the blur is taken to be formed on the pixel grid.
-    fn doubt(&self, noise_sd: f64, more: f64) -> f64 {
-        let square = self.square - more * (2.0 * self.by_bent - more * self.bent2);
-        let [residuals, mixed, bent] = self.along;
-        let along = residuals - more * (mixed - more * bent);
+    fn model_error_sd(&self, noise_sd: f64, more: f64) -> f64 {
+        let square = self.square - more * (2.0 * self.residual_by_grid - more * self.by_grid2);
+        let [residuals, mixed, by_grid] = self.along;
+        let along = residuals - more * (mixed - more * by_grid);
         let excess = square - self.count as f64 * noise_sd * noise_sd + 2.0 * along.max(0.0);
         let found = if self.light2 > 0.0 {
             (excess / self.light2).max(0.0).sqrt()
         } else {
             0.0
         };
-        found.clamp(DOUBT_RANGE[0], DOUBT_RANGE[1])
+        found.clamp(MODEL_ERROR_RANGE[0], MODEL_ERROR_RANGE[1])
     }
 }
 
@@ -225,16 +230,16 @@ impl EdgeSums {
 mod tests {
     use super::*;
 
-    fn doubt(residuals: &[Option<f64>], columns: usize) -> f64 {
+    fn model_error_sd(residuals: &[Option<f64>], columns: usize) -> f64 {
         let mut sums = EdgeSums::default();
         for _ in 0..columns {
             sums.next_column();
             for r in residuals {
                 match r {
                     Some(r) => sums.see(
-                        Torn {
+                        EdgeLight {
                             light: 100.0,
-                            bent: 0.0,
+                            by_grid: 0.0,
                         },
                         *r,
                         1.0,
@@ -243,29 +248,36 @@ mod tests {
                 }
             }
         }
-        sums.doubt(1.0, 0.0)
+        sums.model_error_sd(1.0, 0.0)
     }
 
     #[test]
-    fn pixels_that_are_off_together_are_doubted_more() {
+    fn correlated_residuals_raise_the_model_error() {
         let same = [Some(3.0); 6];
         let turns = [3.0, -3.0, 3.0, -3.0, 3.0, -3.0].map(Some);
         // Σr² − n, and by two lags Σ w rᵢrⱼ twice: 54 − 6, + 2·9·(5·2/3 + 4/3).
         let light2: f64 = 6.0 * 1e4;
-        assert!((doubt(&turns, 1) - (48.0 / light2).sqrt()).abs() < 1e-12);
-        assert!((doubt(&same, 1) - ((48.0 + 84.0) / light2).sqrt()).abs() < 1e-12);
+        assert!((model_error_sd(&turns, 1) - (48.0 / light2).sqrt()).abs() < 1e-12);
+        assert!((model_error_sd(&same, 1) - ((48.0 + 84.0) / light2).sqrt()).abs() < 1e-12);
         // Another column is another matter, and so are pixels three rows apart.
-        assert!((doubt(&[Some(3.0)], 6) - (48.0 / light2).sqrt()).abs() < 1e-12);
+        assert!((model_error_sd(&[Some(3.0)], 6) - (48.0 / light2).sqrt()).abs() < 1e-12);
         let apart = [Some(3.0), None, None, Some(3.0)];
-        assert!((doubt(&apart, 3) - (48.0 / light2).sqrt()).abs() < 1e-12);
+        assert!((model_error_sd(&apart, 3) - (48.0 / light2).sqrt()).abs() < 1e-12);
     }
 
     #[test]
-    fn blur_on_the_grid_is_not_doubt() {
+    fn blur_on_the_grid_is_not_model_error() {
         let mut sums = EdgeSums::default();
         for k in 0..40 {
-            let bent = 8.0 * f64::from(k).sin();
-            sums.see(Torn { light: 100.0, bent }, 0.7 * bent, 1.0);
+            let by_grid = 8.0 * f64::from(k).sin();
+            sums.see(
+                EdgeLight {
+                    light: 100.0,
+                    by_grid,
+                },
+                0.7 * by_grid,
+                1.0,
+            );
         }
         let seen = EdgesSeen {
             edges: vec![sums],
@@ -274,7 +286,7 @@ mod tests {
         // 0.2 was taken already: 0.9, drawn a little to zero.
         let found = seen.grid_share(1.0);
         assert!((found - 0.9).abs() < 0.01, "{found}");
-        assert_eq!(seen.doubt(1.0), DOUBT_RANGE[0]);
-        assert!(Doubts::found(&seen, 1.0).grid_share == found);
+        assert_eq!(seen.model_error_sd(1.0), MODEL_ERROR_RANGE[0]);
+        assert!(EdgeModelError::found(&seen, 1.0).grid_share == found);
     }
 }

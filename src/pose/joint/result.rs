@@ -75,7 +75,7 @@ pub struct JointPose {
     /// Share of pixels set aside.
     pub rejected: f64,
     /// Doubt of the edges' pixels as found, share of a pixel cut in half.
-    pub edge_doubt: f64,
+    pub edge_model_error: f64,
     /// Pixels compared.
     pub pixels: usize,
     /// What to mind.
@@ -84,7 +84,7 @@ pub struct JointPose {
 
 impl JointPose {
     /// Whether a caveat says that the pose should not be used without looking.
-    pub fn doubtful(&self) -> bool {
+    pub fn is_flagged(&self) -> bool {
         [
             PoseCaveat::WhichHexagon,
             PoseCaveat::Ambiguous,
@@ -103,7 +103,7 @@ impl JointPose {
             words.push(format!(
                 "{:.0} % of the pixels set aside, edges leave {:.2} of the light that they cut",
                 100.0 * self.rejected,
-                self.edge_doubt
+                self.edge_model_error
             ));
             words.push(self.light.to_string());
         }
@@ -141,13 +141,13 @@ pub enum PoseFault {
     },
     /// A flat line that may lie on the floor, or on one of the target's tops.
     #[error(
-        "a flat line of {line_m:.2} m without an edge: floor, or one of the target's tops, on which up to {top_m:.2} m may lie; z is not known"
+        "a flat line of {line_m:.2} m without an edge: floor, or one of the target's tops, on which up to {face_m:.2} m may lie; z is not known"
     )]
-    FloorOrTop {
+    FloorOrFace {
         /// Its length \[m\].
         line_m: f64,
         /// Longest line on a top \[m\].
-        top_m: f64,
+        face_m: f64,
     },
     /// None near the hint.
     #[error(
@@ -172,7 +172,7 @@ pub enum PoseFault {
     },
     /// The fit went astray.
     #[error("the fit of the pose did not settle")]
-    Unsettled,
+    NotConverged,
 }
 
 fn glare(light: &LightSeen) -> String {
