@@ -1,6 +1,6 @@
 //! First guesses of the pose: where on the target the measured steps can be.
 //!
-//! z and φ follow from the lines at θ = 0. x, y and ψ put every step on an edge of its own top;
+//! z and φ follow from the lines at θ = 0. x, y and ψ put every step on an edge of its own upper face;
 //! from a grid of starts all such places are found, mirror images and repetitions included. The
 //! grid lies fixed on the target, so a guess does not depend on the hint that picks it.
 
@@ -29,7 +29,7 @@ const JOINED: f64 = 0.1;
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guess {
-    /// Pose, with θ = 0 unless tops far apart in height show it.
+    /// Pose, with θ = 0 unless upper faces far apart in height show it.
     pub pose: Pose,
     /// Distance of the steps from the edges they were given to, rms \[m\].
     pub rms_m: f64,
@@ -109,14 +109,14 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     found
 }
 
-/// A step as a start with ψ = 0 sees it: the way to it from the CG over the ground, and the top that ends there.
+/// A step as a start with ψ = 0 sees it: the way to it from the CG over the ground, and the upper face that ends there.
 struct Seen<'a> {
     arm: Vector2<f64>,
     to_starboard: bool,
     outline: &'a Outline,
 }
 
-/// The steps with the tops that end there.
+/// The steps with the upper faces that end there.
 fn steps_on_faces<'a>(
     levels: &'a Levels,
     surfaces: &'a Surfaces,
@@ -137,14 +137,14 @@ fn joined(a: &Pose, b: &Pose) -> bool {
         && (a.psi_rad - b.psi_rad).abs() < JOINED * SAME_RAD
 }
 
-/// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
+/// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its upper face that
 /// ends on the right side. `None` where there is no such place, or a `known` one.
 fn converge(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
     // Of each step the edge that it was last given to.
     let mut given = [None; STEPS_REMEMBERED];
     for _ in 0..8 {
-        // To starboard of a step the top ends: the inward normal looks to port, −Y turned by ψ.
+        // To starboard of a step the upper face ends: the inward normal looks to port, −Y rotated by ψ.
         let (sin, cos) = pose.psi_rad.sin_cos();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
@@ -218,7 +218,7 @@ fn nearest_facing(
     (first < outline.edges.len()).then_some((least, first))
 }
 
-/// Whether the middle of each segment lies on a top of that height.
+/// Whether the middle of each segment lies on an upper face of that height.
 fn agrees(pose: &Pose, levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> bool {
     let (mut right, mut all) = (0.0, 0.0);
     let (rotation, position_m) = (pose.body_to_tank_rotation(), pose.position_m());

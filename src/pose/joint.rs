@@ -48,9 +48,9 @@ const THETA_SHOWN_RAD: f64 = 0.01;
 /// Edges that leave more than this of the light that they cut are not where the target has them: edges of frames that the
 /// model holds for leave 0.01 to 0.03, those of a pose one edge off 0.1 and more.
 const EDGES_OFF: f64 = 0.06;
-/// Below this other places need not be asked.
+/// Below this other places need not be tried.
 const EDGES_SOUND: f64 = 0.035;
-/// Places on the target that are fitted to the end before it is said that none holds.
+/// Places on the target that are fitted to convergence before all are rejected.
 const PLACES_MOST: usize = 4;
 
 /// From here on the brightest levels of eight bits are clipped, whatever the camera \[grey levels\].
@@ -90,7 +90,7 @@ pub struct PoseFitter {
     sheet: Sheet,
     /// The camera's response; `None`: each frame's own unknown.
     camera: Option<CameraResponse>,
-    /// What is known of it before a frame is looked at.
+    /// Its prior.
     response_prior: ResponsePrior,
     /// Level from which a pixel counts as clipped.
     ceiling: u8,
@@ -129,7 +129,7 @@ impl PoseFitter {
         }
     }
 
-    /// The same with the camera's response each frame's own unknown: each then says what it knows of it.
+    /// The same with the camera's response each frame's own unknown: each then gives its own estimate of it.
     pub fn with_response_open(&self) -> PoseFitter {
         PoseFitter {
             camera: None,
@@ -137,7 +137,7 @@ impl PoseFitter {
         }
     }
 
-    /// What is known of the camera's response before a frame is looked at, and the level from which on it clips light.
+    /// The prior of the camera's response, and the level from which on it clips light.
     pub fn response_prior(&self) -> (&ResponsePrior, u8) {
         (&self.response_prior, self.ceiling)
     }
@@ -183,7 +183,7 @@ impl PoseFitter {
     /// The pose of a frame.
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
+    /// [`PoseFault`]: why there is none.
     pub fn fit(
         &self,
         image: &GreyImage,
@@ -197,7 +197,7 @@ impl PoseFitter {
     /// The pose of a frame whose stripe is already sorted.
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
+    /// [`PoseFault`]: why there is none.
     pub fn fit_levels(
         &self,
         image: &GreyImage,

@@ -1,4 +1,4 @@
-//! The target as the stripe meets it: flat tops with straight edges, in the tank frame.
+//! The target as the stripe meets it: flat upper faces with straight edges, in the tank frame.
 
 use hydroline_calib::map::Region;
 use hydroline_rigs::{Slab, SlabOutline, Target};
@@ -135,7 +135,7 @@ impl Outline {
     }
 }
 
-/// A flat top.
+/// A flat upper face.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UpperFace {
     /// Height above the floor \[m\].
@@ -149,7 +149,7 @@ pub struct UpperFace {
 /// Floor and target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surfaces {
-    /// Tops, highest first; the floor (height 0, everywhere) is not among them.
+    /// Upper faces, highest first; the floor (height 0, everywhere) is not among them.
     pub faces: Vec<UpperFace>,
     /// Distance along X after which the target looks the same \[m\]; `None` where it never does.
     pub period_m: Option<f64>,

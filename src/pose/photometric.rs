@@ -1,8 +1,8 @@
 //! The grey levels along the stripe as a closed form of the pose, with derivatives.
 //!
-//! A pixel's ray meets the top at height h at the body point e + t d (e = camera, d = from it to
+//! A pixel's ray meets the upper face at height h at the body point e + t d (e = camera, d = from it to
 //! the pixel's sheet point, t = 1 in the sheet), s = (l_laser − e_x)(t − 1) before the sheet. It
-//! is lit by A exp(−s²/2σ²) where that point lies on the top and in sight. Under a Gaussian point
+//! is lit by A exp(−s²/2σ²) where that point lies on the upper face and in sight. Under a Gaussian point
 //! spread (blur and the pixel's own box, variance b² per axis) s and the distance e from an edge
 //! are jointly normal about their values at the pixel's centre, so that with S² = σ² + b²|∇s|²
 //!
@@ -130,7 +130,7 @@ pub(super) struct Photometric {
     /// Variance of point spread and pixel box per axis \[px²\].
     spread_px2: f64,
     tan_half_fan: f64,
-    /// How edges look where the blur is formed on the pixel grid.
+    /// Edge response where the blur is formed on the pixel grid.
     grid: Arc<Grid>,
 }
 
@@ -502,7 +502,7 @@ struct Light {
     j: [f64; LOCAL],
     /// What more of it there would be if all blur were formed on the pixel grid.
     by_grid: f64,
-    /// How much of it hangs on edges.
+    /// How much of it depends on edges and corners.
     sensitivity: Sensitivity,
 }
 

@@ -78,13 +78,13 @@ impl PoseRun {
         self.judged(stamp_ns, fit)
     }
 
-    /// Fits a frame that lies ahead, beside others.
+    /// Fits a frame before its turn, in parallel with others.
     pub fn speculative(&self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> Speculative {
         self.fitter
             .speculative(image, profile, &self.hint(stamp_ns))
     }
 
-    /// The pose of a frame that was fitted ahead: the same bits as [`Self::pose`].
+    /// The pose of a frame that was fitted speculatively: the same bits as [`Self::pose`].
     pub fn pose_speculative(
         &mut self,
         stamp_ns: u64,
@@ -107,7 +107,7 @@ impl PoseRun {
         }
     }
 
-    /// Whether a pose may be used, and what it says of the next ones.
+    /// Whether a pose may be used; it is then the hint of the next ones.
     fn judged(&mut self, stamp_ns: u64, fit: Result<JointPose, PoseFault>) -> RunPose {
         let (hint_m, open_m) = self.expected(stamp_ns);
         let mut fit = match fit {

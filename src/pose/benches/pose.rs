@@ -19,7 +19,7 @@ fn main() {
     divan::main();
 }
 
-/// On a flank, at a widest point, and at a joint, where four places have to be told apart.
+/// On a flank, at a widest point, and at a joint, where four places have to be distinguished.
 const PLACES_M: [f64; 3] = [-0.115, -0.17, -0.0622];
 
 struct Case {

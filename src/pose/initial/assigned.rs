@@ -1,9 +1,9 @@
-//! Places on a target whose tops lie far apart in height, pitch among what is looked for.
+//! Places on a target whose upper faces lie far apart in height, pitch among what is looked for.
 //!
-//! There a degree of pitch moves the steps of one top against those of the other by millimetres:
+//! There a degree of pitch moves the steps of one upper face against those of the other by millimetres:
 //! with θ = 0 the right place may fit worse than wrong ones. So every step is given to every
-//! edge that it can lie on, and x, y, ψ and θ are solved for each such assignment; which of them
-//! it is, is for the image to say. An assignment's solution depends on nothing but itself.
+//! edge that it can lie on, and x, y, ψ and θ are solved for each such assignment; the image
+//! decides which of them it is. An assignment's solution depends on nothing but itself.
 
 use super::{GRID_PSI_RAD, GRID_X_M, Guess, agrees, level_pose};
 use crate::outline::{Edge, Surfaces, UpperFace};
@@ -59,7 +59,7 @@ pub(crate) fn guesses(
             found.push(guess);
         }
     }
-    // Small pitch first: among places that the steps tell apart by nothing else.
+    // Small pitch first: nothing else distinguishes places that fit the steps equally well.
     found.sort_by(|a, b| a.pose.theta_rad.abs().total_cmp(&b.pose.theta_rad.abs()));
     found
 }
@@ -108,7 +108,7 @@ fn assignments(
     all
 }
 
-/// Edges of a top that look to where a step does, near its X.
+/// Edges of an upper face that look to where a step does, near its X.
 fn edges_near(step: &Step, face: &UpperFace, p: [f64; 2], psi_rad: f64) -> Vec<u16> {
     let sign = if step.to_starboard { 1.0 } else { -1.0 };
     let side = [sign * psi_rad.sin(), -sign * psi_rad.cos()];

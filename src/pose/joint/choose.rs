@@ -11,13 +11,13 @@ use hydroline_stripe::Profile;
 
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
-/// Places are told apart, and a pose is first settled, on some of the columns.
+/// Places are distinguished, and a pose is first fitted, on some of the columns.
 const TO_CHOOSE: Choice = Choice {
     step: 7,
     keep: 3,
     room_m: 0.003,
 };
-/// Tops far apart in height offer many places that differ little.
+/// Upper faces far apart in height offer many places that differ little.
 const TO_CHOOSE_TALL: Choice = Choice {
     step: 3,
     keep: 4,
@@ -29,7 +29,7 @@ const ELSEWHERE_M: f64 = 0.002;
 const BEHIND: f64 = 3.0;
 
 impl PoseFitter {
-    /// Settles every start a little: the places that they come to, the likeliest first.
+    /// A few steps of the fit from every start: the places that they come to, the likeliest first.
     pub(super) fn choose(
         &self,
         picture: &Picture<'_>,
@@ -49,7 +49,7 @@ impl PoseFitter {
             curve: Curve::Known,
             even: true,
         };
-        // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
+        // θ is fitted later, and does not distinguish flanks; unless the upper faces are so far apart in
         // height that a degree moves their edges by millimetres against each other.
         let tall = self.tall();
         let mut held = *free;
@@ -89,7 +89,7 @@ impl PoseFitter {
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
-        // guesses: those that do not fall far behind are settled a little before they are compared.
+        // guesses: those that do not fall far behind make a few steps before they are compared.
         let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {

@@ -28,12 +28,12 @@ const CLIPPED_LINE: f64 = 0.3;
 const PLANS: usize = 4;
 /// The same where the camera's curve is sought too.
 const PLANS_OPEN: usize = 12;
-/// The squared way to go, in sds, from which one more step is enough without looking at it again. What a
-/// step of n sds leaves is the bend of the light over it, found to be n²/60 sds: of three sds a
-/// seventh at most, by which the estimate scatters a hundredth more. The edges' doubts and the
+/// The squared Newton decrement, in sds, below which one more step is taken unchecked. What a
+/// step of n sds leaves is the nonlinearity of the light over it, found to be n²/60 sds: of three sds a
+/// seventh at most, by which the estimate scatters a hundredth more. The edges' model error and the
 /// covariance are those of before that step.
 const CONVERGED: f64 = 9.0;
-/// What is only a start for the next fit, of other pixels, need not come nearer than these pixels say.
+/// What is only a start for the next fit, of other pixels, need not be better than these pixels determine it.
 const NEARLY: f64 = 100.0;
 const APPROACHED: f64 = 100.0;
 /// Where the noise is known well enough to go on with.
@@ -56,7 +56,7 @@ const TO_FINISH: Choice = Choice {
     ..Choice::ALL
 };
 
-/// Whether the camera's curve has changed by more between two states.
+/// Whether the camera's curve has changed by more than this between two states.
 fn response_changed(a: &State, b: &State, [tone, black]: [f64; 2]) -> bool {
     // Without a curve the black level is one with the background, and moves nothing.
     let curved = (1.0 - b.tone.exp()).abs();
@@ -134,7 +134,7 @@ impl PoseFitter {
         };
         let rejected = sums.tally.rejected as f64
             / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
-        // Relative to the frame's own dark noise the residual says whether the model holds at all.
+        // Relative to the frame's own dark noise the residual shows whether the model holds at all.
         let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
         let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let light = LightSeen::of(picture, &state);
@@ -175,7 +175,7 @@ impl PoseFitter {
         })
     }
 
-    /// What a frame says of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
+    /// A frame's estimate of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
     /// along the line that looks like a curve of a few hundredths of ln γ.
     fn response_seen(
         &self,

@@ -1,4 +1,4 @@
-//! Steps of a fit, until it has settled.
+//! Levenberg–Marquardt steps of a fit, until it has converged.
 
 use super::super::photometric::{
     BACKGROUND, BLACK, BRIGHTNESS, Column, EdgeModelError, LOCAL, PARAMETERS, PRIOR_SD,
@@ -17,7 +17,7 @@ use std::convert::Infallible;
 
 /// How a frame's fit steps.
 ///
-/// Starts are within millimetres and the valley's coordinates are nearly straight, so the first step is an
+/// Starts are within millimetres and the model is nearly linear in [`WeakDirection`]'s coordinates, so the first step is an
 /// undamped one but for rounding (1e-9). A comparison of a frame is dear and few steps are rejected: where one is,
 /// something is far off, and damping rises by 30, after a state that no sheet and camera can have by 100. Pixels come
 /// and go with the edges: a cost higher by 1e-7 of itself is no rise. The unknowns come in units of their size.
@@ -39,12 +39,12 @@ const STEPS: Options = Options {
     ..Options::DEFAULT
 };
 
-/// The squared way to go, in sds, from which one more step is enough without looking at it again.
+/// The squared Newton decrement, in sds, below which one more step is taken unchecked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Convergence {
     /// In all that is free.
     All(f64),
-    /// In what the light bends with, all that it is linear in following.
+    /// In what the light is nonlinear in, the linear unknowns eliminated.
     Nonlinear(f64),
 }
 
@@ -64,7 +64,7 @@ const LINEAR: [usize; 2 + UNEVEN] = {
     linear
 };
 
-/// No step is longer than the weights say by more than this.
+/// Most by which a step is longer than the weights imply.
 const STRIDE_MOST: f64 = 1.5;
 
 impl PoseFitter {
@@ -104,7 +104,7 @@ impl PoseFitter {
         solved.then_some((found.at, found.evaluated))
     }
 
-    /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
+    /// Adds the priors of light and camera, and what the run has shown of the sheet's thickness.
     pub(super) fn add_priors(&self, sums: &mut Sums, state: &State) {
         let mut weigh = |k: usize, off: f64, weight: f64| {
             sums.information[(k, k)] += weight;
@@ -126,7 +126,7 @@ impl PoseFitter {
                 1.0 / (sd_m * sd_m),
             );
         }
-        // Where the rig states γ and b, it knows one by the other.
+        // Where the rig states γ and b, their errors are correlated.
         let both = known.information[(0, 1)];
         if both != 0.0 {
             sums.information[(TONE, BLACK)] += both;
@@ -159,9 +159,9 @@ struct Frame<'a> {
     free: &'a [bool; PARAMETERS],
     weighting: &'a Weighting,
     model_error: &'a mut EdgeModelError,
-    /// Whether what the light is linear in counts for the way that is left.
+    /// Whether what the light is linear in counts in the decrement.
     linear_too: bool,
-    /// Where the last linearisation was made: its valley, and how much longer than said steps are.
+    /// Coordinates of the last linearisation, and the factor by which steps are lengthened.
     here: Option<(WeakDirection, f64)>,
 }
 
@@ -203,12 +203,12 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
     fn left(&self, normal: &Normal<Const<PARAMETERS>>) -> Option<f64> {
         let free = |k: &usize| self.free[*k];
         let linear = LINEAR.into_iter().filter(free);
-        let bending = (0..PARAMETERS).filter(|k| free(k) && !LINEAR.contains(k));
-        squared_decrement(normal, linear, bending).map(|[linear, bending]| {
+        let nonlinear = (0..PARAMETERS).filter(|k| free(k) && !LINEAR.contains(k));
+        squared_decrement(normal, linear, nonlinear).map(|[linear, nonlinear]| {
             if self.linear_too {
-                linear + bending
+                linear + nonlinear
             } else {
-                bending
+                nonlinear
             }
         })
     }
@@ -224,9 +224,9 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
     }
 }
 
-/// By how much a step is longer than the weights say: they fall as a residual grows, so that its pull
+/// By how much a step is longer than the weights imply: they fall as a residual grows, so that its pull
 /// changes by less than its weight (Tukey's at 6 noise sds: 0.84 instead of 0.95). A step as long as the
-/// weights say stops an eighth short of its goal.
+/// weights imply stops an eighth short of its goal.
 fn stride(sums: &Sums) -> f64 {
     let found = sums.tally.weights / sums.tally.slopes;
     if found.is_finite() {

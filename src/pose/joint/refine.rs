@@ -6,7 +6,7 @@
 //! alone), and the sum over the frames is brought to its minimum by Newton's method with central
 //! differences. The inverse of its second derivatives is the geometry's covariance.
 //!
-//! Seen from a body frame turned so that its x axis is the sheet's normal, a tilted sheet is an
+//! Seen from a body frame rotated so that its x axis is the sheet's normal, a tilted sheet is an
 //! upright one in front of a camera that sits and looks otherwise: nothing else changes.
 //!
 //! [`PoseFitter::refined`] then fits single frames under it.
@@ -39,7 +39,7 @@ pub const FRAMES_MIN: usize = 3;
 /// Differences by which a geometry is tried at first \[rad\], \[rad\], \[m\].
 const TRIED: [f64; 3] = [5e-4, 5e-4, 2e-6];
 const ITERATIONS: usize = 8;
-/// Way to go, squared, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
+/// Squared Newton decrement, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
 const FRAME_CONVERGED: f64 = 1e-3;
 const FRAME_ITERATIONS: usize = 12;
 /// Half of the columns without edges; the poses move little.
@@ -89,11 +89,11 @@ pub struct Geometry {
 /// Refined geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// What was asked for.
+    /// What was wanted.
     pub wanted: Wanted,
-    /// As found; what was not asked for is as the rig has it.
+    /// As found; what was not wanted is as the rig has it.
     pub geometry: Geometry,
-    /// Covariance of the two tilts and the thickness \[rad², m²\]; zero where not asked for.
+    /// Covariance of the two tilts and the thickness \[rad², m²\]; zero where not wanted.
     pub covariance: Matrix3<f64>,
     /// Mean brightness of the line \[grey levels\], and its standard deviation from frame to frame.
     pub brightness: [f64; 2],
@@ -112,7 +112,7 @@ pub enum RefineError {
     },
     /// Newton.
     #[error(
-        "the frames do not settle on a geometry: do they show the target, and does the vehicle move over it?"
+        "the frames do not converge to a geometry: do they show the target, and does the vehicle move over it?"
     )]
     NotConverged,
     /// Far off.
@@ -147,7 +147,7 @@ impl Geometry {
     }
 }
 
-/// The body's pose from that of the turned frame, or back with the inverse.
+/// The body's pose from that of the rotated frame, or back with the inverse.
 fn rotated(pose: &Pose, turn: &Rotation3<f64>) -> Pose {
     let rotation = Rotation3::from_matrix_unchecked(pose.body_to_tank_rotation()) * turn;
     let (phi_rad, theta_rad, psi_rad) = rotation.euler_angles();
@@ -174,7 +174,7 @@ struct Step {
 }
 
 /// Refines the geometry over frames of a run, each with its hint. A frame that has no pose under some
-/// geometry on the way is left out.
+/// geometry on the way is discarded.
 ///
 /// # Errors
 /// [`RefineError`].
@@ -228,7 +228,7 @@ pub fn refine(
         if !nearly {
             return Err(RefineError::Tilted);
         }
-        // Differences of a few sds next: wider ones see the cost's bends, narrower ones its noise.
+        // Differences of a few sds next: wider ones see the cost's higher derivatives, narrower ones its noise.
         for (i, tried) in tried.iter_mut().enumerate() {
             if !axes[i] {
                 continue;
@@ -255,7 +255,7 @@ fn enough(own: &[Own]) -> Result<(), RefineError> {
     Ok(())
 }
 
-/// What was asked for and what was found.
+/// What was wanted and what was found.
 struct Found {
     wanted: Wanted,
     geometry: Geometry,
@@ -290,7 +290,7 @@ fn finished(found: Found, own: &[Own], frames: usize) -> Refined {
 }
 
 /// One Newton step from a geometry along some of its axes; the frames' states are brought to it, and
-/// frames that cannot be are left out.
+/// frames that cannot be are discarded.
 fn newton(
     fitter: &PoseFitter,
     frames: &[(GreyImage, Profile, Hint)],
@@ -340,7 +340,7 @@ fn newton(
         let tried = places.iter().zip(&sums).find(|(place, _)| **place == by);
         tried.map_or(0.0, |(_, sum)| sum - sums[0])
     };
-    // In units of what is tried; an axis that is not asked for has a bend of one and stays.
+    // In units of what is tried; an axis that is not wanted has a second derivative of one and stays.
     let along = |i: usize, sign: f64| {
         let mut by = [0.0; 3];
         by[i] = sign;
@@ -427,7 +427,7 @@ impl PoseFitter {
             .seen_by(Arc::new(geometry.table(&self.model.table)))
     }
 
-    /// Least cost of a frame under each geometry, with the pixels, their noise and the edges' doubts of
+    /// Least cost of a frame under each geometry, with the pixels, their noise and the edges' model error of
     /// the first, to which the frame's state is brought.
     fn costs(
         &self,

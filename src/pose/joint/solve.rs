@@ -35,7 +35,7 @@ fn sized(information: &Square) -> Square {
     Square::from_fn(|i, j| information[(i, j)] * SIZES[i] * SIZES[j])
 }
 
-/// The normal equations of a frame in the coordinates of its valley, in units of the parameters' sizes.
+/// The normal equations of a frame in [`WeakDirection`]'s coordinates, in units of the parameters' sizes.
 pub(super) fn equations(sums: &Sums, weak_direction: &WeakDirection) -> Normal<Const<PARAMETERS>> {
     let (information, gradient) = weak_direction.transformed(sums);
     Normal {
@@ -91,7 +91,7 @@ pub(super) fn in_si(step: &Column) -> Column {
     Column::from_fn(|i, _| step[i] * SIZES[i])
 }
 
-/// What the sums say of the camera's response at a state, all that is free following.
+/// Estimate of the camera's response from the sums at a state, all that is free marginalised.
 pub(super) fn response_seen(
     sums: &Sums,
     state: &State,
@@ -112,7 +112,7 @@ pub(super) fn response_seen(
     })
 }
 
-/// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
+/// What the uncertainty of considered parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
 fn considered_covariance(inverse: &Square, sized: &Square, considered: &OfRun2) -> Square {
     let of_run = OfRun::from_fn(|k, _| 1.0 / SIZES[TONE + k]);
@@ -120,8 +120,8 @@ fn considered_covariance(inverse: &Square, sized: &Square, considered: &OfRun2) 
     by * considered * by.transpose()
 }
 
-/// Covariance of pose and thickness with all light marginalised; zero where held: what the frame's own pixels say, and the
-/// same with what is not known of the camera's response.
+/// Covariance of pose and thickness with all light marginalised; zero where held: from the frame's own pixels, and the
+/// same with the uncertainty of the camera's response.
 pub(super) fn covariances(
     sums: &Sums,
     free: &[bool; PARAMETERS],

@@ -1,9 +1,9 @@
-//! Poses fitted before it is known where the vehicle was: frames of a run side by side.
+//! Speculative fits: frames of a run in parallel, before the hint of each is known.
 //!
 //! A hint decides where a fit starts and nothing after that. So frames are fitted in parallel with the
-//! hint that the run's last known motion gives; when its turn comes, each is asked again where it
-//! would have started with the hint that it has now. Where that is the same, so is the pose, bit for
-//! bit; where not, it is fitted anew.
+//! hint predicted from the run's last known motion; in its turn, each frame's start is computed again
+//! with the actual hint. Where the start is the same, so is the pose, bit for bit; where not, the frame
+//! is fitted anew.
 
 use super::{Hint, JointPose, PoseFault, PoseFitter, Starts};
 use crate::initial::{self, Guess};
@@ -11,7 +11,7 @@ use crate::segments::Levels;
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::Profile;
 
-/// A frame fitted ahead of its turn.
+/// A frame fitted with a predicted hint.
 #[derive(Debug, Clone)]
 pub struct Speculative {
     hint: Hint,
@@ -21,7 +21,7 @@ pub struct Speculative {
 }
 
 impl PoseFitter {
-    /// Fits a frame with the hint that is at hand.
+    /// Fits a frame with a predicted hint.
     pub fn speculative(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Speculative {
         let levels = self.levels(image, profile).map(|levels| {
             let all = initial::guesses(&levels, &self.model.surfaces, &self.mounts);
@@ -42,10 +42,10 @@ impl PoseFitter {
         }
     }
 
-    /// The pose of that frame with the hint that it has when its turn comes: what [`Self::fit`] would say.
+    /// The pose of that frame under its actual hint: the result of [`Self::fit`].
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
+    /// [`PoseFault`]: why there is none.
     pub fn fit_speculative(
         &self,
         image: &GreyImage,

@@ -14,13 +14,13 @@ const ROUND: f64 = 1e-4;
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
-/// Of those with pitch, where tops lie far apart in height.
+/// Of those with pitch, where upper faces lie far apart in height.
 const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
-/// Farthest that a vehicle is taken to head from the target's line: a line on a top is then no longer than this makes it.
+/// Farthest that a vehicle is taken to head from the target's line: a line on an upper face is then no longer than this makes it.
 const AWRY_RAD: f64 = 0.25 * std::f64::consts::PI;
-/// Tops this far apart in height show θ by their edges alone \[m\].
+/// Upper faces this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
 /// Where a fit starts, and what was found on the way there.
@@ -90,7 +90,7 @@ impl PoseFitter {
         })
     }
 
-    /// Whether a line without a step is longer than any on a top of the target.
+    /// Whether a line without a step is longer than any on an upper face of the target.
     fn is_floor(&self, levels: &Levels) -> Result<(), PoseFault> {
         let faces = &self.model.surfaces.faces;
         if faces.is_empty() {
@@ -207,7 +207,7 @@ impl PoseFitter {
         Ok(near.into_iter().take(GUESSES_NEAR).collect())
     }
 
-    /// Whether the tops lie so far apart in height that edges alone show θ.
+    /// Whether the upper faces lie so far apart in height that edges alone show θ.
     pub(super) fn tall(&self) -> bool {
         let heights = || self.model.surfaces.faces.iter().map(|t| t.height_m);
         heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_line_that_a_top_could_hold_is_no_floor() {
+    fn a_flat_line_that_an_upper_face_could_hold_is_no_floor() {
         let mut rig = Rig::builtin("lshpi").unwrap();
         let fitter = |rig: &Rig| PoseFitter::new(rig, Arc::new(IdealMap::of(rig)));
         // The board is 0.30 m wide; across it at 45 deg lie 0.42 m.

@@ -109,7 +109,7 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
     let mut rig = lshpi_rig();
     rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
-    // Upper and lower zigzag meet the same place only after 1.3 m: no hint says which.
+    // Upper and lower zigzag meet the same place only after 1.3 m: only a hint decides which.
     assert_eq!(fitter.surfaces().period_m, None);
     for (x_m, theta_rad) in [(0.11, 0.012), (0.43, -0.009), (0.62, 0.004)] {
         let truth = Pose {

@@ -8,8 +8,8 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Coordinates in which the weak direction is straight: where the sheet's middle meets the floor,
 /// X and Y, its range ρ below the CG, and the angles. Turning θ alone then leaves the line in the
-/// image and the target under it, where in x, z and θ it follows a curve that a step along its
-/// tangent leaves.
+/// image and the target under it, where in x, z and θ the weak direction is curved and a step along its
+/// tangent leaves it.
 pub(super) struct WeakDirection {
     contact_m: [f64; 2],
     range_m: f64,
@@ -73,7 +73,7 @@ impl WeakDirection {
         (information, gradient)
     }
 
-    /// The state a step on, exactly along the valley.
+    /// The state a step on, exact along the weak direction.
     pub fn moved(&self, state: &State, step: &Column) -> State {
         let mut next = state.moved(step);
         let range_m = self.range_m + step[2];

@@ -1,21 +1,20 @@
-//! How far the edges of the target can be trusted.
+//! Model error of the target's edges, estimated from their residuals.
 //!
-//! No edge is machined, nor any image formed, to a hundredth of a pixel. How well an edge is, is
-//! seen in what its pixels leave over: that is its doubt, the standard deviation of a pixel cut
-//! in half beyond its noise, as a share of its light. Each edge has its own: one that lies along
-//! the pixels' columns shows every step of a sampled image, one aslant to them averages over them.
-//! Such steps go on over several rows, so that pixels of one column are off together and tell less than as many
-//! that are off by chance: the doubt holds their covariance over two rows, which is three times the variance of one pixel
-//! at most. Where a whole column of an upright edge is off alike that is still too little (1.9 times the sd over ten rows).
-//! What the edges show alike, blur that is formed on the pixel grid ([`super::grid`]), is found first.
+//! No edge is machined, nor any image formed, to a hundredth of a pixel. The model error of an edge is the
+//! standard deviation, beyond its noise, of a pixel cut in half, as a share of its light. Each edge has its
+//! own: one along the pixels' columns shows every step of a sampled image, one aslant averages over them.
+//! Such steps extend over several rows, so that residuals of one column are correlated and carry less information than as
+//! many independent ones: the model error contains their covariance over two rows, which is three times the variance of one
+//! pixel at most. Where a whole column of an upright edge is off alike that is still too little (1.9 times the sd over ten
+//! rows). The systematic part that all edges share, blur that is formed on the pixel grid ([`super::grid`]), is estimated first.
 
-/// Pixels with this much light torn by an edge say how good the edge is \[grey levels\].
+/// Least [`EdgeLight`] of the pixels from which an edge's model error is estimated \[grey levels\].
 const EDGE_LIGHT_LEAST: f64 = 20.0;
-/// What is thought beforehand of the share of blur that is formed on the pixel grid.
+/// Prior sd of the share of blur that is formed on the pixel grid.
 const GRID_SHARE_SD: f64 = 0.5;
-/// Residuals beyond this share of the torn light are particles, not edges.
+/// Residuals beyond this share of the light that an edge cuts are particles, not edges.
 const EXCESS_MOST: f64 = 0.15;
-/// Least and greatest doubt: what is found from some hundred pixels is uncertain itself. The least
+/// Least and greatest model error: an estimate from some hundred pixels is uncertain itself. The least
 /// is that of an edge that lies off by a hundredth of a pixel.
 const MODEL_ERROR_RANGE: [f64; 2] = [0.005, 0.1];
 
@@ -31,34 +30,34 @@ pub(super) struct EdgeLight {
 /// Weights of the covariance of pixels one and two rows apart (Newey and West 1987, two lags).
 const BY_LAG: [f64; 2] = [2.0 / 3.0, 1.0 / 3.0];
 
-/// One edge of one top.
+/// One edge of one upper face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct EdgeName {
     pub face: u16,
     pub edge: u16,
 }
 
-/// Doubts of a frame's edges, and of its pixels.
+/// Model error of a frame's edges, and of its pixels.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct EdgeModelError {
-    /// `None`: not looked for yet.
+    /// `None`: not estimated yet.
     edges: Option<Vec<(EdgeName, f64)>>,
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
-    /// state looked at and held fixed after that, or the fit would flee into doubtful pixels.
+    /// state compared and held fixed after that: otherwise the fit could lower its cost by raising the model error.
     pub(super) of_pixels: Vec<f32>,
     /// Share of the blur that is formed on the pixel grid.
     pub(super) grid_share: f64,
 }
 
 impl EdgeModelError {
-    /// Of the edges as their pixels have shown them: none better than all of them together are,
-    /// since a few pixels may look good by chance.
+    /// Of the edges, from their residuals: none below that of all edges together,
+    /// since few pixels may have small residuals by chance.
     pub fn found(sums: &EdgesSeen, noise_sd: f64) -> EdgeModelError {
         EdgeModelError::of_edges(&sums.edges, sums, noise_sd)
     }
 
-    /// The same with each pixel taken to be off by itself: while the geometry of the sheet is still sought, pixels of an
-    /// edge are off together because of the geometry, and that is what is to be seen, not doubted.
+    /// The same without the correlation along the column: while the geometry of the sheet is refined, residuals of an edge
+    /// are correlated because of the geometry, which must not be absorbed as model error.
     pub fn found_apart(sums: &EdgesSeen, noise_sd: f64) -> EdgeModelError {
         let apart = sums.edges.iter().map(|e| EdgeSums {
             along: [0.0; 3],
@@ -102,7 +101,7 @@ impl EdgeModelError {
         self.edges.is_some()
     }
 
-    /// Of one edge; of one that no pixel has shown yet the least, until the next look finds it.
+    /// Of one edge; of one that no pixel has shown yet the least, until the next estimate.
     pub(super) fn of(&self, name: EdgeName) -> Option<f64> {
         let edges = self.edges.as_ref()?;
         let found = edges.iter().find(|(n, _)| *n == name);
@@ -119,14 +118,14 @@ pub(crate) struct EdgesSeen {
 }
 
 impl EdgesSeen {
-    /// Doubt of all edges taken together.
+    /// Model error of all edges taken together.
     pub fn model_error_sd(&self, noise_sd: f64) -> f64 {
         let more = self.grid_share(noise_sd) - self.grid_share;
         all(&self.edges).model_error_sd(noise_sd, more)
     }
 
-    /// Share of the blur that is formed on the pixel grid, by least squares of what the edges' pixels leave
-    /// over: within 0.04 from one frame of two edges along the columns, drawn to zero where few pixels tell. It holds
+    /// Share of the blur that is formed on the pixel grid, by least squares of the edges' residuals:
+    /// within 0.04 from one frame of two edges along the columns, shrunk to zero where pixels are few. It holds
     /// if the rig's blur does: edges a tenth sharper than that count as 0.2 of it along the columns and as all aslant,
     /// where κ has the shape of a narrower spread; to the pose the two are then the same.
     pub fn grid_share(&self, noise_sd: f64) -> f64 {
@@ -156,10 +155,10 @@ fn all(edges: &[EdgeSums]) -> EdgeSums {
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeSums {
     pub name: EdgeName,
-    /// Squared residuals, torn light squared, number of pixels.
+    /// Squared residuals, [`EdgeLight::light`] squared.
     square: f64,
     light2: f64,
-    /// Residuals by what grid blur would add, and the square of that.
+    /// Products of residuals and what grid blur would add, and the square of the latter.
     residual_by_grid: f64,
     by_grid2: f64,
     /// Σ w (rᵢ rⱼ, rᵢ bⱼ + bᵢ rⱼ, bᵢ bⱼ) over pixels one and two rows apart: r residual, b what grid blur would add.
@@ -187,7 +186,7 @@ impl EdgeSums {
         self.before = [None, self.before[0]];
     }
 
-    /// Counts a pixel of which so much light is torn, one row after the last one.
+    /// Counts a pixel that the edge cuts, one row after the last one.
     #[inline]
     pub fn see(&mut self, edge_light: EdgeLight, residual: f64, noise_sd: f64) {
         let light = edge_light.light;
@@ -283,7 +282,7 @@ mod tests {
             edges: vec![sums],
             grid_share: 0.2,
         };
-        // 0.2 was taken already: 0.9, drawn a little to zero.
+        // 0.2 was taken already: 0.9, shrunk a little.
         let found = seen.grid_share(1.0);
         assert!((found - 0.9).abs() < 0.01, "{found}");
         assert_eq!(seen.model_error_sd(1.0), MODEL_ERROR_RANGE[0]);

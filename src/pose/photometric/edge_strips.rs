@@ -1,8 +1,8 @@
 //! Strips that edges and their corners cut, upright ones apart.
 //!
-//! Over the rows of a strip the distance from an edge bends by the square of the share that the
+//! Over the rows of a strip the distance from an edge is curved by the square of the share that the
 //! strip has of the focal length: a parabola through three rows holds it to a micrometre, and a
-//! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
+//! line its derivatives to 1e-4. So an edge is evaluated three times per strip instead of once
 //! per pixel, and [`Photometric::light`] is left for upright corners.
 
 use super::across::{ACROSS, Across, Faded};
@@ -39,7 +39,7 @@ struct Shading {
 struct Edge<'a> {
     /// Distance in spreads: a + b u + c u².
     x: [f64; 3],
-    /// What blur on the pixel grid changes.
+    /// Deviation of the grid's edge response.
     deviation: GridDeviation<'a>,
     /// Its derivatives by the parameters in the middle, and what they gain per row: those by pose and
     /// thickness, the brightness' is zero.
@@ -53,7 +53,7 @@ struct Border<'a> {
     second: Option<(Edge<'a>, &'static Pair, bool)>,
 }
 
-/// What passes, and its slopes by the distances of the edges that decide.
+/// Visible fraction, and its slopes by the distances of the edges that bound it.
 struct Visible<'a> {
     share: f64,
     by: [(f64, Option<&'a Edge<'a>>); 2],
@@ -79,7 +79,7 @@ impl Visible<'_> {
     }
 }
 
-/// What passes several cuts of so much light, and what their edges move of it.
+/// Visible fraction behind several cuts, and what their edges move of so much light.
 fn visibility_of_all(
     cuts: &[Cut<'_>],
     j: &mut [f64; LOCAL],
@@ -119,7 +119,7 @@ pub(super) fn lit(u: [f64; 2], first: &Stripe, last: &Stripe) -> [f64; 2] {
 /// What cuts a strip.
 struct Cut<'a> {
     own: bool,
-    /// At the level's own height, and for a higher slab also at its top's.
+    /// At the level's own height, and for a higher slab also at its upper face's.
     borders: [Option<Border<'a>>; 2],
     /// A higher slab hides the strip wholly.
     hidden: bool,
@@ -156,7 +156,7 @@ struct Node {
 /// Most cuts of a strip.
 pub(super) const CUTS_MOST: usize = 4;
 
-/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are asked for, and the
+/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are wanted, and the
 /// share of the blur that is formed on the pixel grid.
 type Compared<'a> = (
     &'a PoseGeometry,
@@ -177,8 +177,8 @@ struct Rows<'a> {
 }
 
 impl Photometric {
-    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by what is the run's; `model_error_sd` says
-    /// for each row in turn by how much its pixel is doubted, from how much of its light is torn.
+    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by what is the run's; `model_error_sd`
+    /// gives each row's pixel its model error, in turn, from its sensitivity.
     pub(super) fn compare_edge_strips<'a, const RUN: bool>(
         &'a self,
         (geometry, plan, strips, pixels, state, derivatives, grid_share): Compared<'_>,
@@ -394,7 +394,7 @@ impl Photometric {
         Some([node(a)?, node(b)?, node(c)?])
     }
 
-    /// The edges of a top that are near, where the rays hit (`at`), under the stripe of a level (`of`).
+    /// The edges of an upper face that are near, where the rays hit (`at`), under the stripe of a level (`of`).
     fn border(
         &self,
         rows: &Rows<'_>,
@@ -508,7 +508,7 @@ impl Border<'_> {
             return self.first.alone(h, shading);
         };
         let k = second.distance(u);
-        // As in `corner`: the other decides.
+        // As in `corner`: the other one bounds the light.
         let idle = |x: f64| if *convex { x > FAR } else { x < -FAR };
         if idle(k) {
             return self.first.alone(h, shading);
@@ -552,7 +552,7 @@ impl Cut<'_> {
             .borders
             .each_ref()
             .map(|b| b.as_ref().map(|b| b.inside(u, shading)));
-        // Of the slab's foot and its top the one that reaches farther decides.
+        // Of the slab's foot and its upper face the one that reaches farther counts.
         let covered = match (foot, head) {
             (Some(foot), Some(head)) => {
                 if head.share > foot.share {

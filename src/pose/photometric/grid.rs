@@ -20,7 +20,7 @@ const PER_PX: f64 = 16.0;
 const NODES: usize = (2.0 * REACH_PX * PER_PX) as usize + 1;
 /// Pixels that a grid's kernel reaches: 5 sds of the widest blur.
 const KERNEL: i32 = 6;
-/// Beyond this spread κ is below 0.014 in every direction and is left out \[px\].
+/// Beyond this spread κ is below 0.014 in every direction and is neglected \[px\].
 const WIDEST_PX: f64 = 1.2;
 
 /// κ of edges of one direction, between two that are kept ready: without steps from one to the next, by which costs

@@ -1,6 +1,6 @@
 //! Strips that no edge cuts: most of the pixels, and only z, φ, θ and the light move them.
 //!
-//! Along the rows of a strip ds/d(z, φ, θ) and S² are straight to 1e-4 (they bend by the square of
+//! Along the rows of a strip ds/d(z, φ, θ) and S² are straight to 1e-4 (their curvature is the square of
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 

@@ -39,7 +39,7 @@ pub(super) struct Strip {
     pub column: usize,
     pub first_row: usize,
     pub end_row: usize,
-    /// Index of the top; the number of tops = floor.
+    /// Index of the upper face; the number of upper faces = floor.
     pub level: usize,
     /// What cuts the level here, in [`Plan::cuts`]; empty = nothing.
     pub cuts: (u32, u32),
@@ -52,7 +52,7 @@ pub(super) struct Strip {
 /// One thing that cuts a strip's light.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Index of the top whose outline it is.
+    /// Index of the upper face whose outline it is.
     pub face: usize,
     /// Own outline, or one above.
     pub own: bool,
@@ -194,7 +194,7 @@ impl Photometric {
         plan
     }
 
-    /// Of each top the edges to which the sheet's line comes nearer than what is looked ahead.
+    /// Of each upper face the edges to which the sheet's line comes nearer than what is looked ahead.
     fn reachable(&self, geometry: &PoseGeometry, state: &State, plan: &Plan) -> Vec<Vec<u16>> {
         let start = 0.5 * self.table.height_px as f64;
         let highest_m = self.surfaces.faces.first().map_or(0.0, |t| t.height_m);
@@ -208,7 +208,7 @@ impl Photometric {
                 }
             }
         }
-        // By no more than its height a sight moves from a top to the level below it.
+        // By no more than its height a sight moves from an upper face to the level below it.
         let across_m = LOOK_AHEAD_M
             + plan.edge_reach_m
             + plan.room_m
@@ -389,7 +389,7 @@ impl Photometric {
                 let mut line = None;
                 for k in setting.reachable_of(k) {
                     let e = &outline.edges[usize::from(*k)];
-                    // Most edges are too far along X to matter to either answer.
+                    // Most edges are too far along X to matter to either.
                     let [low, high] = e.x_range_m;
                     let beside = (low - p[0]).max(p[0] - high);
                     if beside > room_m + reach_m + slack_m.max(0.0) {
@@ -443,7 +443,7 @@ impl Photometric {
         for (k, face) in higher {
             let above = self.hit(geometry, &span.middle, face.height_m)?.p;
             if face.height_m - own_m > TALL_STEP_M {
-                // Between its foot and its top a tall slab may hide the line with corners in
+                // Between its foot and its upper face a tall slab may hide the line with corners in
                 // between: where it can, the level is not looked at at all.
                 let between = |t: f64| [p[0] + t * (above[0] - p[0]), p[1] + t * (above[1] - p[1])];
                 dark |= (0..=8).any(|i| {
@@ -504,7 +504,7 @@ impl Photometric {
 struct Setting<'a> {
     geometry: &'a PoseGeometry,
     state: &'a State,
-    /// Of each top the edges that any column can come near.
+    /// Of each upper face the edges that any column can come near.
     reachable: Vec<Vec<u16>>,
 }
 

@@ -7,16 +7,16 @@ use nalgebra::Matrix3;
 
 type Rows = [[f64; 3]; 3];
 
-/// Rotation with its derivatives, and the edges of all tops as the body sees them.
+/// Rotation with its derivatives, and the edges of all upper faces as the body sees them.
 pub(super) struct PoseGeometry {
     /// Body to tank.
     pub r: Rows,
     /// d r / d(φ, θ, ψ).
     pub by: [Rows; 3],
     pub position: [f64; 3],
-    /// Edges of all tops, one top after the other.
+    /// Edges of all upper faces, one upper face after the other.
     edges: Vec<EdgeGeometry>,
-    /// First edge of each top.
+    /// First edge of each upper face.
     first: Vec<usize>,
 }
 
@@ -84,12 +84,12 @@ impl PoseGeometry {
         geometry
     }
 
-    /// The `edge`-th edge of a top.
+    /// The `edge`-th edge of an upper face.
     pub fn edge(&self, face: usize, edge: usize) -> &EdgeGeometry {
         &self.edges[self.first[face] + edge]
     }
 
-    /// An edge that is none of a top's own.
+    /// An edge that is none of an upper face's own.
     pub fn edge_of(&self, from_m: [f64; 2], inward: [f64; 2]) -> EdgeGeometry {
         EdgeGeometry::new(from_m, inward, &self.r, &self.by, &self.position)
     }

@@ -10,7 +10,7 @@
 //! L₀ = L + δ L ln(L/255) + β dL/dg.
 //!
 //! A Gaussian to a power is a Gaussian: along the line it is the thickness that γ trades with, and only what lies on the
-//! background and what edges cut in half tells the two apart.
+//! background and what edges cut in half distinguishes the two.
 
 use std::sync::LazyLock;
 
@@ -71,7 +71,7 @@ impl Response {
         response
     }
 
-    /// What ln γ and b move a level of light by, to the nearest whole level: enough for how much they are to be doubted.
+    /// What ln γ and b move a level of light by, to the nearest whole level: enough for considered parameters.
     #[inline]
     pub fn moved_by(&self, light: f64) -> [f64; 2] {
         // Casts saturate: what is darker than none counts as none.

@@ -16,7 +16,7 @@ use crate::normal::{SIXTH, Tables};
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
-/// A pixel of which less than this share is not clipped is not looked at.
+/// A pixel of which less than this share is not clipped is not used.
 const CLIPPED: f64 = 0.1;
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
@@ -81,22 +81,22 @@ pub(crate) struct Weighting {
     /// The camera's.
     pub response: Response,
     pub curve: Curve,
-    /// Nothing is asked of how light is uneven, of a state in which it is even.
+    /// The coefficients of uneven light are held, at a state in which it is even.
     pub even: bool,
 }
 
-/// How much its doubt makes of all else is smooth along the line: every so many columns say it, of those that no edge cuts, and
-/// of those that one cuts.
+/// The cross information of considered parameters with all else is smooth along the line: it is taken from every so many
+/// columns, of those that no edge cuts, and of those that one cuts.
 const CONSIDERED_EVERY: [usize; 2] = [8, 2];
 
-/// What a comparison is to say of what is the run's: the camera's response, and the line across.
+/// How a comparison treats what frames of a run share, the camera's response and the line across: its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Curve {
-    /// Nothing.
+    /// Held: none.
     Known,
-    /// How much it makes of all else: of its derivatives there are the products with others, none with each other.
+    /// As consider parameters: the products of its derivatives with others, none with each other.
     Considered,
-    /// Where it lies.
+    /// All.
     Estimated,
 }
 
@@ -171,7 +171,7 @@ pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
     /// How many of a pixel's derivatives there are.
     used: usize,
-    /// What is asked for in the columns at hand, and for how many these stand.
+    /// Derivatives taken in the columns at hand, and for how many columns these stand.
     asked: Curve,
     stands_for: f64,
     /// Columns met, those that no edge cuts and others.
@@ -247,7 +247,7 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// What is asked of what is the run's in the columns at hand.
+    /// Which derivatives by what is the run's are taken in the columns at hand.
     pub fn asked(&self) -> Curve {
         self.asked
     }
@@ -302,7 +302,7 @@ impl<'a> Counter<'a> {
     /// Background of a row of the strips at hand, of which so much is fitted.
     ///
     /// What is uneven of it is known in grey levels of the dark, and is light of the curve that these were seen through.
-    /// Where that is doubted or sought, another curve makes other light of them: with it held, a light that flickers would
+    /// Where that is considered or estimated, another curve makes other light of them: with it held, a light that flickers would
     /// look like a curve.
     #[inline]
     pub fn background(&self, fitted: f64, row: usize) -> Background {
@@ -401,14 +401,14 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// The next pixel of the edge is not looked at.
+    /// The next pixel of the edge is not used.
     pub fn skip(&mut self) {
         if let Some(edge) = self.edges.get_mut(self.edge) {
             edge.skip();
         }
     }
 
-    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by what is the run's may be asked for.
+    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by what is the run's may be wanted.
     #[inline(always)]
     pub fn interior<const RUN: bool>(
         &self,
@@ -444,8 +444,8 @@ impl<'a> Counter<'a> {
         })
     }
 
-    /// Judges a pixel that an edge may cut: what is `edge_light` of its light (all of one cut in half) hangs on
-    /// where exactly, and by that it is doubted (`model_error_sd`) beyond its noise.
+    /// Judges a pixel that an edge may cut: `edge_light` is sensitive to where exactly, which is the model error
+    /// (`model_error_sd`) beyond the noise.
     #[inline]
     pub fn edge<const RUN: bool>(
         &mut self,
@@ -560,7 +560,7 @@ impl<'a> Counter<'a> {
         }
         let noise_sd = self.weighting.noise_sd;
         if room < self.near {
-            // E min(top, m + n), the same seen from above.
+            // E min(ceiling, m + n), the same seen from above.
             let (share, density) = self.tables.normal(room / noise_sd);
             let expected = self.clip_light - room * share - noise_sd * density;
             return (share >= CLIPPED).then_some((seen - expected, share));
@@ -595,7 +595,7 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Adds one pixel that no laser light reaches: it tells of the background alone.
+    /// Adds one pixel that no laser light reaches: it has information of the background alone.
     #[inline]
     pub fn add_dark(&mut self, judged: &Judged) {
         let weighted = judged.weight * judged.share;

@@ -48,7 +48,7 @@ fn non_gaussian(x_m: f64, times: f64) -> State {
     }
 }
 
-/// Frames of a Gaussian line are compared with: from one bent as much as above all pixels would be outliers.
+/// Frames of a Gaussian line are compared with: from one that differs as much as above all pixels would be outliers.
 const LITTLE: f64 = 0.1;
 
 fn at_row(
@@ -171,7 +171,7 @@ fn light_is_the_renderers() {
 #[test]
 fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
     compare_strips(state(0.13), 1e-5);
-    // A bent line changes faster along the rows.
+    // A line that is not Gaussian changes faster along the rows.
     compare_strips(non_gaussian(0.13, LITTLE), 1e-4);
 }
 
@@ -252,8 +252,8 @@ fn compare_strips(at: State, within: f64) {
     }
 }
 
-/// What is the run's is doubted in some columns only: what that says of all else is what all columns say, to a twentieth of
-/// what the two can have in common.
+/// Cross information of considered parameters, taken in some columns only, is that of all columns to a twentieth of its bound
+/// (Cauchy–Schwarz).
 #[test]
 fn considered_parameters_need_only_some_columns() {
     let model = model();
@@ -374,7 +374,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
 /// The renderer draws each pixel by its box and then blurs from pixel to pixel; what a lens alone would show is the closed
 /// form's own light.
 #[test]
-fn blur_on_the_pixel_grid_is_told_from_the_lens() {
+fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
     let (model, rig) = (model(), lshpi_rig());
     let weighting = Weighting {
         noise_sd: 2.0,
@@ -429,7 +429,7 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
 /// Under a strong curve flicker of three levels moved ln γ by 0.1 and the black level by 60, ten times their sds: another curve
 /// was tried with the light that flickers held, of which only its grey levels in the dark are known.
 #[test]
-fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
+fn light_that_flickers_is_seen_through_the_curve_that_is_estimated() {
     use super::picture::Uneven;
     // Seen with a response that is not quite the camera's.
     let (camera, at) = (0.6f64.ln(), 0.6f64.ln() + 0.03);

@@ -1,4 +1,4 @@
-//! How much of a pixel's light passes the edges of the tops: its own, and those before it.
+//! Visible fraction of a pixel's light: inside its own upper face's edges, and not hidden by higher ones.
 
 use super::Photometric;
 use super::grid::Grid;
@@ -7,7 +7,7 @@ use super::pose_geometry::{EdgeGeometry, Hit, PoseGeometry, Ray, dot};
 use crate::normal::{Both, Pair, Tables};
 use crate::outline::{Edge, Outline};
 
-/// How much of the light of a pixel passes, with what moves it.
+/// Visible fraction of a pixel's light, with its derivatives.
 #[derive(Clone, Copy)]
 pub(super) struct Visibility {
     pub share: f64,
@@ -17,7 +17,7 @@ pub(super) struct Visibility {
     pub by_thickness: f64,
     /// d share / d share of the blur that is formed on the pixel grid.
     pub by_grid: f64,
-    /// How far the share hangs on what stands at an upright corner.
+    /// How far the share depends on what stands at an upright corner.
     pub uncertain: f64,
     /// An edge is near enough to cut the light.
     pub cut: bool,
@@ -67,16 +67,16 @@ impl Visibility {
     }
 }
 
-/// How much of a pixel's light is open \[grey levels\].
+/// How much of a pixel's light depends on where edges and corners are \[grey levels\].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sensitivity {
-    /// Cut by edges: all of it where one is cut in half.
+    /// By edges: all of its light where it is cut in half.
     pub edge: f64,
-    /// Seen past an upright corner or not.
+    /// By upright corners: seen past one or not.
     pub corner: f64,
 }
 
-/// What an edge needs to know of the stripe at a pixel.
+/// The stripe at a pixel, as an edge's distance depends on it.
 pub(super) struct Stripe {
     pub s: f64,
     pub s_slope: [f64; 2],
@@ -96,7 +96,7 @@ pub(super) struct Standard {
     pub dx_thickness: f64,
 }
 
-/// All that a pixel's shares are found from.
+/// All that a pixel's visible fraction depends on.
 pub(super) struct PixelContext<'a> {
     pub geometry: &'a PoseGeometry,
     pub plan: &'a Plan,
@@ -105,12 +105,12 @@ pub(super) struct PixelContext<'a> {
     pub grid: &'a Grid,
     /// Share of the blur that is formed on the pixel grid.
     pub grid_share: f64,
-    /// Whether derivatives by what is the run's are asked for.
+    /// Whether derivatives by what is the run's are wanted.
     pub of_run: bool,
 }
 
 impl Photometric {
-    /// What passes of a strip's light: on its own top, and in front of nothing higher.
+    /// Visible fraction of a strip's light: on its own upper face, and behind nothing higher.
     pub(super) fn visibility(
         &self,
         context: &PixelContext<'_>,
@@ -129,14 +129,14 @@ impl Photometric {
                 visibility = visibility.and(foot);
                 continue;
             }
-            // The slab hides what lies under its top and, seen from the side, behind it: in the
-            // image the union of its foot and its top, of which the one that reaches farther decides.
+            // The slab hides what lies under its upper face and, seen from the side, behind it: in the
+            // image the union of its foot and its upper face, of which the one that reaches farther counts.
             let hidden = match self.hit(context.geometry, context.ray, face.height_m) {
                 Some(above) if foot.share < 1.0 => {
                     let head = self.inside(context, cut.face, &cut.head, &above, stripe);
                     let covered = if head.share > foot.share { head } else { foot };
-                    // Past an upright corner light shows or not by how sharp the corner is: what
-                    // the two answers differ by is not known, and is said to be not known.
+                    // Past an upright corner light shows or not by how sharp the corner is: the
+                    // difference of the two results is uncertain, and is counted as such.
                     let swept = cut
                         .upright
                         .then(|| self.swept(context, cut, [hit, &above], stripe))
@@ -157,7 +157,7 @@ impl Photometric {
     }
 
     /// What a slab hides about an upright edge of its silhouette: where a convex corner has one face
-    /// towards the camera and one away from it, the foot of the first, the top of the second and
+    /// towards the camera and one away from it, the foot of the first, the upper face of the second and
     /// the upright edge between them bound the dark. `None` where no such corner is near.
     fn swept(
         &self,
@@ -192,7 +192,7 @@ impl Photometric {
         Some(corner(first, second, true, stripe, context).and(third.alone(context)))
     }
 
-    /// Share of the light that falls inside a top's outline.
+    /// Share of the light that falls inside an upper face's outline.
     fn inside(
         &self,
         context: &PixelContext<'_>,
@@ -225,7 +225,7 @@ impl Photometric {
         let reach_m = context.plan.edge_reach_m;
         let edge = &outline.edges[nearest];
         if square > reach_m * reach_m {
-            // Beside the nearest edge its side decides; beyond its ends the whole outline.
+            // Beside the nearest edge its side counts; beyond its ends the whole outline.
             return wholly(if along > 0.0 && along < edge.length_m {
                 inside > 0.0
             } else {
@@ -324,7 +324,7 @@ fn corner(
     let tables = context.tables;
     let (h, k) = (first.x, second.x);
     // Far inside one of two that must both hold, or far outside one of two of which either will do:
-    // the other decides.
+    // the other one bounds the light.
     let idle = |x: f64| if convex { x > FAR } else { x < -FAR };
     if idle(k) {
         return first.alone(context);
@@ -375,7 +375,7 @@ impl CornerShare {
         grid_share: f64,
         tables: &Tables,
     ) -> CornerShare {
-        // Inside either is not inside neither: the same with all signs turned.
+        // Inside either is not inside neither: the same with all signs changed.
         let sign = if convex { 1.0 } else { -1.0 };
         let [(pass_h, at_h), (pass_k, at_k)] = x.map(|x| tables.normal(sign * x));
         let [(a, da), (b, db)] = deviations;
@@ -401,7 +401,7 @@ pub(super) fn correlation(first: &Standard, second: &Standard, stripe: &Stripe) 
 
 /// The upright edge of a slab's silhouette nearest to where a ray passes, and the corner it stands
 /// on: a convex one with one face towards the camera and one away from it, between where the ray
-/// meets the top (`head`) and where it meets the level below (`foot`). `None` where none is near: so
+/// meets the upper face (`head`) and where it meets the level below (`foot`). `None` where none is near: so
 /// far beside the sight, or beyond its ends.
 pub(super) fn upright_corner(
     outline: &Outline,
@@ -441,7 +441,7 @@ pub(super) fn upright_corner(
             length_m,
             convex_at_start: true,
         };
-        // Along the sight the corner must lie between top and foot.
+        // Along the sight the corner must lie between upper face and foot.
         let beside = upright.inside_m(foot).abs();
         let behind = upright.along_m(foot);
         let between = behind > -beyond_m && behind < length_m + beyond_m;

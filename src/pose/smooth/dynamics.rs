@@ -14,7 +14,7 @@ const PITCH_MAX_RAD: f64 = 1.4;
 
 /// Vehicle and commands.
 ///
-/// Effects of `[[physics]]` are left out: what they do goes into the unknown accelerations, which
+/// Effects of `[[physics]]` are not modelled: what they do goes into the unknown accelerations, which
 /// hold for whatever the water does.
 #[derive(Debug)]
 pub struct Dynamics {
@@ -36,7 +36,7 @@ impl Dynamics {
     }
 
     /// With the commands of a log: (stamp \[ns\], thruster, thrust \[N\]). Thrusters that the rig does
-    /// not name are left out: what they did is then unknown acceleration too.
+    /// not name are ignored: what they did is then unknown acceleration too.
     ///
     /// # Errors
     /// [`ThrustError`] for a layout of thrusters that makes no wrench.

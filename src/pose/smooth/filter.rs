@@ -88,7 +88,7 @@ pub(super) fn forwards(
             }
             if frame > 0 {
                 out.chi2 += update.chi2 / scale;
-                // A doubted frame still costs: of two strengths the one that doubts less is likelier.
+                // A downweighted frame still costs: of two strengths the one that downweights less is likelier.
                 out.unlikelihood += update.chi2 / scale * (1.0 + f64::ln(scale)) + update.log_size;
                 numbers += update.n;
             }

@@ -130,7 +130,7 @@ fn a_frame_without_a_pose_gets_one_with_a_larger_sd() {
 }
 
 #[test]
-fn a_gross_error_does_not_bend_the_run() {
+fn a_gross_error_does_not_distort_the_run() {
     let (truth, mut frames) = run(0.0, 60, 6);
     if let Some(m) = &mut frames[30].measured {
         m.values[0] += 0.2;

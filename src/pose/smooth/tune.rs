@@ -8,7 +8,7 @@ use super::{Dynamics, MeasuredFrame, SmoothError, filter};
 /// Where the search starts: sd gained in one second \[m/s², rad/s²\].
 const START: [f64; 6] = [0.02, 0.02, 0.02, 0.1, 0.1, 0.1];
 /// Weakest and strongest. The weakest still lets 1 mm/s² come and go within a run, so that a rig
-/// whose coefficients are off never bends the poses to itself.
+/// whose coefficients are off does not bias the poses.
 const RANGE: [f64; 2] = [3e-4, 30.0];
 /// Frames looked at; a longer run is judged by its first ones.
 const FRAMES: usize = 400;

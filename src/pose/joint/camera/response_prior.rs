@@ -1,5 +1,4 @@
-//! What is known of what is the run's before any of its frames is looked at: what cameras and lines are like, or what the
-//! rig states of this camera.
+//! The prior of what the frames of a run share: typical cameras and lines, or what the rig states of this camera.
 
 use super::{CameraResponse, OF_RUN, OfRun, OfRun2, PRIOR_SD, diagonal, of_constants};
 use hydroline_rigs::StatedResponse;
@@ -20,7 +19,7 @@ pub struct ResponsePrior {
 }
 
 impl ResponsePrior {
-    /// What cameras and lines are like.
+    /// The prior of typical cameras and lines.
     pub const OF_CAMERAS: ResponsePrior = {
         let (mut variances, mut weights) = ([0.0; OF_RUN], [0.0; OF_RUN]);
         let mut k = 0;
@@ -37,7 +36,7 @@ impl ResponsePrior {
         }
     };
 
-    /// What a rig states of its camera; of the rest what cameras and lines are like.
+    /// What a rig states of its camera; for the rest the prior of typical cameras and lines.
     pub fn of_rig(stated: Option<&StatedResponse>) -> ResponsePrior {
         let mut of = ResponsePrior::OF_CAMERAS;
         let Some(stated) = stated else {
@@ -74,7 +73,7 @@ impl ResponsePrior {
         [self.mean[0], self.mean[1]]
     }
 
-    /// The response where no frame says anything of it.
+    /// The response where no frame determines it.
     pub fn response(&self) -> CameraResponse {
         if self.stated.is_none() {
             return CameraResponse::UNKNOWN;
