@@ -31,7 +31,7 @@ impl Default for StartTolerance {
     }
 }
 
-/// So long within the tolerance before the vehicle counts as back: passing through is not being there.
+/// So long within the tolerance before the vehicle counts as back: crossing the tolerance is not being there.
 pub const HOLD: Duration = Duration::from_secs(1);
 /// A pose older than this says nothing of a vehicle in somebody's hands.
 pub const FRESH: Duration = Duration::from_secs(2);
@@ -226,7 +226,9 @@ impl Guide {
             }
             Stage::Away(left) => format!("{place} | go {left}"),
             Stage::Arriving(_) => format!("{place} | hold it there"),
-            Stage::Back(_) => format!("{place} | at the start: let go, Enter when the water rests"),
+            Stage::Back(_) => {
+                format!("{place} | at the start: release the vehicle, Enter when the water rests")
+            }
         }
     }
 }

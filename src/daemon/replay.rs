@@ -198,7 +198,7 @@ pub enum ReplayError {
     },
 }
 
-/// Replays one log into a new one; `progress` is told how many frames are done.
+/// Replays one log into a new one; `progress` is called with how many frames are done.
 ///
 /// # Errors
 /// [`ReplayError`]. A damaged log stops with the place of the damage; `recover` it first.

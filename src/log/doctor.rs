@@ -87,7 +87,7 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
                 }
             }
             Step::Damage { offset, damage } => checks.damage(offset, &damage),
-            Step::Torn { .. } | Step::Metadata { .. } => {}
+            Step::Truncated { .. } | Step::Metadata { .. } => {}
         }
     }
     let frames_lost = checks.frames_lost(&scan.learnt);

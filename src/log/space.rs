@@ -62,7 +62,7 @@ mod tests {
     use hydroline_rigs::{BayerDepth, BayerOrder, PixelFormat};
 
     #[test]
-    fn a_folder_that_takes_no_log_is_told_with_the_cure() {
+    fn a_folder_that_takes_no_log_is_reported_with_the_cure() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(writable_folder(dir.path()), Ok(()));
         let missing = writable_folder(&dir.path().join("nowhere")).unwrap_err();

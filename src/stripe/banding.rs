@@ -532,10 +532,12 @@ impl Banding {
             const GOLDEN: f64 = 0.618_033_988_749_895;
             const PLASTIC: f64 = 0.754_877_666_246_693;
             let mut dither = (row as f64 * PLASTIC).fract();
-            let top = f64::from(ceiling.saturating_sub(1));
+            let brightest_level = f64::from(ceiling.saturating_sub(1));
             for pixel in line {
                 if *pixel < ceiling {
-                    *pixel = (f64::from(*pixel) - level + dither).floor().clamp(0.0, top) as u8;
+                    *pixel = (f64::from(*pixel) - level + dither)
+                        .floor()
+                        .clamp(0.0, brightest_level) as u8;
                 }
                 dither += GOLDEN;
                 if dither >= 1.0 {

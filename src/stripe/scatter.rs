@@ -4,7 +4,7 @@
 //! denoising and demosaicking make neighbours alike: less is left than there is, and the fit moves
 //! with the rest. Then the rows say themselves how far they scatter: by their fourth differences over
 //! a stride of eight columns (the side of a JPEG block, inside which errors are common), to which a
-//! smooth course adds nothing to speak of: 0.02 px for 5 px of wobble on 200 columns, next to
+//! smooth course adds nothing to speak of: 0.02 px for 5 px of undulation on 200 columns, next to
 //! 8.4 sd of a row.
 
 use super::{StripePoint, quality};
@@ -83,8 +83,8 @@ fn is_white(image: &GreyImage) -> bool {
             .zip(strips.iter().skip(2))
         {
             for k in [0, STRIDE / 2] {
-                near[bend(b[k], b[k + 1], b[k + 2])] += 1;
-                far[bend(a[k], b[k], c[k])] += 1;
+                near[second_difference(b[k], b[k + 1], b[k + 2])] += 1;
+                far[second_difference(a[k], b[k], c[k])] += 1;
             }
         }
     }
@@ -92,9 +92,9 @@ fn is_white(image: &GreyImage) -> bool {
     (1.0 / WHITE..WHITE).contains(&ratio)
 }
 
-fn bend(a: u8, b: u8, c: u8) -> usize {
-    let bend = i32::from(a) - 2 * i32::from(b) + i32::from(c);
-    (bend.unsigned_abs() as usize).min(255)
+fn second_difference(a: u8, b: u8, c: u8) -> usize {
+    let second_difference = i32::from(a) - 2 * i32::from(b) + i32::from(c);
+    (second_difference.unsigned_abs() as usize).min(255)
 }
 
 /// Scatter of the rows over their sds; `None` where too few columns stand in a row. The largest

@@ -156,7 +156,7 @@ mod tests {
         let start = rig.tank.start_pose;
         let mut guide = Guide::new(start, StartTolerance::default());
         let mut at_ns = 0;
-        // More than half a hexagon ahead; nearer, turned by 3.5 deg; then at the start, for long enough.
+        // More than half a hexagon ahead; nearer, rotated by 3.5 deg; then at the start, for long enough.
         let mut away = start;
         away[0] += 0.12;
         let mut nearer = start;

@@ -41,7 +41,7 @@ impl Scene {
         }
     }
 
-    /// Height above the floor and eta of what the sheet meets at `xi_m`: the highest top that is there, else the floor.
+    /// Height above the floor and eta of what the sheet meets at `xi_m`: the highest upper face that is there, else the floor.
     fn met(&self, pose: &Pose, xi_m: f64) -> Option<(f64, f64)> {
         let at = |height_m: f64| {
             let line = pose.level_in_plane(&self.mounts, height_m)?;
@@ -92,7 +92,7 @@ impl Scene {
         below_m.max(0.05) * (0.5 * self.fan.angle_rad).tan()
     }
 
-    /// Of stripe points in the laser plane \[m\]: the share that lies nearer to a top than to the floor, and the share
+    /// Of stripe points in the laser plane \[m\]: the share that lies nearer to an upper face than to the floor, and the share
     /// that should. `None` without a target, or without points.
     pub fn on_target(&self, pose: &Pose, profile_m: &[(f64, f64)]) -> Option<(f64, f64)> {
         let lowest_m = self.surfaces.faces.last()?.height_m;

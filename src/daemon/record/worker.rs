@@ -2,8 +2,8 @@
 //! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
 
 use super::{
-    Job, PoseCounts, RecordError, Shared, calibrating, floor, measured_pose::MeasuredPose,
-    newest::Taken,
+    Job, PoseCounts, RecordError, Shared, calibrating, floor, mailbox::Taken,
+    measured_pose::MeasuredPose,
 };
 use crate::analysis::Analyst;
 use crate::calibrate::live::Live;

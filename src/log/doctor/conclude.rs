@@ -62,9 +62,9 @@ impl Checks {
         );
         self.clocks();
         let mut errors = std::mem::take(&mut self.error_events);
-        // A frame that was only late is told as lost first and taken back by the next one.
-        let told = &self.frames.told_lost;
-        if !told.is_empty() && told.values().all(|lost| *lost == 0) {
+        // A frame that was only late is reported as lost first and taken back by the next one.
+        let reported = &self.frames.reported_lost;
+        if !reported.is_empty() && reported.values().all(|lost| *lost == 0) {
             errors.remove("camera.gap");
         }
         for (kind, n) in errors {

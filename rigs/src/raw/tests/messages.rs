@@ -1,4 +1,4 @@
-//! What a person is told.
+//! Messages for a person.
 
 use toml::Value;
 
