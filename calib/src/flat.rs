@@ -31,7 +31,7 @@ pub struct Options {
     pub exposures_least: usize,
     /// A pixel this many sds of its noise from floor or ceiling is not cut off by them in one frame of 10⁴.
     pub clear_sds: f64,
-    /// Light less than so many of its own sds above none bends its mean by more than the second order that is taken off.
+    /// Light less than so many of its own sds above none shifts its mean by more than the second order that is taken off.
     pub light_sds: f64,
     /// Levels that the blocks that are used must span: a power and a straight line differ by a tenth of that.
     pub span_least_levels: f64,

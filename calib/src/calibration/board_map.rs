@@ -15,7 +15,7 @@ use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 /// change of the derivatives (a cell is tens of pixels wide).
 const BORDER_PX: f64 = 1e-3;
 
-/// Where the board's middle stood in the sheet, and how it was turned.
+/// Where the board's middle stood in the sheet, and how it was rotated.
 ///
 /// The board says where things are on the board; where the board hangs below the laser
 /// must be measured. An error here shifts everything alike and changes no length.
@@ -56,7 +56,7 @@ pub struct NodeResidual {
     pub deta_m: f64,
 }
 
-/// What a calibration is told beside its nodes.
+/// What a calibration contains beside its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Provenance {
     /// What the light went through.

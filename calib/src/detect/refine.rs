@@ -250,7 +250,7 @@ pub(super) struct Settled<'a> {
 }
 
 impl Settled<'_> {
-    /// What of it is told, if it is a node: by its own measure only, others may say more.
+    /// What is reported of it, if it is a node: by its own measure only, others may know more.
     pub fn refined(&self, start: [f64; 2]) -> Option<Refined> {
         let Settled { theta, patch, .. } = self;
         let rms = (patch.square_sum / patch.weight_sum).sqrt();
@@ -361,7 +361,7 @@ impl Refiner<'_> {
         );
         let m = c.try_inverse()?;
         // Second order from the global homography, first order from the neighbours.
-        let bend = m * homography_jacobian(&self.to_image, ideal)?;
+        let local_jacobian = m * homography_jacobian(&self.to_image, ideal)?;
         let anchor = apply(&self.to_image, ideal)?;
         let dot_radius = match self.board.pattern {
             BoardPattern::Dots { diameter_m } => 0.5 * diameter_m / self.board.pitch_m,
@@ -394,8 +394,8 @@ impl Refiner<'_> {
                 let (x, y) = (q as f64 - start[0], r as f64 - start[1]);
                 let seen = apply(&self.to_index, [anchor[0] + x, anchor[1] + y])?;
                 let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
-                let u = bend[(0, 0)] * ds + bend[(0, 1)] * dt;
-                let v = bend[(1, 0)] * ds + bend[(1, 1)] * dt;
+                let u = local_jacobian[(0, 0)] * ds + local_jacobian[(0, 1)] * dt;
+                let v = local_jacobian[(1, 0)] * ds + local_jacobian[(1, 1)] * dt;
                 // Of a dot and its surroundings only what lies near the rim says anything.
                 let far = dots && {
                     let rho = (u * u + v * v).sqrt().max(1e-9);

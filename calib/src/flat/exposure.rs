@@ -283,7 +283,7 @@ impl Field {
     }
 
     /// From here on nothing is used.
-    pub fn top(&self) -> f64 {
+    pub fn clip_level(&self) -> f64 {
         f64::from(self.ceiling.unwrap_or(u8::MAX))
     }
 }
