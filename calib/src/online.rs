@@ -123,7 +123,7 @@ impl OnlineCalibration {
 
     /// A detection under the indices of the board that is known here: a still board keeps its
     /// nodes' indices, also in frames that do not show the key. `None` where it is another pose, or
-    /// nobody can say which node is which.
+    /// which node is which is ambiguous.
     pub fn recognise(&self, detection: &Detection) -> Option<Detection> {
         let seen = detection.orientation == Orientation::KeySeen;
         if self.sure && !seen {

@@ -172,7 +172,7 @@ pub struct Account {
 }
 
 impl Account {
-    /// A new account; `nominal_period_s` as read back from the device, 0 if it does not tell.
+    /// A new account; `nominal_period_s` as read back from the device, 0 if it does not state it.
     pub fn new(nominal_period_s: f64) -> Self {
         let period_ns = if nominal_period_s.is_finite() && nominal_period_s > 0.0 {
             nominal_period_s * 1e9

@@ -429,7 +429,7 @@ impl BufferQueue {
         self.voids += 1;
         self.last_void_ns = now_ns;
         if self.voids < self.owners.len() {
-            // Of the buffers that it gave back some may have held frames; what follows will tell.
+            // Of the buffers that it gave back some may have held frames; what follows will show it.
             return None;
         }
         Some(self.voided())

@@ -54,7 +54,7 @@ impl Seen {
     }
 }
 
-/// What is left to do, in the vehicle's own directions. What the frame does not show is left out.
+/// What is left to do, in the vehicle's own directions. What the frame does not show is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Left {
     /// Forward; negative = back \[m\].

@@ -1,6 +1,6 @@
 //! `replay`: every frame of a log, or of a folder of images, extracted again, offline and deterministic.
 //!
-//! Everything of ours but the images is carried over; messages of foreign topics cannot be written
+//! Everything of ours but the images is carried over; messages of third-party topics cannot be written
 //! by our writer and are counted by topic. Profiles are computed anew with the code that ran
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
@@ -99,7 +99,7 @@ pub struct Report {
     pub frames_missing: u64,
     /// Frames with a stripe.
     pub with_stripe: u64,
-    /// Of these, frames that the camera delivered and nobody can read: of the wrong size, or no image.
+    /// Of these, frames that the camera delivered and that cannot be read: of the wrong size, or no image.
     pub undecodable: u64,
     /// Metadata of the log that is not as it was written, by name, in words.
     pub damaged_metadata: BTreeMap<String, String>,
@@ -117,7 +117,7 @@ pub struct Report {
     pub foreign: BTreeMap<String, u64>,
     /// Frames with a pose that is fit for use (`/vehicle/motion`).
     pub poses: u64,
-    /// Frames whose pose was left out, by reason; the numbers in it are those of the first of its kind.
+    /// Frames whose pose was discarded, by reason; the numbers in it are those of the first of its kind.
     pub without_pose: BTreeMap<String, u64>,
     /// Stretches of half a second and more without one.
     pub gaps: Vec<gaps::Gap>,
@@ -211,7 +211,7 @@ pub fn replay(
     let mut reader = options.open(log)?;
     let head = head(&reader, log, options);
     // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
-    // nobody knows how much stands before it.
+    // how much stands before it is not known.
     let mut camera = None;
     for message in reader.by_ref() {
         if let Record::Frame(frame) = message?.record {

@@ -1,4 +1,4 @@
-//! A file's messages, undecoded but checked, with everything else that a file tells about itself.
+//! A file's messages, undecoded but checked, with everything else that a file states about itself.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -3,7 +3,7 @@
 //!
 //! Light that varies with noise thins out towards its brightest values. Clipped light does not:
 //! it piles up at one level with nothing above. The brightest pixel of each column on a candidate
-//! tells one from the other; where noise is too small to tell, the flanks do, which say how
+//! distinguishes the two; where noise is too small for that, the flanks do, which imply how
 //! bright the clipped peak would have been (`trace`).
 
 use hydroline_core::frame::GreyImage;
@@ -28,7 +28,7 @@ const PLAIN_RATIO: f64 = 2.0;
 pub(super) struct Pile {
     /// The level \[grey levels\].
     pub level: u8,
-    /// Whether noise cannot explain it; else the flanks are to be asked.
+    /// Whether noise cannot explain it; else the flanks are to be examined.
     pub certain: bool,
 }
 

@@ -14,7 +14,7 @@ const MAX_ITERATIONS: usize = 6;
 /// Farthest apart that rows of neighbouring columns are read together \[px\].
 const MAX_SPREAD_PX: f64 = 8.0;
 
-/// What one column says.
+/// One column's estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// Centre \[px\].

@@ -324,7 +324,7 @@ impl Extractor {
         let mut windows = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut kept = 0;
         let tolerance_px = WIDTH_TOLERANCE * first_sigma_px;
-        // With nothing new to tell it, a second fit would only repeat the first.
+        // With nothing new known, a second fit would only repeat the first.
         let again = |track: &Track, pooled: &[f64; 2]| {
             haze.is_some()
                 || track.fit.saturated

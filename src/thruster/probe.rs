@@ -32,7 +32,7 @@ pub struct Answered {
     pub pulses: Vec<ChannelPulse>,
     /// Names of error bits that it reports now.
     pub errors: Vec<&'static str>,
-    /// Its own watchdog \[ms\], where it tells.
+    /// Its own watchdog \[ms\], where it reports it.
     pub watchdog_ms: Option<u16>,
 }
 

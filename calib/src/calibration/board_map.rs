@@ -95,7 +95,7 @@ impl Calibration {
             .iter()
             .filter_map(|n| {
                 // Not by the pixel: where it falls outside the map's region there is no answer, and
-                // the worst nodes of the border would be left out.
+                // the worst nodes of the border would be discarded.
                 let (column_px, row_px) = map.to_image(n.xi_m, n.eta_m)?;
                 let off = jacobian(Vector2::new(column_px, row_px))?
                     * Vector2::new(n.column_px - column_px, n.row_px - row_px);

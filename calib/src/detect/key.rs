@@ -1,4 +1,4 @@
-//! The key: three discs that say which node is which, and whether the image is mirrored.
+//! The key: three discs that determine which node is which, and whether the image is mirrored.
 
 use std::collections::HashMap;
 
@@ -23,7 +23,7 @@ pub(super) enum KeySearch {
     MirroredOrAside,
     /// Its places are in view, and there is none.
     Absent,
-    /// Nobody can tell.
+    /// Not determined.
     Hidden,
 }
 

@@ -3,7 +3,7 @@
 //! Model: I = o + g_x x + g_y y + c P(x − δ), P the line crossing, dot or chessboard corner
 //! in the local perspective, with a Gaussian blur. δ and its covariance come from one
 //! Gauss–Newton fit of six numbers with Tukey's weights: pixels that a laser line or a
-//! block's edge spoils drop out, and a node that loses too many of them is left out.
+//! block's edge spoils drop out, and a node that loses too many of them is discarded.
 
 use std::convert::Infallible;
 
@@ -120,7 +120,7 @@ impl Patch<'_> {
             .collect();
         let k = sizes.len() / 2;
         let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
-        // Most of a patch is plain: its median says nothing of the marks' rims, which
+        // Most of a patch is plain: its median is insensitive to the marks' rims, which
         // a start 2 px off makes large. Tolerance goes down as the fit closes in.
         let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
         self.scale = (1.4826 * *median)
@@ -175,7 +175,7 @@ impl LeastSquares<Const<6>> for Patch<'_> {
             &self.m,
             self.refiner.blur_px.hypot(soft),
         );
-        // Before the levels are known nobody can say which of them is light.
+        // Before the levels are known it is not known which of them is light.
         let levels = round > 0;
         let (mut weight_sum, mut square_sum) = (0.0, 0.0);
         let reach = 1.0 / (5.0 * self.scale);
@@ -396,7 +396,7 @@ impl Refiner<'_> {
                 let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
                 let u = local_jacobian[(0, 0)] * ds + local_jacobian[(0, 1)] * dt;
                 let v = local_jacobian[(1, 0)] * ds + local_jacobian[(1, 1)] * dt;
-                // Of a dot and its surroundings only what lies near the rim says anything.
+                // Of a dot and its surroundings only what lies near the rim has information.
                 let far = dots && {
                     let rho = (u * u + v * v).sqrt().max(1e-9);
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;

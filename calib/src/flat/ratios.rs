@@ -33,7 +33,7 @@ const ROUNDING: f64 = 1.0 / 12.0;
 /// Share of χ² that a deviation of the curve explains where it is the curve that is off, and not the scene.
 const EXPLAINED: f64 = 0.5;
 
-/// What the levels say.
+/// The estimate from the levels.
 #[derive(Debug, Clone)]
 pub(super) struct Ratios {
     /// b, then ln s of each exposure but the one that the others are counted from.

@@ -383,7 +383,7 @@ fn what_is_not_a_series_of_a_still_scene_is_refused_with_the_next_step() {
         println!("{trouble:?}: {error}");
         assert!(error.to_string().contains(words), "{trouble:?}: {error}");
     }
-    // A fish before the lens of one exposure is left out.
+    // A fish before the lens of one exposure is discarded.
     let fish = Trouble {
         covered: 0.08,
         ..Trouble::default()

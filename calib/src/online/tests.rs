@@ -156,7 +156,7 @@ fn a_still_board_keeps_its_nodes_when_the_key_is_hidden() {
         let frames = online.push(&seen, None).frames;
         assert!(frames > 1, "the average goes on: {frames}");
     }
-    // Moved and hidden: nobody knows, and what is known stays as it was.
+    // Moved and hidden: ambiguous, and what is known stays as it was.
     let moved = rotated_by_half(
         detection(&rig, 3, 0.004, |_, _| true),
         Orientation::KeyHidden,

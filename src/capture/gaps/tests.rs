@@ -469,7 +469,7 @@ proptest! {
         let (mut host, mut device) = (0, 0);
         for i in 0..frames {
             slot += 1.0;
-            // The first second runs without losses: nobody can tell a rate from one frame.
+            // The first second runs without losses: one frame does not show a rate.
             let steady = received >= 25;
             if i == pause_at && steady {
                 // What was lost just before a pause cannot be distinguished from the pause.

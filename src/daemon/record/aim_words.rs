@@ -169,7 +169,7 @@ impl AimView {
             .collect()
     }
 
-    /// One line that a terminal of [`TERMINAL_COLUMNS`] shows whole. What has no room is left out, last first.
+    /// One line that a terminal of [`TERMINAL_COLUMNS`] shows whole. What has no room is omitted, last first.
     pub fn line(&self) -> String {
         let judged = [self.focus(), self.exposure(), self.laser(), self.camera()];
         let mut parts: Vec<String> = judged.into_iter().map(|j| j.short).collect();

@@ -19,7 +19,7 @@ const FRAMES: usize = 24;
 pub struct RefineReport {
     /// Frames looked at.
     pub frames: usize,
-    /// Of these, frames that gave no pose and were left out.
+    /// Of these, frames that gave no pose and were discarded.
     pub failed: usize,
     /// Sheet's thickness and its sd \[m\], where asked for.
     pub thickness_m: Option<[f64; 2]>,

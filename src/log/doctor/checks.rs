@@ -215,7 +215,7 @@ impl Checks {
         match event.kind.as_str() {
             "clock.step" => self.step_events += 1,
             "camera.gap" => {
-                // Older logs do not say of which frame: what they tell is never taken back.
+                // Older logs do not state of which frame: what they report is never taken back.
                 let frame = event.values.get("sequence").map(|v| *v as u32);
                 *self.frames.reported_lost.entry(frame).or_default() += u64::from(whole("lost"));
             }

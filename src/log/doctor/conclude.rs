@@ -38,7 +38,7 @@ fn ledger_of(summary: &MetadataMap) -> &'static str {
 }
 
 impl Checks {
-    /// Frames that did not get into the file, as far as it tells.
+    /// Frames that did not get into the file, as far as it states.
     pub(super) fn frames_lost(&self, learnt: &Learnt) -> u64 {
         let marked = self.frames.marked.saturating_sub(self.frames.retracted);
         let stated = learnt.metadata.get("summary").map_or(0, |summary| {
