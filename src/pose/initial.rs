@@ -130,7 +130,7 @@ fn steps_on_faces<'a>(
         .collect()
 }
 
-/// Whether a start has come to a place that another has settled at: it will settle there too.
+/// Whether a start has come to where another has converged: it will converge there too.
 fn joined(a: &Pose, b: &Pose) -> bool {
     (a.x_m - b.x_m).abs() < JOINED * SAME_M
         && (a.y_m - b.y_m).abs() < JOINED * SAME_M

@@ -33,7 +33,7 @@ pub(super) use edge_model_error::EdgeModelError;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{Curve, Sums, Weighting};
+pub(super) use sums::{RunParameters, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
@@ -64,9 +64,9 @@ pub(super) const BACKGROUND: usize = 8;
 pub(super) const TONE: usize = 9;
 /// Its black level \[grey levels\].
 pub(super) const BLACK: usize = 10;
-/// The first of what the line has across it.
+/// The first of the line's transverse profile.
 pub(super) const LINE: usize = 11;
-/// What is the run's and not a frame's: the camera's response and what the line has across it.
+/// Number of the parameters that all frames of a run share: the camera's response and the line's transverse profile.
 pub const OF_RUN: usize = LOCAL - TONE;
 
 /// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
@@ -90,7 +90,7 @@ pub(super) struct State {
     pub tone: f64,
     /// Grey level of no light at all.
     pub black: f64,
-    /// What the line has across it: cₙ of [`across`].
+    /// The line's transverse profile: cₙ of [`across`].
     pub across: [f64; ACROSS],
     /// How brightness and background change over the image: coefficients of [`lighting`].
     pub uneven: Uneven,
@@ -250,14 +250,14 @@ impl Photometric {
                     derivatives,
                     grid_share,
                 );
-                if counter.asked() != Curve::Known {
+                if counter.run_parameters() != RunParameters::Known {
                     self.compare_edge_strips::<true>(all, &mut counter, &mut scratch, of_pixel);
                 } else {
                     self.compare_edge_strips::<false>(all, &mut counter, &mut scratch, of_pixel);
                 }
                 continue;
             }
-            let of_run = derivatives && counter.asked() != Curve::Known;
+            let of_run = derivatives && counter.run_parameters() != RunParameters::Known;
             self.each_row(
                 &geometry,
                 plan,
@@ -323,7 +323,7 @@ impl Photometric {
             cut: f64::INFINITY,
             redescending: false,
             response: Response::linear(u8::MAX),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: false,
         };
         let mut counter = Counter::new(&weighting, Tables::get(), state);

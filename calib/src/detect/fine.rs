@@ -56,7 +56,7 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
 }
 
 /// Mean misfit over contrast of the better half of a sample that no other blur will mend; a fit that
-/// does not settle counts 1.
+/// does not converge counts 1.
 const HOPELESS: f64 = 0.5;
 
 /// All nodes refined, with the blur that fits them best.

@@ -56,7 +56,7 @@ pub(super) struct Refiner<'a> {
 
 /// Rounds of a node's fit.
 const ROUNDS: usize = 11;
-/// A fit that still moves by more in a round will hardly settle in those that are left \[px\]: where
+/// A fit that still moves by more in a round will hardly converge in those that are left \[px\]: where
 /// there is no node it wanders to the last round, and such fits were half of the time of a
 /// frame without a board.
 const FARTHEST_STEP_PX: [f64; ROUNDS] = {
@@ -242,17 +242,17 @@ impl LeastSquares<Const<6>> for Patch<'_> {
     }
 }
 
-/// A node's fit at rest.
-pub(super) struct Settled<'a> {
+/// A node's fit, converged.
+pub(super) struct ConvergedFit<'a> {
     pub theta: Unknowns,
     hessian: SMatrix<f64, 6, 6>,
     pub patch: Patch<'a>,
 }
 
-impl Settled<'_> {
+impl ConvergedFit<'_> {
     /// What is reported of it, if it is a node: by its own measure only, others may know more.
     pub fn refined(&self, start: [f64; 2]) -> Option<Refined> {
-        let Settled { theta, patch, .. } = self;
+        let ConvergedFit { theta, patch, .. } = self;
         let rms = (patch.square_sum / patch.weight_sum).sqrt();
         let inverse = self.hessian.try_inverse()?;
         let covariance = if patch.refiner.tone.is_some() {
@@ -344,16 +344,16 @@ impl Refiner<'_> {
         start: [f64; 2],
         steps: [[f64; 2]; 2],
     ) -> Option<Refined> {
-        self.settle(index, start, steps)?.refined(start)
+        self.converge(index, start, steps)?.refined(start)
     }
 
     /// The fit of one node, if it comes to rest.
-    pub fn settle(
+    pub fn converge(
         &self,
         index: [i32; 2],
         start: [f64; 2],
         steps: [[f64; 2]; 2],
-    ) -> Option<Settled<'_>> {
+    ) -> Option<ConvergedFit<'_>> {
         let ideal = index.map(f64::from);
         let (c, s) = (
             Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
@@ -425,7 +425,7 @@ impl Refiner<'_> {
         if found.ended != Ended::Step {
             return None;
         }
-        Some(Settled {
+        Some(ConvergedFit {
             theta: found.at,
             hessian: found.normal.hessian,
             patch,

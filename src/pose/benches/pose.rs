@@ -1,5 +1,5 @@
 //! Time per 720 x 576 frame on one core: `cargo bench -p hydroline-pose --bench pose`.
-//! Asked (issue 4, must show 6): joint pose <= 5 ms, the six formulas <= 0.1 ms.
+//! Required (issue 4, must show 6): joint pose <= 5 ms, the six formulas <= 0.1 ms.
 
 #![allow(clippy::unwrap_used)]
 

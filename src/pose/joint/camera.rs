@@ -14,7 +14,7 @@ pub use response_prior::ResponsePrior;
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
-/// ln γ, b \[grey levels\], and the line's c₃…c₆.
+/// ln γ, b \[grey levels\], and the line's c₃…c₁₀.
 pub type OfRun = SVector<f64, OF_RUN>;
 /// Of these, squared.
 pub type OfRun2 = SMatrix<f64, OF_RUN, OF_RUN>;
@@ -31,7 +31,7 @@ const LINEAR_PROBABILITY: f64 = 0.5;
 /// it is: slightly nonlinear sensors, and images that were linearised.
 const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
 
-/// A camera's response g = b + 255 (L/255)^γ and what the line has across it, known to their covariance.
+/// A camera's response g = b + 255 (L/255)^γ and the line's transverse profile, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraResponse {
     /// What is held.
@@ -73,7 +73,7 @@ impl CameraResponse {
         }
     };
 
-    /// What the line has across it.
+    /// The line's transverse profile.
     pub(super) fn across(&self) -> [f64; ACROSS] {
         std::array::from_fn(|k| self.mean[2 + k])
     }

@@ -1,7 +1,7 @@
 //! Which of several places on the target a frame shows.
 
 use super::super::photometric::{
-    Choice, Curve, EdgeModelError, PARAMETERS, Picture, Plan, State, TONE, Weighting,
+    Choice, EdgeModelError, PARAMETERS, Picture, Plan, RunParameters, State, TONE, Weighting,
 };
 use super::lm_loop::{Convergence, first_step, plausible};
 use super::solve::{equations, in_si};
@@ -46,7 +46,7 @@ impl PoseFitter {
             cut: 8.0,
             redescending: true,
             response: self.response(picture.ceiling),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: true,
         };
         // θ is fitted later, and does not distinguish flanks; unless the upper faces are so far apart in

@@ -1,8 +1,8 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Curve, EdgeModelError, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State,
-    Sums, Weighting, light_per_grey,
+    Choice, EdgeModelError, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, RunParameters,
+    State, Sums, Weighting, light_per_grey,
 };
 use super::lm_loop::{Convergence, lit_noise, plausible};
 use super::solve::{covariances, response_seen};
@@ -80,17 +80,17 @@ impl PoseFitter {
             free[LINE..LOCAL].fill(false);
         }
         let considered = self.camera.as_ref().and_then(CameraResponse::considered);
-        let [curve, curve_at_last] = match (self.camera, considered) {
-            (None, _) => [Curve::Estimated; 2],
-            (_, Some(_)) => [Curve::Known, Curve::Considered],
-            _ => [Curve::Known; 2],
+        let [run_parameters, run_parameters_at_last] = match (self.camera, considered) {
+            (None, _) => [RunParameters::Estimated; 2],
+            (_, Some(_)) => [RunParameters::Known, RunParameters::Considered],
+            _ => [RunParameters::Known; 2],
         };
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            curve,
+            run_parameters,
             even: false,
         };
         let (mut from, mut sums) = self
@@ -102,28 +102,29 @@ impl PoseFitter {
         let (state, sums, edge_model_error) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut converge = |plan: &Plan, from: State, sums: &Sums, converged: f64, curve| {
-                weighting.curve = curve;
-                weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
-                let model_error = &mut EdgeModelError::found(&sums.edges, weighting.noise_sd);
-                let limits = (ITERATIONS, Convergence::Nonlinear(converged));
-                weighting.respond(&from, picture.ceiling);
-                self.converge(
-                    model,
-                    plan,
-                    picture,
-                    from,
-                    &free,
-                    &weighting,
-                    model_error,
-                    limits,
-                )
-                .ok_or(PoseFault::NotConverged)
-            };
+            let mut converge =
+                |plan: &Plan, from: State, sums: &Sums, converged: f64, run_parameters| {
+                    weighting.run_parameters = run_parameters;
+                    weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
+                    let model_error = &mut EdgeModelError::found(&sums.edges, weighting.noise_sd);
+                    let limits = (ITERATIONS, Convergence::Nonlinear(converged));
+                    weighting.respond(&from, picture.ceiling);
+                    self.converge(
+                        model,
+                        plan,
+                        picture,
+                        from,
+                        &free,
+                        &weighting,
+                        model_error,
+                        limits,
+                    )
+                    .ok_or(PoseFault::NotConverged)
+                };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = converge(&few, from, &sums, NEARLY, curve)?;
-            let (state, all) = converge(&plan, near, &edges, CONVERGED, curve_at_last)?;
+            let (near, edges) = converge(&few, from, &sums, NEARLY, run_parameters)?;
+            let (state, all) = converge(&plan, near, &edges, CONVERGED, run_parameters_at_last)?;
             let response_changed = response_changed(&near, &state, RESPONSE_CONVERGED);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
             if again == 0 || !(moved || response_changed) {

@@ -15,8 +15,8 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, Curve, EdgeModelError, PARAMETERS, Photometric, Picture, Plan, State, Sums, THICKNESS,
-    Weighting,
+    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, Plan, RunParameters, State, Sums,
+    THICKNESS, Weighting,
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;
@@ -416,7 +416,7 @@ impl PoseFitter {
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: false,
         }
     }

@@ -62,7 +62,7 @@ pub struct JointPose {
     pub tone: f64,
     /// Its black level as fitted \[grey levels\]; 0 where the response leaves light as it is, and the background holds it.
     pub black: f64,
-    /// What the line has across it beyond a Gaussian, as fitted: Hermite coefficients of orders 3 to 6.
+    /// The line's transverse profile as fitted: coefficients of Hermite polynomials of orders 3 to 10.
     pub across: [f64; ACROSS],
     /// Estimate of the response from this frame, where it is open ([`super::PoseFitter::with_response_open`]).
     pub response: Option<ResponseSeen>,

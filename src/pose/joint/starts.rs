@@ -19,7 +19,7 @@ const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
 /// Farthest that a vehicle is taken to head from the target's line: a line on an upper face is then no longer than this makes it.
-const AWRY_RAD: f64 = 0.25 * std::f64::consts::PI;
+const YAW_MOST_RAD: f64 = 0.25 * std::f64::consts::PI;
 /// Upper faces this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
@@ -99,7 +99,7 @@ impl PoseFitter {
         let widest_m = faces
             .iter()
             .fold(0.0_f64, |w, face| w.max(face.outline.width_m()));
-        let face_m = widest_m / AWRY_RAD.cos();
+        let face_m = widest_m / YAW_MOST_RAD.cos();
         let ends = levels.segments.iter().flat_map(|s| s.xi_m);
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
@@ -137,7 +137,7 @@ impl PoseFitter {
         }
     }
 
-    /// What the line has across it as far as it is known.
+    /// The line's transverse profile as far as it is known.
     fn across(&self) -> [f64; ACROSS] {
         self.camera.map_or([0.0; ACROSS], |c| c.across())
     }

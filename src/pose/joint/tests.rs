@@ -119,7 +119,7 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
         };
         let fit = fitted(&rig, &frame(&rig, &truth), Some(x_m + 0.02)).unwrap();
         let error = |i: usize| (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
-        // Asked, rms: x 0.15 mm, z 0.06 mm, theta 0.012 deg; here three frames at three times that.
+        // Required, rms: x 0.15 mm, z 0.06 mm, theta 0.012 deg; here three frames at three times that.
         assert!(error(0) < 4.5e-4 && error(2) < 1.8e-4, "{fit:?}");
         assert!(error(4).to_degrees() < 0.036, "{fit:?}");
     }
@@ -208,7 +208,7 @@ fn the_bound_is_that_of_an_independent_study() {
 /// The last step of a fit is taken without a look at where it leads: what was left after it.
 #[test]
 fn the_last_step_leaves_little() {
-    use super::super::photometric::{Choice, Curve, EdgeModelError, State, Weighting};
+    use super::super::photometric::{Choice, EdgeModelError, RunParameters, State, Weighting};
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let mut left = Vec::new();
@@ -239,7 +239,7 @@ fn the_last_step_leaves_little() {
             cut: finish::CUT,
             redescending: true,
             response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
-            curve: Curve::Estimated,
+            run_parameters: RunParameters::Estimated,
             even: false,
         };
         let plan = fitter.model.plan(&state, Choice::ALL);

@@ -1,4 +1,4 @@
-//! How the line's light is spread across it.
+//! The line's transverse profile.
 //!
 //! A Gaussian, times what makes it skew, flat-topped or winged (Gram and Charlier's series; Kendall and Stuart, chapter 6):
 //!

@@ -136,7 +136,7 @@ struct Ready {
     lit: [f64; 2],
     /// In [`Scratch::cuts`].
     cuts: (usize, usize),
-    /// What the line has across it.
+    /// The line's transverse profile.
     faded: Faded,
 }
 
@@ -177,7 +177,7 @@ struct Rows<'a> {
 }
 
 impl Photometric {
-    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by what is the run's; `model_error_sd`
+    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by the run's parameters; `model_error_sd`
     /// gives each row's pixel its model error, in turn, from its sensitivity.
     pub(super) fn compare_edge_strips<'a, const RUN: bool>(
         &'a self,

@@ -8,7 +8,7 @@ use super::across::{ACROSS, Across};
 use super::lanes::Lanes;
 use super::plan::Strip;
 use super::pose_geometry::{PoseGeometry, Ray, dot};
-use super::sums::{Counter, Curve, INTERIOR};
+use super::sums::{Counter, INTERIOR, RunParameters};
 use super::{OF_RUN, Photometric, State};
 use crate::normal::Tables;
 
@@ -51,18 +51,18 @@ impl Photometric {
         counter: &mut Counter<'_>,
     ) {
         let all = (geometry, strip, pixels, state, derivatives);
-        match counter.asked() {
-            Curve::Known => self.compare_interior_by::<FRAME, FRAME>(all, counter),
-            Curve::Considered => {
+        match counter.run_parameters() {
+            RunParameters::Known => self.compare_interior_by::<FRAME, FRAME>(all, counter),
+            RunParameters::Considered => {
                 self.compare_interior_by::<{ FRAME + OF_RUN }, FRAME>(all, counter)
             }
-            Curve::Estimated => {
+            RunParameters::Estimated => {
                 self.compare_interior_by::<{ FRAME + OF_RUN }, { FRAME + OF_RUN }>(all, counter)
             }
         }
     }
 
-    /// The same with so many of [`FRAME`] and what is the run's; of those after the first OWN no products with each other.
+    /// The same with so many of [`FRAME`] and the run's parameters; of those after the first OWN no products with each other.
     #[inline]
     fn compare_interior_by<const N: usize, const OWN: usize>(
         &self,
@@ -100,7 +100,7 @@ impl Photometric {
         let across = Across::new(&state.across, sigma);
         let faded = across.faded(1.0 / total2);
         // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black, and
-        // by what the line has across.
+        // by the coefficients of the line's transverse profile.
         let mut products = [[0.0; N]; N];
         let mut right = [0.0; N];
         let mut waiting = Lanes::<N>::new();

@@ -66,7 +66,7 @@ pub(crate) struct Sums {
     pub tally: Tally,
     /// The edges met.
     pub edges: EdgesSeen,
-    /// Where what is the run's is sought: what is left across the line.
+    /// Where the run's parameters are estimated: residuals across the line.
     pub line_residuals: LineResiduals,
 }
 
@@ -80,7 +80,7 @@ pub(crate) struct Weighting {
     pub redescending: bool,
     /// The camera's.
     pub response: Response,
-    pub curve: Curve,
+    pub run_parameters: RunParameters,
     /// The coefficients of uneven light are held, at a state in which it is even.
     pub even: bool,
 }
@@ -89,9 +89,9 @@ pub(crate) struct Weighting {
 /// columns, of those that no edge cuts, and of those that one cuts.
 const CONSIDERED_EVERY: [usize; 2] = [8, 2];
 
-/// How a comparison treats what frames of a run share, the camera's response and the line across: its derivatives.
+/// How a comparison treats the run's parameters, the camera's response and the line's transverse profile: derivatives by them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Curve {
+pub(crate) enum RunParameters {
     /// Held: none.
     Known,
     /// As consider parameters: the products of its derivatives with others, none with each other.
@@ -100,12 +100,12 @@ pub(crate) enum Curve {
     Estimated,
 }
 
-impl Curve {
+impl RunParameters {
     /// How many of a pixel's derivatives there are.
     fn used(&self) -> usize {
         match self {
-            Curve::Known => TONE,
-            Curve::Considered | Curve::Estimated => LOCAL,
+            RunParameters::Known => TONE,
+            RunParameters::Considered | RunParameters::Estimated => LOCAL,
         }
     }
 }
@@ -172,7 +172,7 @@ pub(super) struct Counter<'a> {
     /// How many of a pixel's derivatives there are.
     used: usize,
     /// Derivatives taken in the columns at hand, and for how many columns these stand.
-    asked: Curve,
+    run_parameters: RunParameters,
     stands_for: f64,
     /// Columns met, those that no edge cuts and others.
     met: [usize; 2],
@@ -217,8 +217,8 @@ impl<'a> Counter<'a> {
     pub fn new(weighting: &'a Weighting, tables: &'static Tables, state: &'a State) -> Self {
         Counter {
             weighting,
-            used: weighting.curve.used(),
-            asked: weighting.curve,
+            used: weighting.run_parameters.used(),
+            run_parameters: weighting.run_parameters,
             stands_for: 1.0,
             met: [0; 2],
             tables,
@@ -247,12 +247,12 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Which derivatives by what is the run's are taken in the columns at hand.
-    pub fn asked(&self) -> Curve {
-        self.asked
+    /// Which derivatives by the run's parameters are taken in the columns at hand.
+    pub fn run_parameters(&self) -> RunParameters {
+        self.run_parameters
     }
 
-    /// Derivatives by what is the run's, from those by camera and line.
+    /// Derivatives by the run's parameters, from those by camera and line.
     #[inline]
     pub fn by_run(&self, by_camera: [f64; 2], by_line: &[f64; ACROSS]) -> [f64; OF_RUN] {
         let mut by = [0.0; OF_RUN];
@@ -275,21 +275,21 @@ impl<'a> Counter<'a> {
 
     /// What comes next are the pixels of these strips, which an edge cuts or none.
     pub fn strips(&mut self, strips: &[Strip], cut: bool) {
-        if self.weighting.curve == Curve::Considered {
+        if self.weighting.run_parameters == RunParameters::Considered {
             let (met, every) = (
                 &mut self.met[usize::from(cut)],
                 CONSIDERED_EVERY[usize::from(cut)],
             );
-            let asked = if *met % every == every / 2 {
-                Curve::Considered
+            let run_parameters = if *met % every == every / 2 {
+                RunParameters::Considered
             } else {
-                Curve::Known
+                RunParameters::Known
             };
             *met += 1;
-            if asked != self.asked {
+            if run_parameters != self.run_parameters {
                 self.empty();
             }
-            (self.asked, self.stands_for) = (asked, every as f64);
+            (self.run_parameters, self.stands_for) = (run_parameters, every as f64);
         }
         if let (Some(uneven), Some(strip)) = (&self.uneven, strips.first()) {
             let (first, last) = (strip.first_row, strip.end_row);
@@ -309,7 +309,7 @@ impl<'a> Counter<'a> {
         let beyond = self.of_row(row);
         Background {
             level: fitted + beyond,
-            measured: if beyond == 0.0 || self.asked == Curve::Known {
+            measured: if beyond == 0.0 || self.run_parameters == RunParameters::Known {
                 [0.0; 2]
             } else {
                 self.measured(beyond)
@@ -408,7 +408,7 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by what is the run's may be wanted.
+    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by the run's parameters may be wanted.
     #[inline(always)]
     pub fn interior<const RUN: bool>(
         &self,
@@ -512,12 +512,12 @@ impl<'a> Counter<'a> {
         let level = light + level;
         let response = &self.weighting.response;
         let seen = response.light(grey);
-        match self.asked {
-            asked if !RUN || asked == Curve::Known => {
+        match self.run_parameters {
+            run_parameters if !RUN || run_parameters == RunParameters::Known => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((residual, share, [0.0; 2]))
             }
-            Curve::Considered => {
+            RunParameters::Considered => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 let moved = response.moved_by(level);
                 Some((
@@ -573,9 +573,11 @@ impl<'a> Counter<'a> {
     /// Adds one pixel to the normal equations.
     #[inline]
     pub fn add(&mut self, j: &[f64; LOCAL], weight: f64, residual: f64) {
-        let full = match self.asked {
-            Curve::Known => self.waiting.push_first::<TONE>(j, weight, residual),
-            Curve::Considered | Curve::Estimated => self.waiting.push(j, weight, residual),
+        let full = match self.run_parameters {
+            RunParameters::Known => self.waiting.push_first::<TONE>(j, weight, residual),
+            RunParameters::Considered | RunParameters::Estimated => {
+                self.waiting.push(j, weight, residual)
+            }
         };
         if full {
             self.empty();
@@ -584,14 +586,14 @@ impl<'a> Counter<'a> {
 
     fn empty(&mut self) {
         let (information, gradient) = (&mut self.information, &mut self.gradient);
-        match self.asked {
-            Curve::Known => self
+        match self.run_parameters {
+            RunParameters::Known => self
                 .waiting
                 .empty_first_into::<TONE, TONE>(information, gradient),
-            Curve::Considered => self
+            RunParameters::Considered => self
                 .waiting
                 .empty_first_into::<LOCAL, TONE>(information, gradient),
-            Curve::Estimated => self.waiting.empty_into(information, gradient),
+            RunParameters::Estimated => self.waiting.empty_into(information, gradient),
         }
     }
 
@@ -601,7 +603,7 @@ impl<'a> Counter<'a> {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if self.asked == Curve::Known {
+        if self.run_parameters == RunParameters::Known {
             return;
         }
         let of_camera = judged.by_camera.map(|by| self.stands_for * by);
@@ -609,7 +611,7 @@ impl<'a> Counter<'a> {
             let weighted = judged.weight * by;
             let row = &mut self.information[TONE + k];
             row[BACKGROUND] += weighted * judged.share;
-            if self.asked == Curve::Estimated {
+            if self.run_parameters == RunParameters::Estimated {
                 for (sum, with) in row[TONE..].iter_mut().zip(&of_camera[..=k]) {
                     *sum += weighted * with;
                 }

@@ -191,7 +191,7 @@ fn compare_strips(at: State, within: f64) {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Estimated,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let mut plan = model.plan(&at, Choice::ALL);
@@ -265,13 +265,13 @@ fn considered_parameters_need_only_some_columns() {
     };
     let picture = renderer.render(&Pose6::from(at.pose.to_array()), 1).0;
     let plan = model.plan(&at, Choice::ALL);
-    let sums = |curve: Curve| {
+    let sums = |run_parameters: RunParameters| {
         let weighting = Weighting {
             noise_sd: 2.0,
             cut: 6.0,
             redescending: true,
             response: Response::new([at.tone, at.black], 254),
-            curve,
+            run_parameters,
             even: false,
         };
         let picture = &Picture::plain(&picture, 254);
@@ -284,7 +284,10 @@ fn considered_parameters_need_only_some_columns() {
             true,
         )
     };
-    let (some, all) = (sums(Curve::Considered), sums(Curve::Estimated));
+    let (some, all) = (
+        sums(RunParameters::Considered),
+        sums(RunParameters::Estimated),
+    );
     for a in (0..TONE).chain(LOCAL..PARAMETERS) {
         for b in 0..PARAMETERS {
             let size = (all.information[(a, a)] * all.information[(b, b)]).sqrt();
@@ -305,7 +308,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Estimated,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
@@ -381,7 +384,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Estimated,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let renderer = Renderer::new(&rig).unwrap();
@@ -439,7 +442,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_estimated() {
         cut: 1e3,
         redescending: false,
         response: Response::new([at, 0.0], 255),
-        curve: Curve::Estimated,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let (dark, lamp) = (14.0, 6.0);

@@ -105,7 +105,7 @@ pub(super) struct PixelContext<'a> {
     pub grid: &'a Grid,
     /// Share of the blur that is formed on the pixel grid.
     pub grid_share: f64,
-    /// Whether derivatives by what is the run's are wanted.
+    /// Whether derivatives by the run's parameters are wanted.
     pub of_run: bool,
 }
 
