@@ -134,6 +134,7 @@ pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
     /// Fitted, but not to be used without a look at the frame (another hexagon, ambiguous, misfit): not in the log.
+    #[serde(rename = "doubtful")]
     pub flagged: u64,
     /// Frames without a pose, by reason.
     pub none: BTreeMap<&'static str, u64>,

@@ -45,6 +45,7 @@ pub struct Recovery {
     /// Their sum.
     pub messages_total: u64,
     /// How many of them come from the truncated last chunk.
+    #[serde(rename = "from_torn_chunk")]
     pub from_truncated_chunk: u64,
     /// What was damaged, with its offset.
     pub damage: Vec<(u64, String)>,

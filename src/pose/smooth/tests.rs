@@ -92,8 +92,8 @@ fn an_undisturbed_run_is_bound_tightly() {
     let run = smooth(&frames, &dynamics()).unwrap();
     let (rms, most, inside) = judged(&truth, &run);
     println!(
-        "rms {rms:.6} max {most:.6} inside {inside:.3} push {:?} chi2 {:.3}",
-        run.push_per_root_s, run.chi2
+        "rms {rms:.6} max {most:.6} inside {inside:.3} walk sd {:?} chi2 {:.3}",
+        run.walk_sd_per_root_s, run.chi2
     );
     // One frame: 0.54 mm. 150 of them alone would come to 0.044 mm; the dynamics leave a little open.
     let sd = run.frames[75].covariance[(0, 0)].sqrt();
@@ -110,8 +110,8 @@ fn a_disturbed_run_is_followed() {
     let run = smooth(&frames, &dynamics()).unwrap();
     let (rms, most, inside) = judged(&truth, &run);
     println!(
-        "rms {rms:.6} max {most:.6} inside {inside:.3} push {:?} chi2 {:.3}",
-        run.push_per_root_s, run.chi2
+        "rms {rms:.6} max {most:.6} inside {inside:.3} walk sd {:?} chi2 {:.3}",
+        run.walk_sd_per_root_s, run.chi2
     );
     assert!(rms < 0.54e-3 / 2.0, "{rms}");
     assert!(inside > 0.85, "{inside}");
