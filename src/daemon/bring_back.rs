@@ -227,7 +227,7 @@ impl Guide {
             Stage::Away(left) => format!("{place} | go {left}"),
             Stage::Arriving(_) => format!("{place} | hold it there"),
             Stage::Back(_) => {
-                format!("{place} | at the start: release the vehicle, Enter when the water rests")
+                format!("{place} | at the start: release, Enter when the water rests")
             }
         }
     }
