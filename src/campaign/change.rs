@@ -112,12 +112,19 @@ pub fn change(
     let thrusters = rig.thrusters.thrusters.len();
     let kinds = 3.0 + f64::from(u8::from(thrusters > 1));
     let m = rig.vehicle.mass_kg;
-    let scaled = |ln: f64, what: fn(Coefficient, f64, f64, &Rig) -> f64, name: &str, unit: &str, sd: f64| {
-        let objective = |s: f64| {
-            as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
+    let scaled =
+        |ln: f64, what: fn(Coefficient, f64, f64, &Rig) -> f64, name: &str, unit: &str, sd: f64| {
+            let objective = |s: f64| {
+                as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
+            };
+            Hypothesis::laplace(
+                name,
+                unit,
+                ln - sd.ln() - 0.5 * TAU.ln(),
+                &objective,
+                4.0 * sd,
+            )
         };
-        Hypothesis::laplace(name, unit, ln - sd.ln() - 0.5 * TAU.ln(), &objective, 4.0 * sd)
-    };
     let per_kind = each - kinds.ln();
     hypotheses.push(scaled(per_kind, with_mass, "mass", "kg", MASS_SHARE * m));
     hypotheses.push(scaled(per_kind, with_drag, "drag", "", LN_FACTOR).factor());
@@ -332,7 +339,13 @@ impl Hypothesis {
     }
 
     /// Laplace's method about the least of an objective J within ± `range`.
-    fn laplace(what: &str, unit: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64, range: f64) -> Self {
+    fn laplace(
+        what: &str,
+        unit: &str,
+        ln_prior: f64,
+        objective: &dyn Fn(f64) -> f64,
+        range: f64,
+    ) -> Self {
         let (value, least) = golden(objective, [-range, range], 1e-4 * range);
         Self::at(what, unit, ln_prior, objective, value, least, 1e-3 * range)
     }
@@ -361,9 +374,8 @@ impl Hypothesis {
 
     /// The same where each value costs a fit: a few places, then the best one refined.
     fn searched(what: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64) -> Self {
-        let at = |k: usize| {
-            THRUSTER[0] + (THRUSTER[1] - THRUSTER[0]) * k as f64 / (TRIED - 1) as f64
-        };
+        let at =
+            |k: usize| THRUSTER[0] + (THRUSTER[1] - THRUSTER[0]) * k as f64 / (TRIED - 1) as f64;
         let tried: Vec<f64> = (0..TRIED).map(|k| objective(at(k))).collect();
         let best = (0..TRIED)
             .min_by(|a, b| tried[*a].total_cmp(&tried[*b]))
@@ -453,8 +465,13 @@ fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String
             "mass" => format!("{:+.2} ± {:.2} kg of mass", c.value, c.sd),
             "drag" => format!("damping {:.3} ± {:.3} times", c.value, c.sd),
             "thrust" => format!("all thrust {:.3} ± {:.3} times", c.value, c.sd),
-            "something else" => "a change that is none of mass, damping, thrust or one thruster".to_owned(),
-            thruster => format!("{thruster} gives {:.3} ± {:.3} of its thrust", c.value, c.sd),
+            "something else" => {
+                "a change that is none of mass, damping, thrust or one thruster".to_owned()
+            }
+            thruster => format!(
+                "{thruster} gives {:.3} ± {:.3} of its thrust",
+                c.value, c.sd
+            ),
         }
     };
     match causes {
@@ -483,7 +500,13 @@ mod tests {
 
     #[test]
     fn the_least_of_a_parabola_has_its_sd() {
-        let found = Hypothesis::laplace("mass", "kg", 0.0, &|s| ((s - 0.3) / 0.05).powi(2) + 7.0, 4.0);
+        let found = Hypothesis::laplace(
+            "mass",
+            "kg",
+            0.0,
+            &|s| ((s - 0.3) / 0.05).powi(2) + 7.0,
+            4.0,
+        );
         assert!((found.value - 0.3).abs() < 1e-3 && (found.sd - 0.05).abs() < 1e-3);
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
     }

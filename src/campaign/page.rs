@@ -38,10 +38,17 @@ pub fn page(campaign: &Campaign<'_>, rows: &[Row], command: &str) -> Page {
         of_group(b, campaign, g, group, rows);
     }
     b.section("Runs");
-    let mut table = Table::new(["group", "date", "log", "plan", "sound", "verdict", "effects", "remarks"]);
+    let mut table = Table::new([
+        "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
+    ]);
     let listed = rows.iter().filter(|r| word(r, "kind") == "run");
     for row in listed.take(ROWS_MAX) {
-        table.row(["group", "date", "log", "plan", "sound", "verdict", "effects", "remarks"].map(|c| word(row, c)));
+        table.row(
+            [
+                "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
+            ]
+            .map(|c| word(row, c)),
+        );
     }
     b.table(table);
     if runs > ROWS_MAX {
@@ -53,8 +60,8 @@ pub fn page(campaign: &Campaign<'_>, rows: &[Row], command: &str) -> Page {
 fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, rows: &[Row]) {
     b.section(format!("{} ({})", group.vehicle, group.id));
     let unit = |task: Task| campaign.units.iter().find(|u| u.task == task);
-    if let Some(sheet) = unit(Task::Changes { group: g })
-        .and_then(|u| campaign.store.get::<ChangeSheet>(&u.key))
+    if let Some(sheet) =
+        unit(Task::Changes { group: g }).and_then(|u| campaign.store.get::<ChangeSheet>(&u.key))
     {
         b.subsection("From day to day");
         b.list(sheet.changes.iter().map(|c| match c {
@@ -134,9 +141,17 @@ fn trends(b: &mut Body, group: &Group, rows: &[Row]) {
                 .collect();
             (points.len() > 1).then(|| {
                 let dots = points.iter().map(|[x, y, _]| [*x, *y]).collect();
-                let mut panel = Panel::new(key.clone(), Axis::new("days since the first run"), Axis::new(key.clone()));
+                let mut panel = Panel::new(
+                    key.clone(),
+                    Axis::new("days since the first run"),
+                    Axis::new(key.clone()),
+                );
                 for [x, y, sd] in &points {
-                    panel = panel.line("", Colour::series(1), vec![[*x, y - 2.0 * sd], [*x, y + 2.0 * sd]]);
+                    panel = panel.line(
+                        "",
+                        Colour::series(1),
+                        vec![[*x, y - 2.0 * sd], [*x, y + 2.0 * sd]],
+                    );
                 }
                 panel.dots("run (± 2 sd)", Colour::series(0), dots)
             })
@@ -168,7 +183,10 @@ fn coverage(b: &mut Body, group: &Group, rows: &[Row]) {
         }
         any = true;
         let least = ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
-        let greatest = ranges.iter().map(|r| r[1]).fold(f64::NEG_INFINITY, f64::max);
+        let greatest = ranges
+            .iter()
+            .map(|r| r[1])
+            .fold(f64::NEG_INFINITY, f64::max);
         table.row([
             channel.to_owned(),
             significant(least),

@@ -59,7 +59,9 @@ impl Coefficients {
         let numbers: BTreeMap<String, Number> = numbers.collect();
         let kept: Vec<usize> = (0..found.order.len())
             .filter(|k| {
-                numbers.get(&found.order[*k]).is_some_and(|n| n.sd.is_some())
+                numbers
+                    .get(&found.order[*k])
+                    .is_some_and(|n| n.sd.is_some())
                     && found.covariance[*k][*k].is_some()
             })
             .collect();

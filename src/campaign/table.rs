@@ -54,7 +54,10 @@ pub fn rows(campaign: &Campaign<'_>) -> Vec<Row> {
         })
         .collect();
     for (g, group) in campaign.groups.iter().enumerate() {
-        let whole = campaign.units.iter().find(|u| u.task == Task::Group { group: g });
+        let whole = campaign
+            .units
+            .iter()
+            .find(|u| u.task == Task::Group { group: g });
         let outliers = whole
             .and_then(|u| campaign.store.get::<SetSheet>(&u.key))
             .map_or(Vec::new(), |s| s.outliers);
@@ -206,8 +209,16 @@ fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec
         if let Some(sd) = n.sd {
             put(row, key, number(n.value));
             put(row, &format!("{key}_sd"), number(sd));
-            put(row, &format!("{key}_low"), n.low.map_or(Value::Null, number));
-            put(row, &format!("{key}_high"), n.high.map_or(Value::Null, number));
+            put(
+                row,
+                &format!("{key}_low"),
+                n.low.map_or(Value::Null, number),
+            );
+            put(
+                row,
+                &format!("{key}_high"),
+                n.high.map_or(Value::Null, number),
+            );
         }
     }
     for (slot, sd) in &found.noise_sd {
@@ -246,7 +257,11 @@ fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec
 
 /// Columns of rows: the fixed ones in their order, then the others by name.
 fn columns(rows: &[Row]) -> Vec<String> {
-    let there: BTreeSet<&str> = rows.iter().flat_map(|r| r.keys()).map(String::as_str).collect();
+    let there: BTreeSet<&str> = rows
+        .iter()
+        .flat_map(|r| r.keys())
+        .map(String::as_str)
+        .collect();
     let first = FIRST.iter().filter(|c| there.contains(*c));
     let rest = there.iter().filter(|c| !FIRST.contains(c));
     first.chain(rest).map(|c| (*c).to_owned()).collect()

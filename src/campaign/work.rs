@@ -213,7 +213,9 @@ impl Campaign<'_> {
         }
         let all = kept.len();
         if all > RUNS_MAX {
-            kept = (0..RUNS_MAX).map(|k| kept[k * all / RUNS_MAX].clone()).collect();
+            kept = (0..RUNS_MAX)
+                .map(|k| kept[k * all / RUNS_MAX].clone())
+                .collect();
             left.push(format!(
                 "{} more: {RUNS_MAX} runs of {all}, evenly over time, are fitted together",
                 all - RUNS_MAX
@@ -269,7 +271,10 @@ impl Campaign<'_> {
         for (day, runs) in day_runs.iter().enumerate() {
             if runs.is_empty() {
                 if day > 0 {
-                    changes.push(Err(format!("{}: no run of it can be used", of.days[day].date)));
+                    changes.push(Err(format!(
+                        "{}: no run of it can be used",
+                        of.days[day].date
+                    )));
                 }
                 continue;
             }

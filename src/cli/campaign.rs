@@ -137,7 +137,12 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     work_all(&campaign)?;
     let rows = rows(&campaign);
     let command: Vec<String> = std::env::args().skip(1).collect();
-    let html = page(&campaign, &rows, &format!("hydroline {}", command.join(" "))).html();
+    let html = page(
+        &campaign,
+        &rows,
+        &format!("hydroline {}", command.join(" ")),
+    )
+    .html();
     let table = csv(&rows).map_err(CliError::run)?;
     let lines = json_lines(&rows);
     let files: [&[u8]; 3] = [html.as_bytes(), &table, lines.as_bytes()];
@@ -146,7 +151,10 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     }
     errln!("{}", args.out.join(FILES[0]).display());
     if args.json {
-        outln!("{}", serde_json::to_string_pretty(&json!({ "rows": rows }))?);
+        outln!(
+            "{}",
+            serde_json::to_string_pretty(&json!({ "rows": rows }))?
+        );
     } else {
         print(&found, &groups, &rows);
     }
@@ -162,9 +170,7 @@ fn own_folder(out: &Path) -> Result<(), CliError> {
     let Ok(mut entries) = std::fs::read_dir(out) else {
         return Ok(());
     };
-    let other = |name: &str| {
-        !name.starts_with('.') && name != "store" && !FILES.contains(&name)
-    };
+    let other = |name: &str| !name.starts_with('.') && name != "store" && !FILES.contains(&name);
     let found = entries.find_map(|e| {
         let name = e.ok()?.file_name().to_string_lossy().into_owned();
         other(&name).then_some(name)
@@ -229,7 +235,12 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         for row in own {
             match word(row, "kind") {
                 "group" => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
-                "day" => outln!("  {}: {} {}", word(row, "date"), word(row, "verdict"), word(row, "sentence")),
+                "day" => outln!(
+                    "  {}: {} {}",
+                    word(row, "date"),
+                    word(row, "verdict"),
+                    word(row, "sentence")
+                ),
                 "change" => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
                 _ => {}
             }
@@ -241,7 +252,12 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
 fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
     let has = |what: &FailOn| -> Vec<String> {
         let named = |row: &Row, column: &str| {
-            format!("{} {}: {}", word(row, "group"), word(row, "date"), word(row, column))
+            format!(
+                "{} {}: {}",
+                word(row, "group"),
+                word(row, "date"),
+                word(row, column)
+            )
         };
         rows.iter()
             .filter_map(|row| match (what, word(row, "kind")) {
@@ -268,7 +284,8 @@ fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
                 FailOn::Drift => "drift",
             };
             let all = has(what);
-            all.into_iter().map(move |w| format!("--fail-on {name}: {w}"))
+            all.into_iter()
+                .map(move |w| format!("--fail-on {name}: {w}"))
         })
         .collect();
     match found.is_empty() {

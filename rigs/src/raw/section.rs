@@ -214,7 +214,7 @@ impl<'d> Section<'d> {
         )
     }
 
-    /// A table that may be left out (all its keys then take their defaults).
+    /// A table that may be omitted (all its keys then take their defaults).
     pub(crate) fn table_or_default(&self, key: &str) -> Section<'d> {
         let mut section = match self.item(key) {
             Some(item) => match item.value.as_table() {

@@ -15,7 +15,7 @@ impl<'d> Section<'d> {
         })
     }
 
-    /// A text that may be left out.
+    /// A text that may be omitted.
     pub(crate) fn text_opt(&self, key: &str, expected: &str) -> Option<(String, Item<'d>)> {
         let item = self.item(key)?;
         match item.value.as_str() {
@@ -44,7 +44,7 @@ impl<'d> Section<'d> {
         None
     }
 
-    /// One of a list of words that may be left out.
+    /// One of a list of words that may be omitted.
     pub(crate) fn choice_opt<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<T> {
         let item = self.item(key)?;
         let typed = item.value.as_str();
