@@ -36,9 +36,8 @@ pub struct Args {
     /// Rig file or built-in name: the model that is asked what it left out
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// Log that is predicted and never fitted (repeatable): of several every second one only tells how well, the
-    /// others help to choose between explanations, as one alone does; without any, each run is predicted by the others.
-    /// LOG@34..64 is a window of one
+    /// Log that is predicted and never fitted (repeatable): it chooses nothing and shows how well the verdict predicts;
+    /// without any, each run is predicted by the others. LOG@34..64 is a window of one
     #[arg(long, value_name = "LOG")]
     hold_out: Vec<Part>,
     /// Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file that is
@@ -287,6 +286,12 @@ pub(super) fn print(v: &Verdict) {
             u.weight,
             u.log_bayes_factor
         );
+    }
+    let open = v.candidates.iter().filter(|c| {
+        (0.05..0.95).contains(&c.probability) && v.effects.iter().all(|e| e.effect != c.effect)
+    });
+    for c in open {
+        outln!("  undecided: {} p {:.2}", c.effect, c.probability);
     }
     for set in &v.equivalent {
         outln!("  possible: {}", set.join(" + "));

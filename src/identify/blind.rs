@@ -114,7 +114,7 @@ pub fn blind_spots(
         spots.push(spot(
             c.key(),
             format!(
-                "these runs hardly move it: its sd is above half its size ({})",
+                "these runs hardly move it: its sd is above half of its size and of the rig's number ({})",
                 c.dof.name()
             ),
             &experiment,

@@ -27,7 +27,7 @@ pub struct Estimate {
     pub profile: Option<Profile>,
     /// What the rig file says.
     pub rig: f64,
-    /// Determined by these runs (sd below half its size).
+    /// Determined by these runs: sd below half of its size, or of what the rig takes for its size.
     pub excited: bool,
     /// Ended on the search range.
     pub at_bound: bool,

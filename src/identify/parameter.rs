@@ -103,9 +103,11 @@ impl Coefficient {
     /// claims to know nothing, and the truth lies anywhere in Table 9's range for a vehicle of this mass
     /// (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
     pub fn prior_sd(self, rig: &Rig) -> f64 {
-        if let Some(sd) = self.identified_sd(rig) {
-            return sd;
-        }
+        self.identified_sd(rig).unwrap_or_else(|| self.size(rig))
+    }
+
+    /// What the rig takes for its size: its number, and where that is 0 Table 9's for a vehicle of this mass.
+    pub fn size(self, rig: &Rig) -> f64 {
         let said = self.of_vehicle(&rig.vehicle).abs();
         if said > 0.0 {
             return said;

@@ -121,7 +121,7 @@ fn a_word_is_found_in_names_and_sentences_and_a_kept_name_is_not() {
     let found = |text: &str| !hits(&compiled(&word), &["blind_spots".to_owned()], text).is_empty();
     assert!(found("a Blind spot of it"));
     assert!(found("fn the_blind_spot_is_named() {"));
-    assert!(found("struct NotIdentifiable {"));
+    assert!(found("struct BlindSpot {"));
     assert!(!found("`blind_spots` in the JSON"));
     assert!(!found("blindness"));
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use hydroline_identify::data::CHANNELS;
+use hydroline_identify::parameter::Term;
 use hydroline_inference::body::Own;
 use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
@@ -183,11 +184,30 @@ impl Judged<'_> {
         (at <= AT_LIMIT * low && said) || at >= AT_LIMIT * high
     }
 
-    /// Whether a coefficient ended on a limit.
+    /// Whether a coefficient ended on a limit that speaks against the model. Damping as good as none does not: a hull may have
+    /// none of that power, and where negative damping was wanted what is left is no noise.
     pub fn on_a_limit(&self) -> bool {
         let body = &self.found.problem.body;
         let bounds = body.bounds(&self.best.terms);
-        (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]))
+        let none = |i: usize| self.is_no_damping(i, bounds[i]);
+        (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]) && !none(i))
+    }
+
+    /// Whether a damping coefficient is as small as is looked.
+    fn is_no_damping(&self, place: usize, (low, _): (f64, f64)) -> bool {
+        let own = &self.found.problem.body.own[place];
+        let damping = matches!(own, Own::Coefficient(c, _) if c.term != Term::Added);
+        damping && self.best.point[place] <= AT_LIMIT * low
+    }
+
+    /// Damping coefficients that are as good as zero.
+    pub fn no_damping(&self) -> Vec<&str> {
+        let body = &self.found.problem.body;
+        let bounds = body.bounds(&self.best.terms);
+        let each = body.own.iter().enumerate();
+        each.filter(|(i, _)| self.is_no_damping(*i, bounds[*i]))
+            .map(|(_, own)| own.name())
+            .collect()
     }
 
     /// Whether held-out runs are predicted worse than by the vehicle alone: each error in units of noise, tolerance and of what

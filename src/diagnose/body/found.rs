@@ -210,6 +210,19 @@ impl<'a> Judged<'a> {
                 factor.value
             ));
         }
+        for name in self.no_damping() {
+            notes.push(format!("{name} is as good as zero: these runs need no damping of that power (set it to 0 in the rig)"));
+        }
+        let body = &self.found.problem.body;
+        for term in self.best.terms.iter().filter(|_| !self.something_matters()) {
+            let candidate = &body.candidates[*term];
+            if candidate.kind != Kind::Effect {
+                notes.push(format!(
+                    "a small force that no known effect explains is there: {}; below the tolerance in these runs, --write-rig writes it",
+                    candidate.name()
+                ));
+            }
+        }
         notes.extend(self.against());
         if self.small_effects_fail() {
             notes.push("held-out runs are predicted worse with the small effects than by the vehicle alone: none of them is written".to_owned());

@@ -2,6 +2,9 @@
 
 use crate::verdict::{Effect, Verdict, Word};
 
+/// Share of a coefficient by which it has to move to be said.
+const MOVED: f64 = 0.05;
+
 /// A weight in the unit that people use.
 fn amount(channel: &str, weight: f64) -> String {
     if channel.ends_with("_rad") {
@@ -51,14 +54,41 @@ fn factors(v: &Verdict) -> String {
     each.collect()
 }
 
+/// Coefficients that move when the effects are left out of the model, though the motion of these runs hardly does.
+fn moved(v: &Verdict) -> String {
+    let each: Vec<String> = v
+        .parameters
+        .after
+        .iter()
+        .filter_map(|(name, after)| {
+            let before = v.parameters.before.get(name)?;
+            let share = (before.value - after.value).abs() / after.value.abs();
+            let known = (before.value - after.value).abs() > 2.0 * after.sd?;
+            (known && share > MOVED).then(|| format!("{name} by {:.0} %", 100.0 * share))
+        })
+        .collect();
+    match each.is_empty() {
+        true => String::new(),
+        false => format!(" (a model without moves {})", each.join(", ")),
+    }
+}
+
 /// `against` = what speaks against the likeliest model as a whole.
 pub fn sentence(v: &Verdict, against: &[String]) -> String {
     let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
-    let small = v.effects.iter().filter(|e| !e.matters).count();
-    let also = match small {
-        0 => String::new(),
-        n => format!("; {n} small effect(s) that do not matter"),
-    } + &factors(v);
+    let small = || v.effects.iter().filter(|e| !e.matters);
+    let there: Vec<String> = small().filter(|e| e.established).map(say).collect();
+    let open = small().filter(|e| !e.established).count();
+    let mut also = String::new();
+    if !there.is_empty() {
+        also += "; there, but below the tolerance in these runs: ";
+        also += &there.join(" and ");
+        also += &moved(v);
+    }
+    if open > 0 {
+        also += &format!("; {open} small effect(s) that may be there");
+    }
+    also += &factors(v);
     match v.verdict {
         Word::None => format!("Nothing that matters was left out{also}."),
         Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),

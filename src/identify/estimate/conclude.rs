@@ -5,12 +5,13 @@ use super::{IdentifyError, Options};
 use crate::data::{CHANNELS, Run};
 use crate::figures::edges;
 use crate::outcome::{Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
-use crate::parameter::Coefficient;
+use crate::parameter::{Coefficient, Term};
 use crate::problem::Objective;
 use crate::uncertainty::{PROFILE_EVALUATIONS, Profile, Ridge, covariance, profile};
 use hydroline_numerics::information::correlation;
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::{Correlogram, LAGS, Whiteness, ljung_box, median, t95};
+use hydroline_report::significant;
 use hydroline_rigs::Rig;
 use nalgebra::{Cholesky, DMatrix};
 use std::collections::BTreeMap;
@@ -19,7 +20,8 @@ use std::collections::BTreeMap;
 const WEAK: f64 = 0.2;
 /// Correlation with another coefficient above which the same holds.
 const TIED: f64 = 0.95;
-/// sd over size above which a coefficient counts as not excited.
+/// sd above which a coefficient counts as not excited, over its size or what the rig takes for its size, whichever is larger:
+/// a coefficient that is 0 is determined where its interval is narrow beside what was thought of it.
 pub(super) const UNEXCITED: f64 = 0.5;
 /// Residual variance over that of the noise at rest below which it is not worth a note.
 const LARGER: f64 = 1.2;
@@ -76,7 +78,8 @@ impl Fit<'_> {
             let free = &self.problem.free()[i];
             let value = self.at[i];
             let sd = block[(i, i)].sqrt();
-            let excited = !self.held[i] && sd.is_finite() && sd < UNEXCITED * value.abs();
+            let size = value.abs().max(c.size(rig));
+            let excited = !self.held[i] && sd.is_finite() && sd < UNEXCITED * size;
             // What is held widens the profile's interval as it widens the sd.
             let wider = sd / beside_held[(i, i)].sqrt();
             let profile = profiles.remove(&i).map(|p| Profile {
@@ -103,6 +106,13 @@ impl Fit<'_> {
                 self.notes.push(format!("{}: ended on its search range {:.4} .. {:.4}; the interval is not to be trusted", c.key(), free.low, free.high));
             } else if value > 0.0 && sd.is_finite() && value > 2.0 * sd {
                 self.notes.push(format!("{}: {value:.4} is positive, which no hull has; something is missing from the model", c.key()));
+            } else if excited && c.term != Term::Added && value.abs() < 2.0 * sd {
+                self.notes.push(format!(
+                    "{}: zero within ±{} {}, and these runs do show it: the vehicle may have no such drag",
+                    c.key(),
+                    significant(2.0 * sd),
+                    c.unit()
+                ));
             }
             parameters.insert(c.key().to_owned(), estimate);
         }
