@@ -31,7 +31,7 @@ use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
@@ -229,13 +229,13 @@ impl Shared {
             desk.post(Note::Event(event.into()));
         }
         match event.severity {
-            Severity::Info => tracing::info!(kind = event.kind, "{}", event.message),
-            Severity::Warning => tracing::warn!(kind = event.kind, "{}", event.message),
-            Severity::Error => tracing::error!(kind = event.kind, "{}", event.message),
+            Severity::Info => tracing::info!(kind = event.kind.name, "{}", event.message),
+            Severity::Warning => tracing::warn!(kind = event.kind.name, "{}", event.message),
+            Severity::Error => tracing::error!(kind = event.kind.name, "{}", event.message),
         }
     }
 
-    fn say(&self, severity: Severity, kind: &'static str, message: impl Into<String>) {
+    fn say(&self, severity: Severity, kind: &'static EventKind, message: impl Into<String>) {
         self.event(&Event::new(
             self.clock.triple().realtime_ns,
             severity,
@@ -376,7 +376,7 @@ pub fn run(
         poses = threads.poses.and_then(worker::join);
         worker::join(threads.limits);
     }
-    shared.say(Severity::Info, "daemon.stop", stop.to_string());
+    shared.say(Severity::Info, &kind::DAEMON_STOP, stop.to_string());
     if let Some(desk) = &shared.desk {
         desk.post(Note::End(stop.to_string()));
         desk.status.close();
@@ -421,13 +421,13 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
             if calibration.residuals.is_none() && searching {
                 shared.say(
                     Severity::Info,
-                    "calibration.none",
+                    &kind::CALIBRATION_NONE,
                     "the board is searched for; until a calibration is accepted plane coordinates come from the rig's ideal camera",
                 );
             } else if calibration.residuals.is_none() {
                 shared.say(
                     Severity::Warning,
-                    "calibration.none",
+                    &kind::CALIBRATION_NONE,
                     "no calibration: plane coordinates come from the ideal camera of the rig's numbers (Eqs. 11-12), \
                      their sd is that of the stripe alone; `record --calibrate` makes one, --calibration uses it",
                 );
@@ -435,7 +435,7 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
         }
         None => shared.say(
             Severity::Warning,
-            "calibration.none",
+            &kind::CALIBRATION_NONE,
             "no calibration: profiles hold pixels only, no laser-plane coordinates",
         ),
     }

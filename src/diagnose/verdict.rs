@@ -9,7 +9,17 @@ pub const ESTABLISHED: f64 = 0.95;
 
 /// One word. Ordered: of two verdicts on the same logs the later one stands.
 #[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    schemars::JsonSchema,
+    serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Word {
@@ -27,7 +37,7 @@ pub enum Word {
 }
 
 /// Whether an effect acts by the vocabulary's law.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
     /// Nothing speaks against it.
@@ -37,7 +47,7 @@ pub enum Law {
 }
 
 /// A number with its spread.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Value {
     /// Estimate.
     pub value: f64,
@@ -46,7 +56,7 @@ pub struct Value {
 }
 
 /// An effect that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Effect {
     /// Id.
     pub effect: String,
@@ -84,7 +94,7 @@ pub struct Effect {
 }
 
 /// An effect that may be left out, at one place.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Candidate {
     /// Id.
     pub effect: String,
@@ -96,7 +106,7 @@ pub struct Candidate {
 }
 
 /// Where the mismatch acts.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Where {
     /// Stage of the heaviest effect.
     pub stage: Option<String>,
@@ -113,7 +123,7 @@ pub struct Where {
 }
 
 /// Is there a mismatch at all?
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Test {
     /// What was tested.
     pub statistic: String,
@@ -130,7 +140,7 @@ pub struct Test {
 }
 
 /// rms per channel before and after.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct BeforeAfter {
     /// Vehicle refitted, no effect.
     pub before: BTreeMap<String, f64>,
@@ -141,7 +151,7 @@ pub struct BeforeAfter {
 }
 
 /// Fit and prediction.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct FitTable {
     /// Runs fitted.
     pub train: BeforeAfter,
@@ -156,7 +166,7 @@ pub struct FitTable {
 }
 
 /// The vehicle's own coefficients without and with the effects.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Parameters {
     /// Without.
     pub before: BTreeMap<String, Value>,
@@ -170,7 +180,7 @@ pub struct Parameters {
 }
 
 /// Noise of a channel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NoiseFound {
     /// sd of one sample \[SI\].
     pub sd: f64,
@@ -185,7 +195,7 @@ pub struct NoiseFound {
 }
 
 /// Something wrong with the data.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct DataFault {
     /// Kind.
     pub fault: String,
@@ -200,7 +210,7 @@ pub struct DataFault {
 }
 
 /// An explanation and how it did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Alternative {
     /// Its effects.
     pub effects: Vec<String>,
@@ -216,7 +226,7 @@ pub struct Alternative {
 }
 
 /// One effect more, in the order of what they gain; the first one stands for none at all.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Rung {
     /// Added here; empty for the vehicle alone.
     pub effect: String,
@@ -227,7 +237,7 @@ pub struct Rung {
 }
 
 /// A force or change that nothing in the vocabulary explains.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
     /// Channel it shows in.
     pub channel: String,
@@ -255,7 +265,7 @@ pub struct Unexplained {
 }
 
 /// A force without a name, written down as an expression of its variable.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ClosedForm {
     /// One form is likely enough to be called the law.
     pub sure: bool,
@@ -278,7 +288,7 @@ pub struct ClosedForm {
 }
 
 /// One form.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct WrittenForm {
     /// As it is read, numbers with their sds.
     pub expression: String,
@@ -289,7 +299,7 @@ pub struct WrittenForm {
 }
 
 /// A piece of a form.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Piece {
     /// Form, as rig files name it.
     pub form: String,
@@ -298,7 +308,7 @@ pub struct Piece {
 }
 
 /// What to run next.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NextExperiment {
     /// Name of the plan.
     pub plan: String,
@@ -316,7 +326,7 @@ pub struct NextExperiment {
 }
 
 /// Everything.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Verdict {
     /// One word.
     pub verdict: Word,
