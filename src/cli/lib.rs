@@ -36,6 +36,7 @@ mod print;
 mod progress;
 mod prove;
 mod record;
+pub mod reference;
 mod remembered;
 mod replay;
 mod reproduce;

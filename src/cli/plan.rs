@@ -1,6 +1,6 @@
 //! `hydroline plan`: what is built in, what of it runs on a rig, and a plan at the size that fits.
 
-use super::print::{out, outln};
+use super::print::{self, out, outln};
 use super::remembered::SeenArgs;
 use super::{CliError, Outcome, design, inputs};
 use clap::Subcommand;
@@ -71,8 +71,8 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// A plan as `plan list --json` says it.
-#[derive(Debug, Serialize)]
-struct Listed {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(super) struct Listed {
     plan: &'static str,
     duration_s: f64,
     /// Largest load per axis; `null` where single thrusters are told.
@@ -108,7 +108,7 @@ fn list(named: Option<&str>, seen: &SeenArgs, json: bool) -> Result<(), CliError
         all.push(listed(name, rig.as_ref(), map.as_deref())?);
     }
     if json {
-        outln!("{}", serde_json::json!(all));
+        print::json(&all)?;
         return Ok(());
     }
     for plan in &all {

@@ -129,7 +129,7 @@ pub struct Report {
 }
 
 /// What became of the stripes that were offered to the pose's fit.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
@@ -142,6 +142,7 @@ pub struct PoseCounts {
     /// Frames of the opening with a pose, which found the camera's response: not in the log, `replay` fits them under it.
     pub opening: u64,
     /// The camera's response as the opening found it; `None` where the recording ended before that.
+    #[schemars(with = "Option<crate::response::ResponseReport>")]
     pub response: Option<Found>,
 }
 

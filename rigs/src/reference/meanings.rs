@@ -338,7 +338,10 @@ pub(super) const RIG: &[Meanings] = &[
                 "voltage_v",
                 "Supply voltage that the curve holds at; 0 = not measured.",
             ),
-            ("scatter_n", "Standard deviation of the readings about the curve."),
+            (
+                "scatter_n",
+                "Standard deviation of the readings about the curve.",
+            ),
             ("pulse_us", "Pulse widths of the curve's points."),
             (
                 "covariance_n2",

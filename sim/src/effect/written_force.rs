@@ -80,21 +80,25 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         DOF,
         WordInfo {
             name: "along",
+            meaning: "Quantity that the force is a function of.",
             allowed: COVARIATES,
             absent: None,
         },
         WordInfo {
             name: "first",
+            meaning: "Form of the first piece.",
             allowed: FORMS,
             absent: None,
         },
         WordInfo {
             name: "second",
+            meaning: "Form of the second piece.",
             allowed: FORMS,
             absent: Some("none"),
         },
         WordInfo {
             name: "times",
+            meaning: "Rate by which the force is multiplied.",
             allowed: TIMES,
             absent: Some("one"),
         },
