@@ -73,15 +73,17 @@ fn share(text: &str) -> Result<f64, String> {
 /// A plan as `plan list --json` says it.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 pub(super) struct Listed {
+    /// Name of the plan.
     plan: &'static str,
+    /// Its length \[s\].
     duration_s: f64,
-    /// Largest load per axis; `null` where single thrusters are told.
+    /// Largest load per DOF, SNAME order; `null` where it tells single thrusters \[N, N m\].
     largest: Option<[f64; 6]>,
-    /// On the rig; `null` without one.
+    /// Whether it runs on the rig; `null` without one.
     runs: Option<bool>,
-    /// Why not.
+    /// Why it does not run on the rig; `null` where it does, or without one.
     refused: Option<String>,
-    /// Largest share of its loads that runs; `null` where it runs as it is, or where it is not its size.
+    /// Largest share of its loads that runs on the rig; `null` where it runs as it is, or where it is not its size.
     share_that_fits: Option<f64>,
 }
 

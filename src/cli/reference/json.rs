@@ -40,6 +40,16 @@ macro_rules! printed {
 }
 
 fn all() -> Vec<Printed> {
+    let mut all = listed();
+    // A map by itself has no doc comment.
+    let maps = all.iter_mut().flat_map(|p| p.fields.first_mut());
+    for named in maps.filter(|f| f.path == "NAME" && f.meaning.is_empty()) {
+        named.meaning = "The table or figure, by its name.".to_owned();
+    }
+    all
+}
+
+fn listed() -> Vec<Printed> {
     printed![
         "plan list" "A list." Vec<plan::Listed>,
         "plan design" "" design::Found<'static>,

@@ -56,10 +56,8 @@ fn within(path: &str, schema: &Value, fields: &mut Vec<Field>) {
             (entry.meaning, entry.unit) = described(about);
         }
     }
-    for element in [&schema["items"]]
-        .into_iter()
-        .chain(list(schema, "prefixItems"))
-    {
+    let items = [&schema["items"]].into_iter().filter(|i| i.is_object());
+    for element in items.chain(list(schema, "prefixItems")) {
         within(&format!("{path}[]"), element, fields);
     }
     for part in list(schema, "anyOf")
@@ -79,7 +77,11 @@ fn add(path: String, schema: &Value, optional: bool, fields: &mut Vec<Field>) {
         }
         return;
     }
-    let (meaning, unit) = described(schema["description"].as_str().unwrap_or_default());
+    let (mut meaning, unit) = described(schema["description"].as_str().unwrap_or_default());
+    for (word, about) in variants(schema) {
+        let about = about.trim_end_matches('.');
+        meaning.push_str(&format!(" `\"{word}\"`: {about}."));
+    }
     let kind = kind(schema);
     let unit = match unit.is_empty() && kind.contains("number") {
         true => unit_of_name(&path).to_owned(),
@@ -191,6 +193,16 @@ fn words(schema: &Map<String, Value>) -> Vec<String> {
         true => Vec::new(),
         false => each.concat(),
     }
+}
+
+/// Words that a text may be, with what each means.
+fn variants(schema: &Value) -> Vec<(String, String)> {
+    let parts = list(schema, "anyOf").chain(list(schema, "oneOf"));
+    let each = parts.flat_map(|v| match (v["const"].as_str(), v["description"].as_str()) {
+        (Some(word), Some(about)) => vec![(word.to_owned(), described(about).0)],
+        _ => variants(v),
+    });
+    each.collect()
 }
 
 fn allows_null(schema: &Map<String, Value>) -> bool {
