@@ -114,9 +114,12 @@ fn tables(meanings: &[Meanings], asked: &[Asked]) -> Vec<Table> {
 }
 
 fn table(m: &Meanings, asked: &[Asked]) -> Table {
-    let head = |path: &&str| match path.strip_suffix("[]") {
-        Some(list) => format!("[[{list}]]"),
-        None => format!("[{path}]"),
+    let head = |path: &&str| {
+        let name = path.replace("[]", "");
+        match path.ends_with("[]") {
+            true => format!("[[{name}]]"),
+            false => format!("[{name}]"),
+        }
     };
     let of_table = |key: &str| {
         let path = |a: &&Asked| m.tables.contains(&split(&a.path).0) && split(&a.path).1 == key;

@@ -234,11 +234,10 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
 fn only_coupled(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = coupled::make(args.seed, index)?;
     let (judged, verdict) = coupled::judge(&case)?;
-    let object = One {
+    let object = OneCoupled {
         id: &format!("coupled-{index}"),
         seed: args.seed,
-        verdict: Some(verdict),
-        key: None,
+        verdict: &verdict,
         judged: &judged,
     };
     printed(args, &object)?;
@@ -283,28 +282,52 @@ pub(super) struct ProvedCoupled<'a> {
 
 /// What `--only ID` prints.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct One<'a, J, V = Verdict> {
+pub(super) struct One<'a> {
     /// Id of the case.
     id: &'a str,
     /// Seed of the case.
     seed: u64,
-    /// The whole verdict, as `diagnose --json` prints it; of an image-level case what its images say.
-    verdict: Option<V>,
-    /// What only the key of the case knows; absent where the case has none beside its truth.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    key: Option<Key<'a>>,
-    /// The case with its score.
-    judged: &'a J,
+    /// The whole verdict, as `diagnose --json` prints it.
+    verdict: Option<&'a Verdict>,
+    /// What only the key of the case knows.
+    key: Key<'a>,
+    /// The case with its score, as `prove --json` prints each of its `cases`.
+    judged: &'a Judged,
+}
+
+/// What `--only image-N` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct OneImage<'a> {
+    /// Id of the case.
+    id: &'a str,
+    /// Seed of the case.
+    seed: u64,
+    /// What the images say, as `diagnose --json` prints it; `null` = nothing was found in them.
+    verdict: Option<Verdict>,
+    /// The case with its score, as `prove --images N --json` prints each of its `images`.
+    judged: &'a ImageJudged,
+}
+
+/// What `--only coupled-N` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct OneCoupled<'a> {
+    /// Id of the case.
+    id: &'a str,
+    /// Seed of the case.
+    seed: u64,
+    /// The whole verdict, as `diagnose --json` prints it.
+    verdict: &'a Verdict,
+    /// The case with its score, as `prove --coupled N --json` prints each of its `coupled`.
+    judged: &'a CoupledJudged,
 }
 
 fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = images::make(args.seed, index)?;
     let (judged, found) = images::judge(&case)?;
-    let object = One {
+    let object = OneImage {
         id: &format!("image-{index}"),
         seed: args.seed,
         verdict: found.as_ref().map(|f| f.verdict()),
-        key: None,
         judged: &judged,
     };
     printed(args, &object)?;
@@ -326,7 +349,7 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
         id,
         seed: args.seed,
         verdict: judged.verdict.as_ref(),
-        key: Some(key),
+        key,
         judged: &judged,
     };
     printed(args, &object)?;

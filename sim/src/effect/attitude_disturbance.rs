@@ -32,7 +32,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[WordInfo {
         name: "axis",
-        meaning: "Angle that is disturbed.",
+        meaning: "angle that is disturbed",
         allowed: &["roll", "pitch", "yaw"],
         absent: Some("pitch"),
     }],

@@ -26,13 +26,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
         WordInfo {
             name: "a",
-            meaning: "First of the two rates.",
+            meaning: "first of the two rates",
             allowed: RATES,
             absent: Some("u"),
         },
         WordInfo {
             name: "b",
-            meaning: "Second of the two rates.",
+            meaning: "second of the two rates",
             allowed: RATES,
             absent: Some("r"),
         },

@@ -84,7 +84,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         DOF,
         WordInfo {
             name: "along",
-            meaning: "Quantity over which the table of forces is.",
+            meaning: "quantity over which the table of forces is",
             allowed: COVARIATES,
             absent: Some("x"),
         },

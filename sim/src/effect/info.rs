@@ -170,7 +170,7 @@ const DOF_WORDS: &[&str] = &["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// The usual `dof` word: surge when not given.
 pub(super) const DOF: WordInfo = WordInfo {
     name: "dof",
-    meaning: "Degree of freedom that it acts in.",
+    meaning: "degree of freedom that it acts in",
     allowed: DOF_WORDS,
     absent: Some("surge"),
 };

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[WordInfo {
         name: "axis",
-        meaning: "Moment that surge thrust makes.",
+        meaning: "moment that surge thrust makes",
         allowed: &["pitch", "yaw"],
         absent: Some("pitch"),
     }],

@@ -15,9 +15,7 @@ pub(super) fn chapter(root: &Command) -> String {
         &sentence(&about.unwrap_or_default()),
     );
     block(&mut text, &usage(root));
-    if let Some(after) = root.get_after_help() {
-        block(&mut text, &after.to_string());
-    }
+    notes(&mut text, root);
     text.push_str("\n## Exit codes\n");
     let rows = EXIT_CODES
         .map(|(code, name, meaning)| [code.to_string(), name.to_owned(), sentence(meaning)]);
@@ -60,11 +58,35 @@ fn describe(text: &mut String, command: &Command) {
     if !rows.is_empty() {
         table(text, ["argument", "default", "meaning"], &rows);
     }
-    if let Some(after) = command.get_after_long_help().or(command.get_after_help()) {
-        block(text, &after.to_string());
-    }
+    notes(text, command);
     let subcommands = command.get_subcommands().filter(|c| !c.is_hide_set());
     subcommands.for_each(|c| describe(text, c));
+}
+
+/// What stands after a command's flags: sentences as sentences, examples as they are.
+fn notes(text: &mut String, command: &Command) {
+    let after = command.get_after_long_help().or(command.get_after_help());
+    let after = after.map(ToString::to_string).unwrap_or_default();
+    for paragraph in after.split("\n\n").map(str::trim_end) {
+        match paragraph.strip_prefix("Examples:\n") {
+            Some(examples) => {
+                text.push_str("\nExamples:\n");
+                block(text, &unindented(examples));
+            }
+            None if paragraph.lines().any(|line| line.starts_with("  ")) => block(text, paragraph),
+            None => {
+                let _ = writeln!(text, "\n{}", plain(paragraph));
+            }
+        }
+    }
+}
+
+fn unindented(lines: &str) -> String {
+    let lines: Vec<&str> = lines
+        .lines()
+        .map(|l| l.strip_prefix("  ").unwrap_or(l))
+        .collect();
+    lines.join("\n")
 }
 
 /// Arguments first, then flags, each in the order of the definition.

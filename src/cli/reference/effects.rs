@@ -46,7 +46,7 @@ fn describe(text: &mut String, info: &EffectInfo) {
             range(p.plausible),
             range(p.limits),
             p.absent.map_or("required".to_owned(), short),
-            sentence(p.meaning),
+            p.meaning.to_owned(),
         ]
     });
     let words = info.words.iter().map(|w| {

@@ -9,9 +9,6 @@ use crate::{
 };
 use clap::Command;
 use fields::Field;
-use hydroline_benchmark::Judged;
-use hydroline_benchmark::coupled::CoupledJudged;
-use hydroline_benchmark::images::ImageJudged;
 use hydroline_diagnose::verdict::Verdict;
 use hydroline_identify::Identification;
 use hydroline_identify::bollard::Bollard;
@@ -88,9 +85,9 @@ fn listed() -> Vec<Printed> {
         "prove" "" prove::Proved<'static>,
         "prove" "With --images." prove::ProvedImages<'static>,
         "prove" "With --coupled." prove::ProvedCoupled<'static>,
-        "prove" "With --only ID." prove::One<'static, Judged>,
-        "prove" "With --only image-N." prove::One<'static, ImageJudged>,
-        "prove" "With --only coupled-N." prove::One<'static, CoupledJudged>,
+        "prove" "With --only ID." prove::One<'static>,
+        "prove" "With --only image-N." prove::OneImage<'static>,
+        "prove" "With --only coupled-N." prove::OneCoupled<'static>,
     ]
 }
 

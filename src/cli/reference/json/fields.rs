@@ -27,66 +27,92 @@ pub(super) fn of<T: JsonSchema>() -> Vec<Field> {
     let settings = settings.with(|s| s.inline_subschemas = true);
     let schema = settings.into_generator().into_root_schema_for::<T>();
     let mut fields = Vec::new();
-    within("", schema.as_value(), &mut fields);
+    within("", schema.as_value(), "", &mut fields);
     fields
 }
 
-/// Fields of what a schema says, below `path`.
-fn within(path: &str, schema: &Value, fields: &mut Vec<Field>) {
+/// Fields of what a schema says, below `path`; `about` = what is known of it from above.
+fn within(path: &str, schema: &Value, about: &str, fields: &mut Vec<Field>) {
     let below = |name: &str| match path {
         "" => name.to_owned(),
         _ => format!("{path}.{name}"),
     };
-    if let Some(properties) = schema["properties"].as_object() {
-        let required = schema["required"].as_array();
-        for (name, of) in properties {
-            let always = required.is_some_and(|r| r.iter().any(|v| v == name));
-            add(below(name), of, !always, fields);
-        }
+    for (name, of, always) in properties(schema) {
+        add(below(name), of, "", !always, fields);
     }
     if schema["additionalProperties"].is_object() {
-        let of = &schema["additionalProperties"];
-        let about = schema["description"].as_str();
-        let before = fields.len();
-        add(below(NAME), of, false, fields);
         // What the map is says what its entries are.
-        if let (Some(about), Some(entry)) = (about, fields.get_mut(before))
-            && entry.meaning.is_empty()
-        {
-            (entry.meaning, entry.unit) = described(about);
-        }
+        let about = schema["description"].as_str().unwrap_or(about);
+        add(
+            below(NAME),
+            &schema["additionalProperties"],
+            about,
+            false,
+            fields,
+        );
     }
     let items = [&schema["items"]].into_iter().filter(|i| i.is_object());
     for element in items.chain(list(schema, "prefixItems")) {
-        within(&format!("{path}[]"), element, fields);
+        within(&format!("{path}[]"), element, about, fields);
     }
-    for part in list(schema, "anyOf")
-        .chain(list(schema, "oneOf"))
-        .chain(list(schema, "allOf"))
-    {
-        within(path, part, fields);
+    for part in parts(schema).chain(list(schema, "allOf")) {
+        // A variant that is one field by its name: what the variant is, the field is.
+        match (one(properties(part)), part["description"].as_str()) {
+            (Some((name, of, _)), Some(about)) => add(below(name), of, about, true, fields),
+            _ => within(path, part, about, fields),
+        }
     }
 }
 
-fn add(path: String, schema: &Value, optional: bool, fields: &mut Vec<Field>) {
+/// The fields of an object in the order of the type, each with whether it is always there; those that are not come last.
+fn properties(schema: &Value) -> Vec<(&str, &Value, bool)> {
+    let always: Vec<&str> = list(schema, "required").filter_map(Value::as_str).collect();
+    let place = |name: &str| always.iter().position(|a| *a == name);
+    let all = schema["properties"].as_object().into_iter().flatten();
+    let mut all: Vec<_> = all
+        .map(|(name, of)| (name.as_str(), of, place(name).is_some()))
+        .collect();
+    all.sort_by_key(|(name, _, _)| place(name).unwrap_or(usize::MAX));
+    all
+}
+
+/// The only one.
+fn one<T>(all: Vec<T>) -> Option<T> {
+    let mut all = all.into_iter();
+    all.next().filter(|_| all.next().is_none())
+}
+
+/// Marks a field whose own fields stand elsewhere in the chapter.
+const ELSEWHERE: &str = "--json` prints";
+
+fn add(path: String, schema: &Value, about: &str, optional: bool, fields: &mut Vec<Field>) {
+    let mut kind = kind(schema);
+    if optional && let Some(there) = kind.strip_suffix(" or null") {
+        // Left out instead.
+        kind = there.to_owned();
+    }
     // A variant of an enum after the first repeats what they have in common, such as its tag.
     if let Some(known) = fields.iter_mut().find(|f| f.path == path) {
-        let kind = kind(schema);
         if known.kind != kind {
             known.kind = format!("{} or {kind}", known.kind);
         }
         return;
     }
-    let (mut meaning, unit) = described(schema["description"].as_str().unwrap_or_default());
+    let own = schema["description"].as_str();
+    let about = own.filter(|_| about.is_empty()).unwrap_or(about);
+    let (mut meaning, unit) = described(about);
     for (word, about) in variants(schema) {
         let about = about.trim_end_matches('.');
         meaning.push_str(&format!(" `\"{word}\"`: {about}."));
     }
-    let kind = kind(schema);
+    if meaning.is_empty() && schema["const"].is_string() {
+        meaning = "Which of its forms the object has.".to_owned();
+    }
     let unit = match unit.is_empty() && kind.contains("number") {
         true => unit_of_name(&path).to_owned(),
         false => unit,
     };
+    let elsewhere = meaning.contains(ELSEWHERE);
     fields.push(Field {
         path: path.clone(),
         kind,
@@ -94,7 +120,14 @@ fn add(path: String, schema: &Value, optional: bool, fields: &mut Vec<Field>) {
         meaning,
         optional,
     });
-    within(&path, schema, fields);
+    if !elsewhere {
+        within(&path, schema, about, fields);
+    }
+}
+
+/// What a schema may be one of.
+fn parts(schema: &Value) -> impl Iterator<Item = &Value> {
+    list(schema, "anyOf").chain(list(schema, "oneOf"))
 }
 
 /// Elements of a list within a schema.
@@ -117,7 +150,7 @@ fn kind(schema: &Value) -> String {
             words
         };
     }
-    let parts: Vec<&Value> = list(schema, "anyOf").chain(list(schema, "oneOf")).collect();
+    let parts: Vec<&Value> = parts(schema).collect();
     if !parts.is_empty() {
         let mut kinds: Vec<String> = Vec::new();
         for kind in parts.into_iter().map(kind) {
@@ -197,8 +230,7 @@ fn words(schema: &Map<String, Value>) -> Vec<String> {
 
 /// Words that a text may be, with what each means.
 fn variants(schema: &Value) -> Vec<(String, String)> {
-    let parts = list(schema, "anyOf").chain(list(schema, "oneOf"));
-    let each = parts.flat_map(|v| match (v["const"].as_str(), v["description"].as_str()) {
+    let each = parts(schema).flat_map(|v| match (v["const"].as_str(), v["description"].as_str()) {
         (Some(word), Some(about)) => vec![(word.to_owned(), described(about).0)],
         _ => variants(v),
     });
