@@ -31,11 +31,11 @@ pub(super) const RIG: &[Meanings] = &[
             ),
             (
                 "bits",
-                "Bits that samples of 16 bits really hold, right-aligned. Left out: those of the pixel format.",
+                "Bits that samples of 16 bits really hold, right-aligned. Omitted: those of the pixel format.",
             ),
             (
                 "yuv_range",
-                "Levels of luma in YUYV, UYVY and NV12: 16 to 235 (limited) or 0 to 255 (full). Left out: what the standard of the format says.",
+                "Levels of luma in YUYV, UYVY and NV12: 16 to 235 (limited) or 0 to 255 (full). Omitted: what the standard of the format says.",
             ),
             ("width_px", "Width of the image."),
             ("height_px", "Height of the image."),
@@ -70,7 +70,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["camera.control[]"],
-        meaning: "A V4L2 control to set and to lock; they are set in this order (a mode before its value). Left out: none is set.",
+        meaning: "A V4L2 control to set and to lock; they are set in this order (a mode before its value). Omitted: none is set.",
         keys: &[
             (
                 "name",
@@ -97,7 +97,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["camera.response"],
-        meaning: "What is known of the camera's response, g = b + 255 (L/255)^γ with L = light and g = grey level; `hydroline flat` measures it. Left out: the first frames of each run over the target find it.",
+        meaning: "What is known of the camera's response, g = b + 255 (L/255)^γ with L = light and g = grey level; `hydroline flat` measures it. Omitted: the first frames of each run over the target find it.",
         keys: &[
             ("gamma", "Exponent γ; 1 = the camera is linear."),
             (
@@ -106,7 +106,7 @@ pub(super) const RIG: &[Meanings] = &[
             ),
             (
                 "black_levels",
-                "Black level b. Left out: one with the background; needs `black_levels_sd`.",
+                "Black level b. Omitted: one with the background; needs `black_levels_sd`.",
             ),
             (
                 "black_levels_sd",
@@ -118,7 +118,7 @@ pub(super) const RIG: &[Meanings] = &[
             ),
             (
                 "ceiling_levels",
-                "Grey level from which on light is clipped. Left out: the frames show it themselves.",
+                "Grey level from which on light is clipped. Omitted: the frames show it themselves.",
             ),
             ("source", "Where these numbers come from, in words."),
         ],
@@ -169,7 +169,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["port"],
-        meaning: "The flat port before the lens, for `calibrate --method refractive`. Left out: there is none.",
+        meaning: "The flat port before the lens, for `calibrate --method refractive`. Omitted: there is none.",
         keys: &[
             (
                 "distance_m",
@@ -180,7 +180,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["target"],
-        meaning: "What lies on the floor, written out or by `file`; `target = \"FILE\"` is the same as `file` alone. A target file has the same keys without the word target. Left out: a bare floor.",
+        meaning: "What lies on the floor, written out or by `file`; `target = \"FILE\"` is the same as `file` alone. A target file has the same keys without the word target. Omitted: a bare floor.",
         keys: &[
             (
                 "file",
@@ -189,11 +189,11 @@ pub(super) const RIG: &[Meanings] = &[
             ("name", "Name of the target."),
             (
                 "origin_m",
-                "Where the target's start lies: X and Y in the tank frame. Left out: that of the file, or [0, 0].",
+                "Where the target's start lies: X and Y in the tank frame. Omitted: that of the file, or [0, 0].",
             ),
             (
                 "heading_deg",
-                "Angle of its centre line against the tank's x axis. Left out: that of the file, or 0.",
+                "Angle of its centre line against the tank's x axis. Omitted: that of the file, or 0.",
             ),
         ],
     },
@@ -224,7 +224,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["board"],
-        meaning: "The calibration board, written out or by `file`; `board = \"FILE\"` is the same as `file` alone. A board file has the same keys without the word board. Left out: there is none.",
+        meaning: "The calibration board, written out or by `file`; `board = \"FILE\"` is the same as `file` alone. A board file has the same keys without the word board. Omitted: there is none.",
         keys: &[
             (
                 "file",
@@ -252,7 +252,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["board.block[]"],
-        meaning: "A gauge block on the board, which shows how board and laser sheet lie to each other. Left out: there is none.",
+        meaning: "A gauge block on the board, which shows how board and laser sheet lie to each other. Omitted: there is none.",
         keys: &[
             (
                 "centre_m",
@@ -332,7 +332,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["bollard"],
-        meaning: "Covariance of the thrust curve, as `identify --bollard --write-rig` writes it. Left out: the curve is taken as exact.",
+        meaning: "Covariance of the thrust curve, as `identify --bollard --write-rig` writes it. Omitted: the curve is taken as exact.",
         keys: &[
             (
                 "voltage_v",
@@ -398,7 +398,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["identified"],
-        meaning: "Coefficients with their covariance, as `identify --write-rig` writes them: `predict` makes its band of it. Left out: coefficients carry no uncertainty.",
+        meaning: "Coefficients with their covariance, as `identify --write-rig` writes them: `predict` makes its band of it. Omitted: coefficients carry no uncertainty.",
         keys: &[
             (
                 "coefficients",
@@ -445,7 +445,7 @@ pub(super) const RIG: &[Meanings] = &[
     },
     Meanings {
         tables: &["physics[]"],
-        meaning: "An effect beyond the vehicle's equations, and its parameters as further keys: [Effects](effects.md) lists them. Left out: none.",
+        meaning: "An effect beyond the vehicle's equations, and its parameters as further keys: [Effects](effects.md) lists them. Omitted: none.",
         keys: &[("effect", "Id of the effect.")],
     },
     Meanings {
@@ -511,7 +511,7 @@ pub(super) const PLAN: &[Meanings] = &[
             ("period_s", "Period; of `shape = \"sine\"`."),
             (
                 "phase_deg",
-                "Phase at the step's begin; of `shape = \"sine\"`. Left out: 0.",
+                "Phase at the step's begin; of `shape = \"sine\"`. Omitted: 0.",
             ),
             (
                 "f0_hz",
@@ -522,7 +522,7 @@ pub(super) const PLAN: &[Meanings] = &[
     },
     Meanings {
         tables: &["step[].wrench"],
-        meaning: "Load on the body, in the body frame about the CG; what is left out is 0, `wrench = {}` is a pause.",
+        meaning: "Load on the body, in the body frame about the CG; what is omitted is 0, `wrench = {}` is a pause.",
         keys: &[
             ("surge_n", "Force forward."),
             ("sway_n", "Force to starboard."),
@@ -534,7 +534,7 @@ pub(super) const PLAN: &[Meanings] = &[
     },
     Meanings {
         tables: &["step[].thrust_n"],
-        meaning: "Thrust in N of single thrusters, by their names in the rig; those left out are at 0.",
+        meaning: "Thrust in N of single thrusters, by their names in the rig; those omitted are at 0.",
         keys: &[],
     },
 ];

@@ -102,8 +102,8 @@ pub(super) fn chapter() -> String {
         "JSON",
         "the types that --json prints",
         "What `--json` prints on stdout: one JSON object on one line where nothing else is said. `a.b` is the field `b` of the \
-         object `a`, `a[]` an element of the list `a`, and NAME stands for any name. A field that is *not always there* is left \
-         out where it says nothing. A number that is none (not a number, infinite) is `null`. Fields are never renamed; new ones \
+         object `a`, `a[]` an element of the list `a`, and NAME stands for any name. A field that is *not always there* is \
+         omitted where it says nothing. A number that is none (not a number, infinite) is `null`. Fields are never renamed; new ones \
          may come. Programs look at the [exit code](command-line.md#exit-codes) first.",
     );
     for (command, words) in ELSEWHERE {
@@ -118,7 +118,7 @@ pub(super) fn chapter() -> String {
         if !printed.when.is_empty() {
             let _ = write!(text, "\n{}\n", printed.when);
         }
-        let rows: Vec<_> = printed.fields.iter().map(row).collect();
+        let rows: Vec<_> = printed.fields.iter().filter(|f| f.shown).map(row).collect();
         table(&mut text, ["field", "type", "unit", "meaning"], &rows);
     }
     text

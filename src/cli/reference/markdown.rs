@@ -38,12 +38,26 @@ pub(super) fn block(text: &mut String, lines: &str) {
     let _ = write!(text, "\n```text\n{}\n```\n", lines.trim_end());
 }
 
-/// What Markdown and HTML would read as their own.
+/// Text whose brackets, stars and angles Markdown and HTML would read as their own; code within it stays as it is.
 pub(super) fn plain(text: &str) -> String {
-    text.replace('<', "&lt;")
-        .replace('[', "\\[")
-        .replace(']', "\\]")
-        .replace('*', "\\*")
+    let escaped = |text: &str| {
+        text.replace('<', "&lt;")
+            .replace('[', "\\[")
+            .replace(']', "\\]")
+            .replace('*', "\\*")
+    };
+    let parts: Vec<&str> = text.split('`').collect();
+    if parts.len() % 2 == 0 {
+        return escaped(text); // a backtick by itself begins no code
+    }
+    let parts = parts.into_iter().enumerate();
+    let parts: Vec<String> = parts
+        .map(|(k, part)| match k % 2 {
+            0 => escaped(part),
+            _ => part.to_owned(),
+        })
+        .collect();
+    parts.join("`")
 }
 
 /// A sentence: with a full stop.

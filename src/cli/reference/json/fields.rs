@@ -14,8 +14,10 @@ pub(super) struct Field {
     pub unit: String,
     /// What it is.
     pub meaning: String,
-    /// Whether it is left out where it says nothing.
+    /// Whether it is omitted where it says nothing.
     pub optional: bool,
+    /// Whether it says more than the map that it is an entry of.
+    pub shown: bool,
 }
 
 /// Path of the name in a map.
@@ -113,12 +115,14 @@ fn add(path: String, schema: &Value, about: &str, optional: bool, fields: &mut V
         false => unit,
     };
     let elsewhere = meaning.contains(ELSEWHERE);
+    let entry = path.ends_with(NAME) && path != NAME && own.is_none();
     fields.push(Field {
         path: path.clone(),
         kind,
         unit,
         meaning,
         optional,
+        shown: !entry,
     });
     if !elsewhere {
         within(&path, schema, about, fields);
@@ -177,6 +181,9 @@ fn simple(name: &str, schema: &Value) -> String {
         "boolean" => "true or false".to_owned(),
         "string" => "text".to_owned(),
         "array" => elements(schema),
+        "object" if schema["additionalProperties"].is_object() => {
+            format!("{} by name", plural(&kind(&schema["additionalProperties"])))
+        }
         other => other.to_owned(),
     }
 }
